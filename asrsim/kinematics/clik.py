@@ -75,7 +75,7 @@ def follow(
         if index + 1 == len(time):
             break
         step = time[index + 1] - time[index]
-        # The trajectory's own displacement over the step, so that the loop lags by second order only.
+        # The trajectory's own displacement over the step: without it, the loop would lag by velocity / gain, whatever the step.
         displacement = np.zeros(rows)
         displacement[:3] = wanted[index + 1] - wanted[index]
         if turned is not None:

@@ -1,0 +1,119 @@
+"""Trajectories and inverse kinematics in space, where turns do not commute: against quaternions, and an arm of six joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from asrsim.kinematics import ClikSettings, PoseTrajectory, follow
+from asrsim.kinematics.trajectory import INTERPOLATIONS
+from asrsim.robot.poses import roll_pitch_yaw
+from asrsim.scenario.data import CartesianPose
+
+POSES = (
+    CartesianPose(time=1.0, position=(0.3, 0.1, 0.2), rpy=(0.4, -0.3, 1.2)),
+    CartesianPose(time=1.8, position=(0.2, 0.2, 0.3), rpy=(-0.5, 0.6, 0.7)),
+    CartesianPose(time=3.0, position=(0.25, 0.0, 0.4), rpy=(0.9, 0.2, -0.4)),
+)
+START = (np.array([0.35, 0.05, 0.25]), (0.1, 0.5, 0.9))
+AXES = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]], dtype=float)
+OFFSETS = np.array([[0, 0, 0.2], [0, 0, 0], [0, 0, 0.3], [0.25, 0, 0], [0, 0, 0], [0.08, 0, 0]], dtype=float)
+
+
+def quaternion(rpy):
+    """(w, x, y, z) of turns about x, then y, then z of the world."""
+    result = np.array([1.0, 0.0, 0.0, 0.0])
+    for axis, angle in ((3, rpy[2]), (2, rpy[1]), (1, rpy[0])):
+        one = np.zeros(4)
+        one[0], one[axis] = np.cos(angle / 2), np.sin(angle / 2)
+        w, v = result[0], result[1:]
+        result = np.array([w * one[0] - v @ one[1:], *(w * one[1:] + one[0] * v + np.cross(v, one[1:]))])
+    return result
+
+
+def matrix(q):
+    w, v = q[0], q[1:]
+    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross
+
+
+def between_quaternions(a, b, way):
+    """The great circle (Shoemake 1985)."""
+    b = b if a @ b >= 0.0 else -b
+    angle = np.arccos(a @ b)
+    return (np.sin((1 - way) * angle) * a + np.sin(way * angle) * b) / np.sin(angle)
+
+
+@dataclass
+class SixJoints:
+    """An arm with a wrist: each joint turns what follows about its axis."""
+
+    joints: tuple[str, ...] = tuple("abcdef")
+    links: tuple[str, ...] = ("tool",)
+    lower: np.ndarray = field(default_factory=lambda: np.full(6, -np.pi))
+    upper: np.ndarray = field(default_factory=lambda: np.full(6, np.pi))
+
+    def frames(self, positions):
+        place, turned, frames = np.zeros(3), np.eye(3), []
+        for axis, offset, angle in zip(AXES, OFFSETS, positions, strict=True):
+            place = place + turned @ offset
+            frames.append((place, turned @ axis))
+            turned = turned @ matrix(np.r_[np.cos(angle / 2), np.sin(angle / 2) * axis])
+        return frames, place, turned
+
+    def pose(self, positions, link, point):
+        _, place, turned = self.frames(positions)
+        return place + turned @ np.asarray(point), turned
+
+    def jacobian(self, positions, link, point):
+        frames, place, turned = self.frames(positions)
+        tip = place + turned @ np.asarray(point)
+        return np.array([[*np.cross(axis, tip - origin), *axis] for origin, axis in frames]).T
+
+    def gravity_torques(self, positions):
+        return np.zeros(6)
+
+
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_between_poses_the_turn_is_the_great_circle_of_their_quaternions(interpolation: str) -> None:
+    trajectory = PoseTrajectory.through(POSES, interpolation, (START[0], matrix(quaternion(START[1]))))
+    times = [0.0, *(pose.time for pose in POSES)]
+    turns = [quaternion(START[1]), *(quaternion(pose.rpy) for pose in POSES)]
+    places = [START[0], *(np.array(pose.position) for pose in POSES)]
+    for i in range(3):
+        share = np.linspace(0.0, 1.0, 9)
+        positions, rotations = trajectory.at(times[i] + share * (times[i + 1] - times[i]))
+        for way, place, turned in zip(INTERPOLATIONS[interpolation](share), positions, rotations, strict=True):
+            assert place == pytest.approx((1 - way) * places[i] + way * places[i + 1], abs=1e-12)
+            assert turned == pytest.approx(matrix(between_quaternions(turns[i], turns[i + 1], way)), abs=1e-12)
+    _, beyond = trajectory.at(np.array([-1.0, 9.0]))
+    assert beyond == pytest.approx(np.array([matrix(turns[0]), matrix(turns[-1])]), abs=1e-12)
+
+
+def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:
+    model, point = SixJoints(), (0.05, 0.02, -0.01)
+    start = np.array([0.3, 0.4, 0.6, -0.5, 1.1, 0.2])
+    knots = {1.0: (0.6, 0.2, 0.9, -0.1, 0.9, 0.7), 1.8: (-0.1, 0.5, 0.5, -0.6, 1.3, -0.4), 3.0: (0.3, 0.6, 0.4, 0.2, 1.0, -0.9)}
+    poses = []
+    for time, angles in knots.items():
+        place, turned = model.pose(np.array(angles), "tool", point)
+        poses.append(CartesianPose(time=time, position=tuple(map(float, place)), rpy=roll_pitch_yaw(turned)))
+    trajectory = PoseTrajectory.through(tuple(poses), "minimum_jerk", model.pose(start, "tool", point))
+    worst = []
+    for step in (2e-3, 1e-3):
+        time = np.arange(0.0, 3.3, step)
+        path = follow(model, "tool", point, trajectory, start, time, settings=ClikSettings(damping=1e-5))
+        wanted, rotations = trajectory.at(time)
+        reached = [model.pose(q, "tool", point) for q in path.positions]
+        error = np.array([np.r_[p - w, (r - m).ravel()] for (p, r), w, m in zip(reached, wanted, rotations, strict=True)])
+        worst.append(np.abs(error).max())
+        # Away from singular postures only one posture near the last has the pose.
+        assert path.positions[-1] == pytest.approx(knots[3.0], abs=1e-6)
+        # What it says of itself is true: two rotations that are an angle apart differ by 2 sqrt(2) sin(angle / 2) as matrices.
+        chord = 2.0 * np.sqrt(2.0) * np.sin(0.5 * path.orientation_error)
+        assert path.position_error == pytest.approx(np.linalg.norm(error[:, :3], axis=1), abs=1e-12)
+        assert chord == pytest.approx(np.linalg.norm(error[:, 3:], axis=1), abs=1e-12)
+    assert worst[0] < 5e-4
+    assert worst[0] / worst[1] == pytest.approx(2.0, rel=0.1)
