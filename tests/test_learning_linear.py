@@ -149,6 +149,19 @@ def test_the_chosen_gain_levels_the_slowest_errors():
     assert choose_gains(linear_at(sea(k=1.0))) == (1.0,)
 
 
+def test_over_a_motion_the_chosen_gain_leaves_as_much_at_the_stiffest_posture_as_at_the_softest():
+    time = np.linspace(0.0, 2.0, 41)
+    positions = (0.5 * math.pi * time)[:, None]  # from hanging to standing upright
+    still = np.zeros_like(positions)
+    motion = DesiredMotion(time=time, positions=positions, velocities=still, accelerations=still)
+    linear = linearise_along(Pendulum(), [sea(k=2.0)], motion, np.full((41, 1, 2), [2.0, 0.0]), [0.0])
+    weight = MASS * GRAVITY * LENGTH
+    smallest, largest = 2.0 / (2.0 + weight), 2.0 / (2.0 - weight)
+    (gain,) = choose_gains(linear, largest=10.0)
+    assert gain == pytest.approx(2.0 / (smallest + largest), rel=1e-6)
+    assert 1.0 - gain * smallest == pytest.approx(gain * largest - 1.0, rel=1e-6)
+
+
 def test_errors_beyond_the_learnable_band_do_not_shrink():
     linear = linear_at(sea(), damping=0.005)
     band = learnable(linear, (0.5,))
