@@ -97,7 +97,11 @@ ORDERS = {
     "times behind signals": "q1,dq1,q1_time,q2,dq2,q2_time",
     "times behind signals, without names": "q1,dq1,time,q2,dq2,time",
     "a time before each joint's": "time,q1,dq1,time,q2,dq2",
+    "times behind signals, and a remark": "q1,dq1,time,q2,dq2,time,remark",
+    "a date, and times behind signals": "date,q1,dq1,time,q2,dq2,time,",
 }
+TEXTS = {"remark": "as it was", "date": "2026-11-02", "": ""}
+"""Columns that are no signals -> what stands in them."""
 
 
 @pytest.mark.parametrize("name", [*ORDERS, "arrays of numpy", "variables of MATLAB"])
@@ -110,10 +114,13 @@ def test_times_belong_to_the_signals_that_they_are_named_after_or_stand_beside(
     truth = {"1": (TIME, shoulder(TIME), np.cos(TIME)), "2": (late, elbow(late), np.sin(late))}
     if name in ORDERS:
         columns = []
-        for label in ORDERS[name].split(","):
+        for label in (label for label in ORDERS[name].split(",") if label not in TEXTS):
             joint = next((word for word in label if word.isdigit()), "2" if len(columns) > 2 else "1")
             columns.append(truth[joint][0 if "time" in label else 2 if label.startswith("d") else 1])
-        recording = read(tmp_path, table(columns, before=ORDERS[name] + "\n").decode())
+        rows = table(columns).decode().splitlines()
+        first, last = (TEXTS.get(ORDERS[name].split(",")[end]) for end in (0, -1))
+        rows = [",".join(part for part in (first, row, last) if part is not None) for row in rows]
+        recording = read(tmp_path, "\n".join([ORDERS[name], *rows]) + "\n")
     else:
         names = ("q{}_time", "q{}", "dq{}")
         arrays = {what.format(joint): one for joint, own in truth.items() for what, one in zip(names, own, strict=True)}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.cells import number
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.delimited import Table, read_table
@@ -97,16 +97,14 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
         epoch = epoch if start is None else start
     joints = named_joints(table.layout.names, _same_in_all(table), path.stem)
     series: list[RawSeries] = []
-    owners = _owners(table.layout.names, [column for column, _, _ in bases])
+    owners = _owners(table, [column for column, _, _ in bases])
     times: dict[int, tuple[Array, NDArray[np.bool_]]] = {}
     for column, time, keep in bases:
         same = next((times[c] for c, t, k in bases if c in times and t is time and k is keep), None)
         times[column] = same if same is not None else (time[keep], keep)
-    for column, label in enumerate(table.layout.names):
-        if column in times or column in table.layout.text or column in table.layout.stamps:
-            continue
-        time, keep = times[owners[column]]
-        unit = stated[column]
+    for column, owner in owners.items():
+        time, keep = times[owner]
+        label, unit = table.layout.names[column], stated[column]
         values = table.values[:, column]
         kept, marked = _unmarked(_kept(values, keep))
         if marked is not None:
@@ -123,17 +121,20 @@ def series_of(table: Table, path: Path, maps: Sequence[ColumnMap], rate: float |
                remarks=table.layout.remarks)  # fmt: skip
 
 
-def _owners(names: Sequence[str], clocks: Sequence[int]) -> dict[int, int]:
-    """Column -> the time column that it belongs to: the one before it, or behind it where a time is the last column and not
-    the first. Where times do not take turns with signals, or stand behind them, one that is named as the column's own comes
-    first; columns before the first time belong to that."""
-    behind = clocks[-1] == len(names) - 1 and clocks[0] > 0
+def _owners(table: Table, clocks: Sequence[int]) -> dict[int, int]:
+    """Signal's column -> the time column that it belongs to: the one before it, or behind it where signals begin and a time
+    ends the table. Where times do not take turns with signals, or stand behind them, one that is named as the column's own
+    comes first; columns before the first time belong to that."""
+    names, layout = table.layout.names, table.layout
+    signals = [i for i in range(len(names)) if i not in clocks and i not in layout.text and i not in layout.stamps]
+    filled = [i for i in signals if np.isfinite(table.values[:, i]).any()]
+    behind = bool(filled) and filled[0] < clocks[0] and filled[-1] < clocks[-1]
     turns = not behind and all(b > a + 1 for a, b in pairwise(clocks))
     by_name = {} if turns else {names[clock]: clock for clock in clocks}
     owners: dict[int, int] = {}
-    for column, name in enumerate(names):
+    for column in signals:
         near = [c for c in clocks if c > column] if behind else [c for c in reversed(clocks) if c < column]
-        own = named_clock(name, list(by_name)) if len(by_name) > 1 else None
+        own = named_clock(names[column], list(by_name)) if len(by_name) > 1 else None
         owners[column] = by_name[own] if own is not None else next(iter(near), clocks[0])
     return owners
 
@@ -181,8 +182,7 @@ def _bases(
     said = any(one.role == "time" and one.unit is not None for one in maps)
     bases: list[tuple[int, Array, NDArray[np.bool_]]] = []
     epoch: float | None = None
-    owners = _owners(table.layout.names, columns)
-    used = {owners[i] for i in owners if i not in columns}
+    owners = _owners(table, columns)
     for column in columns:
         label = table.layout.names[column]
         values = table.values[:, column]
@@ -204,7 +204,7 @@ def _bases(
             # Dates side by side are of two clocks of which one goes wrong; what counts from a start is later where it says so.
             one = label.partition("#")[0] == table.layout.names[first].partition("#")[0]
             counts = start is None and column not in table.layout.stamps and np.nanmax(other) > np.nanmin(time)
-            apart = (one or bool(counts)) and {first, column} <= used
+            apart = (one or bool(counts)) and {first, column} <= set(owners.values())
             if both.sum() > 1 and _same_clock(time[both], other[both], apart=apart):
                 findings.append(
                     Problem(f"is the same clock as '{table.layout.names[first]}', which is used", file=path, key=label,
@@ -212,8 +212,9 @@ def _bases(
                 )  # fmt: skip
                 bases.append((column, other, bases[0][2]))
                 continue
+            users = listed([table.layout.names[signal] for signal, owner in owners.items() if owner == column], 8)
             findings.append(
-                Problem(f"is a second time base beside '{table.layout.names[first]}'; the columns after it use it",
+                Problem(f"is a second time base beside '{table.layout.names[first]}'; it is that of {users or 'no signal'}",
                         file=path, key=label, code="second-time-base")
             )  # fmt: skip
             filled = np.isfinite(time)
