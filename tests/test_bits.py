@@ -108,6 +108,29 @@ def test_from_a_snapshot_and_after_a_reset(tmp_path: Path, engine: str, fixed: b
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
+def test_things_that_touch_go_on_from_a_snapshot(tmp_path: Path, engine: str) -> None:
+    """A pile that slides on the ground: the solver's start is the last step's end."""
+    scenario = busy(tmp_path, engine, seed=1)
+    boxes = {
+        f"box_{i}": {"shape": "box", "size": [0.3, 0.2, 0.1], "mass": 0.5, "position": [3 + 0.02 * i, 0, 0.05 + 0.1 * i]}
+        for i in range(4)
+    }
+    world = asrsim.make_scenario(scenario.robot, duration=0.1, world={"ground": {"friction": 0.2}, "objects": boxes}).world
+    scenario = replace(scenario, world=world, gravity=(1.0, 0.5, -9.81))
+    tape = Tape()
+    with Simulation(scenario, sinks=[tape], compiled=False) as simulation:
+        simulation.advance_to(simulation.last // 2)
+        simulation.flush()
+        tape.chunks.clear()
+        middle = simulation.snapshot()
+        first = tape.of(simulation)
+        simulation.restore(middle)
+        tape.chunks.clear()
+        assert_same(first, tape.of(simulation))
+    assert np.ptp(first.bodies["box_3"][:, 0]) > 1e-3
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
 def test_a_reset_to_other_positions_is_a_fresh_start_there(tmp_path: Path, engine: str) -> None:
     scenario = busy(tmp_path, engine, seed=1)
     tape = Tape()

@@ -86,7 +86,10 @@ class Program:
                 found[joint.name]["friction"] = float(self.source.choice([0.0, 0.05, 0.2]))
             found[joint.name] |= {key: value * float(self.source.uniform(0.8, 1.2)) for key, value in joint.parameters.items()}
         heavy = str(self.source.choice([link.name for link in self.prepared.robot.links if link.mass]))
-        return found | {heavy: {"mass": float(self.source.uniform(0.5, 3.0))}}
+        other = {"mass": float(self.source.uniform(0.5, 3.0))}
+        if self.source.random() < 0.5:
+            other |= {name: float(self.source.uniform(-0.1, 0.1)) for name in "xyz"}
+        return found | {heavy: other}
 
     def _fresh(self) -> Prepared:
         """The scenario at the start of the last reset, read anew, with the substeps of the old."""
@@ -165,6 +168,20 @@ def test_objects_are_those_of_the_present_run(tmp_path: Path, engine: str) -> No
             samples = simulation.samples
             fallen = samples.bodies["ball"][:, 2] - 3.0
             np.testing.assert_allclose(fallen, -0.5 * 9.81 * samples.time**2, atol=3e-5)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_base_that_floats_with_another_centre_of_mass_is_a_fresh_one(tmp_path: Path, engine: str) -> None:
+    run = random_run(33, fixed=False, friction=False, moving=2, duration=0.1)
+    prepared = prepare(asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys()))
+    moved = {prepared.robot.root.name: {"x": 0.05, "z": -0.08}}
+    with Simulation(prepared, record=True) as simulation, Simulation(prepared.vary(moved), record=True) as fresh:
+        simulation.advance(20)
+        simulation.reset(parameters=moved)
+        for one in (simulation, fresh):
+            one.advance(80)
+            one.flush()
+        assert_same(simulation.samples, fresh.samples)
 
 
 @pytest.mark.slow
