@@ -134,12 +134,31 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         (GOOD.replace('ixx="0.1"', 'ixx="inf"'), "not-finite"),
         (GOOD.replace('ixx="0.1"', 'ixx="much"'), "not-a-number"),
         (GOOD.replace(' izz="0.1"', ""), "missing-attribute"),
+        (GOOD + link("c") + joint("k", "b", "c", '<parent link="a"/>' + LIMIT), "missing-tag"),
+        (GOOD + link("c") + joint("k", "b", "c", '<child link="a"/>' + LIMIT), "missing-tag"),
         (link("a", "") + joint("j", "a", "b") + link("b", ""), "massless-joint"),
         (link("a", "") + joint("j", "a", "b") + link("b", MASSLESS), "massless-joint"),
     ],
 )  # fmt: skip
 def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None:
     assert fails(read, robot(body)) == [code]
+
+
+@pytest.mark.parametrize(
+    ("given", "stops"),
+    [
+        ('lower="-1"', (-1.0, 0.0)), ('upper="1"', (0.0, 1.0)), ('lower="0.3" upper="0.3"', (0.3, 0.3)),
+        ('lower="-2" upper="-1"', (-2.0, -1.0)), ("", (-np.inf, np.inf)), ('lower="-inf" upper="0.5"', (-np.inf, 0.5)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_limit_that_is_left_out_is_0_beside_one_that_is_not(
+    read: Callable[..., Robot], kind: str, given: str, stops: tuple[float, float]
+) -> None:
+    """URDF's own default; without either there are none. Continuous joints have none whatever is written."""
+    limit = f'<limit effort="1" velocity="1" {given}/>'
+    robots = (read(robot(link("a", "") + joint("j", "a", "b", limit, one) + link("b"))) for one in (kind, "continuous"))
+    assert [one.moving_joints[0].stops for one in robots] == [stops, (-np.inf, np.inf)]
 
 
 @pytest.mark.parametrize(
