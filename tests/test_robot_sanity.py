@@ -11,6 +11,7 @@ import pytest
 
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed, with_overrides
+from asrsim.robot.sanity import beyond_reach
 from asrsim.robot.values import law_fault
 from asrsim.scenario import check_against_robot, load_scenario
 
@@ -104,6 +105,26 @@ def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> 
     assert found.line is not None
 
 
+HUGE = ("<axis ", '<origin xyz="2 0 0"/><axis ')
+"""A robot of 2 m, whose links may be of 800 kg."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('mass value="0.5"', 'mass value="900"', "heavy-link"),
+        (INERTIA, INERTIA.replace('izz="1e-3"', 'izz="2.1e-3"'), "triangle-inequality"),
+        ("<spring_k>", "<hyst_tau>0.1</hyst_tau><hyst_def>0.9</hyst_def><spring_k>", "long-hysteresis"),
+    ],
+)
+@pytest.mark.parametrize("more", [True, False])
+def test_improbable_numbers_begin_at_their_bounds(old: str, new: str, code: str, more: bool, tiny) -> None:
+    less = {"900": "700", "2.1e-3": "1.9e-3", "<hyst_tau>0.1</hyst_tau>": ""}
+    for large, small in less.items() if not more else ():
+        new = new.replace(large, small)
+    assert (code in codes(changed(tiny, HUGE, (old, new)).warnings)) == more
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -125,6 +146,28 @@ def test_a_slider_has_no_usual_stiffness(tiny) -> None:
     """What lifts a carriage is no stiffness of a joint that turns."""
     robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ("<spring_k>10<", "<spring_k>1.1e5<"))
     assert "unusual-value" not in codes(robot.warnings)
+
+
+def test_a_slider_may_be_long(tiny) -> None:
+    """Its limits are in m, and no degrees."""
+    robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ('lower="-3" upper="3"', 'lower="-25" upper="25"'))
+    assert "limit-in-degrees" not in codes(robot.warnings)
+
+
+def test_nothing_of_a_robot_is_beyond_its_reach(tiny) -> None:
+    """2 m and twice its size: of a box that stands 0.5 m beside a link that is turned by 90 degrees."""
+    box = '<collision><origin xyz="0 0.5 0"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
+    robot = changed(
+        tiny, ("<axis ", '<origin xyz="0 0 0.3" rpy="1.5707963267948966 0 0"/><axis '), ("<inertial>", box + "<inertial>")
+    )
+    # Up from the base by 0.3 m, and there along its y axis, which points up, by 0.5 m to the box's middle.
+    assert beyond_reach(robot) == pytest.approx(2.0 + 2.0 * (0.3 + 0.5 + 0.1))
+
+
+def test_an_inertia_of_products_alone_is_no_rounding(tiny) -> None:
+    with pytest.raises(RobotError) as caught:
+        changed(tiny, (INERTIA, 'ixx="0" ixy="-0.5" ixz="0" iyy="0" iyz="0" izz="0"'))
+    assert codes(caught.value.problems) == {"negative-inertia"}
 
 
 def test_sound_robots_are_not_doubted() -> None:

@@ -282,3 +282,48 @@ def test_an_entry_for_all_is_for_the_passive_joint_where_it_has_one(table: str, 
         scenario = make_scenario(TWO_JOINTS, duration=1.0, **{table: dict.fromkeys(names, value)})
         found = [problem for part in check_against_robot(scenario, arm()) for problem in part if problem.code == "unused-entry"]
         assert bool(found) == told
+
+
+PLUGIN = """<gazebo><plugin name="p" filename="lib{0}_plugin.so"><joint>{1}</joint><operation_mode>{2}</operation_mode>
+<namespace>here</namespace><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>
+"""
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii"])
+@pytest.mark.parametrize("mode", [0, 1, 3, 6])
+def test_an_actuator_of_the_scenario_is_that_of_a_block_without_tags(tmp_path: Path, actuator: str, mode: int) -> None:
+    """Defaults that depend on the mode too; it takes the place of the file's, in its namespace."""
+    plain = write_plain_arm(tmp_path)
+    text = plain.read_text(encoding="utf-8")
+    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
+    blocks = PLUGIN.format(actuator, first, mode) + PLUGIN.format("bavs", second, 3)
+    (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{blocks}</robot>"), encoding="utf-8")
+    read = load_robot(tmp_path / "other.urdf")
+    given, kept = (block for block in read.actuators)
+    for robot in (plain, tmp_path / "other.urdf"):
+        own = {"type": actuator, "mode": mode}
+        scenario = make_scenario(robot, duration=1.0, actuators={"*" if robot == plain else first: own})
+        mounted = apply_to_robot(scenario, load_robot(robot))
+        block = next(one for one in mounted.actuators if one.joint == first)
+        assert dict(block.values()) == dict(given.values())
+        assert block.namespace == ("" if robot == plain else "here")
+        if robot != plain:
+            assert [one for one in mounted.actuators if one.joint == second] == [kept]
+
+
+def test_what_is_known_of_joints_stays_and_a_new_actuator_is_judged_anew(tmp_path: Path) -> None:
+    plain = write_plain_arm(tmp_path)
+    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
+    text = plain.read_text(encoding="utf-8")
+    mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
+    text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
+    text = text.replace("</robot>", PLUGIN.format("bavs", second, 3) + "</robot>")
+    (tmp_path / "other.urdf").write_text(text, encoding="utf-8")
+    robot = load_robot(tmp_path / "other.urdf")
+    assert "mimic-joint" in {one.code for one in robot.warnings}
+    needed = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
+    scenario = make_scenario(
+        tmp_path / "other.urdf", duration=1.0, actuators={second: {"type": "sea", "mode": 7, "parameters": needed}}
+    )
+    found = {(one.code, (one.key or "").partition(".")[0]) for one in apply_to_robot(scenario, robot).warnings}
+    assert {("mimic-joint", first), ("own-mode", second)} <= found

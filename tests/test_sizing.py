@@ -184,12 +184,17 @@ def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
         assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
 
 
-@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal"])
+@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal", 3, 9, 10])
 def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
     """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
     from asrsim.kinematics import model_of
 
-    place = shutil.copy(ROOT / "examples" / "urdf" / f"{name}.urdf", tmp_path / "robot.urdf")
+    place = tmp_path / "robot.urdf"
+    if isinstance(name, int):
+        place.write_text(random_urdf(name, moving=5, fixed=2))
+        assert 'type="prismatic"' in place.read_text()
+    else:
+        shutil.copy(ROOT / "examples" / "urdf" / f"{name}.urdf", place)
     base = {"position": [0.1, -0.2, 0.3], "rpy": [0.4, -0.3, 0.7]}
     scenario = make_scenario(place, duration=1.0, base=base)
     robot, _ = checked_robot(scenario)

@@ -151,15 +151,11 @@ def _joint(parent: Any, joint: Joint) -> None:
     if not joint.moves:
         return
     etree.SubElement(element, "axis", xyz=_numbers(joint.axis))
-    if limited:
-        lower = -NO_LIMIT if joint.lower is None else joint.lower
-        upper = NO_LIMIT if joint.upper is None else joint.upper
-    else:
-        lower, upper = 1.0, -1.0
-    values = {"lower": lower, "upper": upper, "effort": joint.effort, "velocity": joint.velocity}
+    lower, upper = joint.stops if limited else (1.0, -1.0)
+    values = {"lower": lower, "upper": upper, "effort": joint.most_effort, "velocity": joint.velocity}
     if kind == "continuous":
         del values["lower"], values["upper"]
-    finite = {key: repr(NO_LIMIT if value is None else min(value, NO_LIMIT)) for key, value in values.items()}
+    finite = {key: repr(NO_LIMIT if value is None else min(max(value, -NO_LIMIT), NO_LIMIT)) for key, value in values.items()}
     etree.SubElement(element, "limit", finite)
 
 
