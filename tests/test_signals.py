@@ -75,6 +75,8 @@ def test_chirp_sweeps_its_instantaneous_frequency(law):
     middle = {"linear": 3.25, "logarithmic": math.sqrt(0.5 * 6.0)}[law]
     assert frequency[[0, 20_000, -1]] == pytest.approx([0.5, middle, 6.0], rel=1e-3)
     assert sine.values(np.array([25.0])) == sine.values(np.array([20.0]))
+    for chirp, first in ((sine, 0.0), (cosine, 1.0)):
+        assert chirp.values(np.array([-1.0, 0.0])) == pytest.approx([first, first], abs=1e-12)
 
 
 def test_logarithmic_chirp_between_equal_frequencies_is_a_sinusoid():
@@ -135,6 +137,7 @@ def test_sum_unites_jumps_and_delay_and_scale_carry_them():
         ]
     }
     assert at(data, 0, 0.1, 0.3) == [5, 6, 8]
+    assert not len(parse_signal({"scale": {"by": 0, "of": {"step": {"to": 1}}}}).jumps(0, 1))
     assert parse_signal(data).jumps(0, 1) == pytest.approx([0.1, 0.3])
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.signals import parse_signal
-from asrsim.signals.curve import curve_through
+from asrsim.signals.curve import curve_through, is_jump
 
 CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
 
@@ -221,3 +221,53 @@ def test_a_curve_of_few_samples_goes_through_them(values, hold):
     inside = curve.values(np.linspace(0.0, time[-1] + 1.0, 57))
     assert inside[-1] == values[-1]
     assert np.all(np.isfinite(inside))
+
+
+def test_jumps_that_are_moved_leave_both_sides_as_they_were():
+    """Parabolas, which go on exactly; their jumps come a part of a step before the samples that show them."""
+    step, ends = 0.01, (0.8, 2.1)
+    time = step * np.arange(300)
+    sides = [np.polynomial.Polynomial(c) for c in ([0.1, 0.5, -0.3], [2.0, -1.0, 0.4], [-1.0, 0.3, 0.2])]
+
+    def motion(asked, jumps):
+        return np.choose(np.searchsorted(jumps, asked, side="right"), [side(asked) for side in sides])
+
+    curve = curve_through(time, motion(time, np.array(ends) - 1e-9))
+    assert curve.jumps == pytest.approx(ends)
+    asked = np.linspace(-0.5, time[-1], 4001)
+    for moves in ({0: 0.004, 1: 0.009}, {1: 0.005}, {0: 0.0, 1: 0.0}, {}):
+        jumps = np.array([end - moves.get(i, 0.0) for i, end in enumerate(ends)])
+        moved = curve.earlier(moves)
+        assert moved.jumps == pytest.approx(jumps)
+        assert moved.sizes == pytest.approx([sides[i + 1](at) - sides[i](at) for i, at in enumerate(jumps)])
+        clear = np.abs(np.subtract.outer(asked, jumps)).min(axis=1) > 1e-9
+        wanted = motion(np.maximum(asked, 0.0), jumps)
+        np.testing.assert_allclose(moved.values(asked)[clear], wanted[clear], atol=1e-9)
+        # Its integral from the first sample, before which that sample holds.
+        fine = np.cumsum(0.5 * (wanted[1:] + wanted[:-1]) * np.diff(asked))
+        found = moved.integral(asked)
+        np.testing.assert_allclose(found[1:] - found[0], fine, atol=2e-3)
+        assert moved.integral(np.array([-0.5, 0.0])) == pytest.approx([-0.5 * sides[0](0.0), 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("at", [1.5, 2.0, 47.5])
+def test_a_summit_beside_an_end_is_no_jump(at):
+    """Of two samples as high as each other the step between is 0, and those beside are infinitely larger."""
+    motion = np.cos(0.05 * (np.arange(50) - at))
+    assert not is_jump(motion).any()
+    assert is_jump(np.where(np.arange(50) < 25, motion, motion + 0.5)).nonzero()[0].tolist() == [24]
+
+
+@pytest.mark.parametrize("stairs", [20, 60])
+def test_many_jumps_are_stairs(stairs):
+    time = 0.1 * np.arange(2 * stairs + 2)
+    curve = curve_through(time, (np.arange(len(time)) // 2 % 2).astype(float), hold=True)
+    assert len(curve.jumps) == (stairs if stairs < 40 else 0)
+    np.testing.assert_array_equal(curve.values(time + 0.05), curve.values(time))
+
+
+@pytest.mark.parametrize("first", [-1.7e9, 1.7e9])
+def test_stamps_count_from_the_first_whatever_their_sign(tmp_path, first):
+    text = "time,q\n" + "".join(f"{first + 0.1 * i:.1f},{0.1 * i}\n" for i in range(10))
+    played = play(tmp_path, text, column="q")
+    assert played.values(np.array([0.0, 0.4, 0.85])) == pytest.approx([0.0, 0.4, 0.85], abs=1e-6)
