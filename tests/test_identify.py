@@ -98,9 +98,9 @@ RECORDED = {
 @pytest.mark.parametrize("mode", RECORDED)
 def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
     free = {"joint_1.damping": 0.02, "link_1.izz": 0.009} | ({"joint_1.motor_1_inertia": 0.0233} if mode == 5 else {})
-    free |= {"joint_1.spring_stiffness": 4.0} if mode == 3 else {}
+    free |= {"joint_1.spring_stiffness": 4.0} if mode == 3 else {"joint_1.motor_1_friction_torque": 0.2} if mode == 5 else {}
     told = {1: "link_position", 3: "equilibrium_position", 5: "reference_1"}[mode]
-    numbers = {**SEA, "mode": mode}
+    numbers = {**SEA, "mode": mode, "tags": f"{SEA['tags']}<mot_tauFric>0.2</mot_tauFric>"}
     truth = write(tmp_path, "truth", numbers, f"{{{told}: {CHIRP}}}")
     guess = write(tmp_path, "guess", numbers)
     for path in (truth, guess):
@@ -109,7 +109,12 @@ def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
     with ExitStack() as stack:
         setup = set_up(make_task(guess, [recording], free=[f"{key}={3 * value}" for key, value in free.items()]), stack)
         found = setup.layout.values(regressed(setup.tracks, setup.layout, np.zeros(len(setup.layout.entries))))
-    assert dict(zip(free, found, strict=False)) == pytest.approx(free, rel=0.02)
+    found = dict(zip(free, found, strict=False))
+    if mode == 5:
+        # Its sign is a slope where the motor turns round, and Dahl's law bends there.
+        friction = "joint_1.motor_1_friction_torque"
+        assert found.pop(friction) == pytest.approx(free.pop(friction), rel=0.15)
+    assert found == pytest.approx(free, rel=0.02)
 
 
 def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):

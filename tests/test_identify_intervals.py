@@ -20,7 +20,7 @@ from asrsim.identification.limits import BITES, REACHED, RELEASES, _starts
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.nulls import combinations
 from asrsim.identification.profiles import profiles
-from asrsim.identification.residuals import Residuals
+from asrsim.identification.residuals import FAR, Counter, Residuals
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -82,6 +82,64 @@ def test_differences_are_never_taken_beyond_bounds(central: bool):
     # From both sides a parabola's slope is exact.
     exact = np.abs(slopes[:, 5] - model.slopes[:, 5] - 2.0 * x.sum()).max() < 1e-9
     assert exact == central
+
+
+class _Left(_Linear):
+    """At the estimate these residuals are left."""
+
+    def __init__(self, slopes, left) -> None:
+        super().__init__(slopes)
+        self.left = left
+
+    def __call__(self, x):
+        return super().__call__(x) + self.left
+
+
+def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
+    """sqrt(r'r / (m - n) diag(A'A)^-1), and 1.96 of it, where blocks tell nothing else."""
+    generator = np.random.default_rng(2)
+    slopes = generator.normal(size=(60, 4))
+    noise = generator.normal(size=60)
+    left = 0.3 * (noise - slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0])
+    inverse = np.linalg.inv(slopes.T @ slopes)
+    found = uncertainty(_Left(slopes, left), np.zeros(4), [False] * 4)
+    assert found.variance == pytest.approx(float(left @ left) / (60 - 4))
+    assert found.deviation == pytest.approx(np.sqrt(found.variance * np.diag(inverse)), rel=1e-5)
+    assert found.quantile == pytest.approx(np.full(4, 1.959964))
+    assert found.covariance == pytest.approx(found.variance * inverse, rel=1e-5)
+
+
+@pytest.mark.parametrize("met", [True, False])
+def test_blocks_that_pull_apart_widen_what_they_tell(met: bool):
+    """Of the first number each tenth of the recording tells another value, of the second all tell the same: that it should be
+    larger, which it may not where its bound is met."""
+    slopes = np.zeros((400, 2))
+    slopes[::2, 0] = slopes[1::2, 1] = 1.0
+    apart = np.repeat(np.tile([1.0, -1.0], 5), 40)
+    left = np.where(np.arange(400) % 2 == 0, 0.4 * apart, 0.3)
+    found = uncertainty(_Left(slopes, left), np.zeros(2), [False, met])
+    of_blocks = 20 * 0.4 / 200 * math.sqrt(10 * 10 / 9)
+    assert found.deviation[0] == pytest.approx(of_blocks, rel=1e-5)
+    assert found.quantile[0] == pytest.approx(2.262157, rel=1e-5)
+    ordinary = math.sqrt(float(left @ left) / (400 - 2) / 200)
+    assert found.deviation[1] == pytest.approx(ordinary if met else 20 * 0.3 / 200 * math.sqrt(10 * 10 / 9), rel=1e-5)
+
+
+@pytest.mark.parametrize("central", [False, True])
+def test_a_step_into_a_motion_that_is_not_sane_tells_no_slope(central: bool):
+    model = _Linear(np.random.default_rng(0).normal(size=(50, 3)))
+    model._of_tracks = lambda places: [np.full(50, FAR) if x[1] > 0.0 else model(x) for x, _ in places]
+    slopes = model.jacobian(np.zeros(3), 1e-3, base=model(np.zeros(3)), central=central)
+    np.testing.assert_allclose(slopes[:, [0, 2]], model.slopes[:, [0, 2]], atol=1e-9)
+    # Of both sides one is left, which is half of the slope; of one side nothing is.
+    np.testing.assert_allclose(slopes[:, 1], 0.5 * model.slopes[:, 1] if central else 0.0, atol=1e-9)
+
+
+def test_a_share_of_a_recording_counts_from_where_its_motion_begins():
+    tracks = [SimpleNamespace(onset=onset) for onset in (0.0, 2.0)]
+    residuals = Residuals(tracks, SimpleNamespace(), [], [4.0, 6.0], Counter())
+    residuals.share = 0.25
+    assert [residuals.until(track) for track in range(2)] == [1.0, 3.0]
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
