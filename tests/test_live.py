@@ -159,6 +159,19 @@ NONSENSE = [
 ]
 
 
+def test_a_command_at_the_end_of_its_range_is_no_clamped_one(tmp_path):
+    ranges = {"reference_ranges": {"joint_1": {"equilibrium_position": [-0.25, 0.5]}}}
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, **ranges})
+    values = (-0.25, 0.5, 0.1, -0.2500001, 0.5000001)
+    script = Script([("/joint_1/equilibrium_position", [value]) for value in values])
+    TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"))
+    summary = Session(one, tmp_path / "run", Settings(speed=math.inf, duration=0.2, transports=["script"])).run(
+        stop=lambda: False
+    )
+    assert summary.live["clamped"] == {"joint_1.equilibrium_position": 2}
+    assert summary.live["commands"] == 5
+
+
 def test_nonsense_is_counted_said_once_and_dropped(tmp_path):
     said = []
     TRANSPORTS.add("script", TransportEntry(make=Script(NONSENSE * 3).make, doc="", module="json"))

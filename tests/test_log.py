@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from log_example import INFO, assert_same, example_samples, part
+from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
@@ -147,6 +149,12 @@ def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path: Path) -> None:
     with LogWriter(path, info) as writer:
         writer.write(samples)
     assert_same(read_log(path).samples, samples)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    topics = [channel.topic for channel in summary.channels.values()]
+    assert len(topics) == len(set(topics)) > len(names)
+    assert all(re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic) for topic in topics), topics
 
 
 @pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt(), "interrupted"), (ValueError("no"), "failed")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,9 +13,11 @@ from mcap_ros2.decoder import DecoderFactory
 from random_robots import random_urdf
 
 import asrsim
+from asrsim.log import LogWriter
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.simulation.describe import link_frames
 from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -94,6 +97,23 @@ def compare(path, result):
         np.testing.assert_allclose(pose[:3, 3], point, atol=1e-6)
         np.testing.assert_allclose(pose[:3, :3], rotation, atol=1e-6)
     engine.close()
+
+
+@pytest.mark.parametrize("size", [1, 3, 1000])
+def test_every_frame_is_written_once_however_the_log_is_cut(tmp_path, size):
+    """A frame of a chunk's last sample belongs to it, and to no other."""
+    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+    one = simulate(asrsim.load_scenario(path, variant="soft", overrides={"duration": 0.05, "expect": []})[0])
+    info = replace(one.info, frame_rate=1.0 / one.info.step)
+    with LogWriter(tmp_path / "a.mcap", info) as writer:
+        for start in range(0, len(one.samples.time), size):
+            cut = slice(start, start + size)
+            values = {name: table[cut] for name, table in one.samples.values.items()}
+            writer.write(replace(one.samples, time=one.samples.time[cut], values=values))
+            writer.flush()
+    moving, still = transforms(tmp_path / "a.mcap").values()
+    assert [time for time, _ in moving] == pytest.approx(one.samples.time)
+    assert len(still) <= 1
 
 
 def test_no_rate_no_frames(tmp_path):

@@ -63,6 +63,12 @@ def test_rise_and_settling_of_a_first_order_system() -> None:
     assert math.isnan(measure("frequency", TIME, q))
 
 
+def test_what_is_beyond_the_low_level_at_once_rises_from_its_first_sample() -> None:
+    q = 0.3 + 0.7 * (1 - np.exp(-TIME / 0.5))
+    assert measure("rise", TIME + 2.0, q, initial=0.0, target=1.0) == pytest.approx(0.5 * math.log(7), rel=1e-4)
+    assert measure("rise", TIME, np.where(np.arange(len(q)) < 1, 1.0, q), initial=0.0, target=1.0) == 0.0
+
+
 def test_what_does_not_step_or_settle_has_no_number() -> None:
     assert math.isnan(measure("rise", TIME, np.full_like(TIME, 2.0)))
     assert math.isnan(measure("overshoot", TIME, np.zeros_like(TIME)))
@@ -285,3 +291,16 @@ def test_the_delay_of_a_drifting_periodic_motion_is_not_a_period():
     motion = np.cos(2 * np.pi * time / 6.22)
     drift = motion - 0.0002 * time**2
     assert abs(measure("delay", time, drift, motion)) < 0.1
+
+
+def test_a_short_end_that_fits_better_is_no_lag() -> None:
+    """Less than half of the series in the overlap tells nothing of the whole."""
+    generator = np.random.default_rng(0)
+    first, time = generator.normal(size=1000), 0.01 * np.arange(1000)
+    second = first + 0.5 * generator.normal(size=1000)
+    second[:200] = first[800:]
+    found = estimate_lag(time, first, time, second, limit=10.0)
+    assert found is not None
+    assert found.seconds == pytest.approx(0.0, abs=0.01)
+    assert not found.ambiguous
+    assert 0.6 < found.correlation < 0.85
