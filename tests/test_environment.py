@@ -138,6 +138,35 @@ def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
     assert seen[1].time == pytest.approx(0.04)
 
 
+def test_an_episode_that_ends_with_its_last_step_is_not_cut_off(scenario):
+    """10 steps of 20 ms; an action is seen as it was given, though its references are cut to their ranges."""
+    seen = []
+    env = make_env(scenario, reward=lambda state: seen.append(state.action) or 0.0, terminated=lambda state: state.time > 0.19)
+    for step in range(2):
+        env.reset()
+        results = [env.step(np.array([0.3, -7.0 + step]))[2:4] for _ in range(10)]
+        assert results == [(False, False)] * 9 + [(True, False)]
+    np.testing.assert_array_equal(seen, [[0.3, -7.0]] * 10 + [[0.3, -6.0]] * 10)
+    patient = make_env(scenario)
+    patient.reset()
+    assert [patient.step(np.zeros(2))[2:4] for _ in range(10)][-1] == (False, True)
+
+
+def test_ideal_motors_stand_at_their_references_beside_those_that_move(scenario):
+    env = make_env(
+        scenario, observe=("motor_1_position", "motor_1_velocity"), overrides={"modes": {"joint_1": 3, "joint_2": 6}}
+    )
+    env.reset()
+    for _ in range(3):
+        found, *_ = env.step(np.array([0.5, 0.5]))
+    references = env.simulation.row[1][0], env.simulation.row[1][1]
+    assert found[0] == pytest.approx(references[0][0] + references[1][0])
+    assert 0.0 < found[1] < references[0][1] + references[1][1]
+    # Ideal motors have no velocity that is recorded.
+    assert len(found) == 3
+    assert found[2] > 0.1
+
+
 def test_a_reward_needs_no_end_and_an_end_no_reward(scenario):
     paid = make_env(scenario, reward=lambda state: 2.0)
     paid.reset()

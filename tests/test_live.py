@@ -17,10 +17,12 @@ from rosbags.typesys import Stores, get_typestore
 
 import asrsim
 from asrsim.live import TRANSPORTS, Received, TransportEntry
+from asrsim.live.gate import Gate
 from asrsim.live.pace import Lateness, Pace
 from asrsim.live.session import Session, Settings
 from asrsim.log import open_log, read_log
 from asrsim.runs.repeat import repeat
+from asrsim.samples import JointInfo
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -121,7 +123,7 @@ def test_without_its_commands_the_log_is_not_repeated(tmp_path, monkeypatch):
 
 def test_what_is_said_is_what_the_log_holds(tmp_path):
     script = Script([("/joint_1/equilibrium_position", [0.5]), ("/joint_2/stiffness_preset", [0.2])])
-    session, _ = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.1)
+    session, _ = run_live(tmp_path / "run", script, changes={**PLAIN, "initial": {"joint_1": 0.3}}, duration=0.1)
     samples = read_log(tmp_path / "run" / "log.mcap").samples
     assert [time for time, _ in script.heard] == [round(t * 1e9) for t in samples.time]
     types = get_typestore(Stores.ROS2_HUMBLE)
@@ -193,11 +195,37 @@ def test_nonsense_is_counted_said_once_and_dropped(tmp_path):
 def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
     names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
     script = Script([("/ros2_control/joint_commands", [0.3, math.nan, math.nan, 0.1], names)])
-    run_live(tmp_path / "run", script, changes=PLAIN, duration=0.05)
+    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.05)
+    assert not summary.live["dropped"]
     commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert [(c.joint, c.reference, c.value) for c in commands] == [
         ("joint_1", "equilibrium_position", 0.3), ("joint_2", "stiffness_preset", 0.1),
     ]  # fmt: skip
+
+
+def test_only_a_preset_is_a_stiffness_and_passive_joints_have_no_place_in_arrays():
+    """Of the toolbox's arrays, one entry for each joint with an actuator."""
+    kinds = {"vsa": ("qbmove", 6, 2), "free": ("rigid", None, 0), "motors": ("qbmove", 5, 2), "single": ("sea", 5, 1)}
+    joints = [JointInfo(name=name, actuator=kind, mode=mode, motors=count) for name, (kind, mode, count) in kinds.items()]
+    ranges = {
+        "vsa": {"equilibrium_position": (-1.0, 1.0), "stiffness_preset": (0.0, 0.4)}, "free": {"external_torque": (-2.0, 2.0)},
+        "motors": {"reference_1": (-1.0, 1.0), "reference_2": (-1.0, 1.0)}, "single": {"reference_1": (-1.0, 1.0)},
+    }  # fmt: skip
+    gate = Gate(joints, ranges)
+    inlets = {inlet.name: number for number, inlet in enumerate(gate.inlets)}
+    assert gate.check(Received(inlets["/reference_1"], [0.1, 0.2, 0.3])) == [
+        (("vsa", "equilibrium_position"), 0.1), (("motors", "reference_1"), 0.2), (("single", "reference_1"), 0.3),
+    ]  # fmt: skip
+    assert gate.check(Received(inlets["/reference_2"], [0.1, 0.2, 0.3])) == [
+        (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_2"), 0.2),
+    ]  # fmt: skip
+    assert gate.check(Received(inlets["/free/external_torque"], [0.5])) == [(("free", "external_torque"), 0.5)]
+    names = ["vsa", "vsa_stiffness", "motors", "motors_stiffness", "single", "free"]
+    assert gate.check(Received(inlets["/ros2_control/joint_commands"], [0.1] * 6, names)) == [
+        (("vsa", "equilibrium_position"), 0.1), (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_1"), 0.1),
+        (("single", "reference_1"), 0.1),
+    ]  # fmt: skip
+    assert sum(gate.refused.values()) == 2
 
 
 def test_pause_step_release_and_reset(tmp_path):

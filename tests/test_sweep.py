@@ -19,6 +19,7 @@ from test_edited_files import edits
 import asrsim
 from asrsim.engines import ENGINES
 from asrsim.errors import InputError, OutputError, SimulationError
+from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps import runner as runner_module
 from asrsim.sweeps.cases import make_payload
@@ -613,6 +614,46 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
     assert not list(tmp_path.glob("part-*"))
     assert len(Store(tmp_path, columns, 1000).missing) == 0
+
+
+def test_a_study_that_is_not_finished_knows_its_runs_by_their_numbers(tmp_path):
+    """Rows of parts, in whatever order they came, and not of all runs."""
+    columns = [("run", "int"), ("variant", "text"), ("status", "text"), ("a.x", "float"), ("value", "float")]
+    manifest = {**SMALL, "columns": columns, "runs": 200, "keys": ["a.x"]}
+    store = open_store(tmp_path, columns, 200, manifest, resume=False, overwrite=False)
+    there = np.arange(0, 200, 2)
+    shuffled = np.random.default_rng(0).permutation(there)
+    for part in np.array_split(shuffled, 7):
+        store.add([(int(run), "a", "complete", float(run % 67), (run - 120.0) ** 2) for run in part])
+        store.write()
+    table = Table(tmp_path)
+    assert table["run"].tolist() == there.tolist()
+    np.testing.assert_array_equal(table["value"], (there - 120.0) ** 2)
+    found = table.quantiles("value")
+    assert (found.count, found.least, found.least_run, found.largest, found.largest_run) == (100, 0.0, 120, 14400.0, 0)
+    assert (found.low, found.median, found.high) == tuple(np.quantile((there - 120.0) ** 2, (0.05, 0.5, 0.95)))
+    assert table.missing == 100
+    # The means of the fifths in which the key is least and largest.
+    (one,) = influences(table, "value")
+    order = np.argsort(there % 67, kind="stable")
+    values = ((there - 120.0) ** 2)[order]
+    keys = np.sort(there % 67)
+    assert one.low == pytest.approx(values[keys <= np.quantile(keys, 0.2)].mean())
+    assert one.high == pytest.approx(values[keys >= np.quantile(keys, 0.8)].mean())
+
+
+@pytest.mark.parametrize("inertias", [(3e-4, 0.03, 0.02), (0.03, 3e-4, 0.02), (0.03, 0.02, 3e-4)])
+def test_all_runs_of_a_study_have_the_substeps_of_the_most_demanding(inertias):
+    """Light motors, wherever they stand in the list; what the scenario says itself stays."""
+    study = study_of({"parameters.*.motor_1_inertia": list(inertias)})
+    alone = set()
+    for one in inertias:
+        own = [*SHORT, f"parameters.*.motor_1_inertia={one}"]
+        alone.add(prepare(asrsim.load_scenario(TWO_JOINTS, variant="soft", overrides=own)[0]).resolution.motor_substeps)
+    assert len(alone) > 1
+    assert make_payload(study).cases["soft"].substeps["motor_substeps"] == max(alone)
+    told = study_of({"parameters.*.motor_1_inertia": list(inertias)}, overrides=[*SHORT, "motor_substeps=20"])
+    assert "motor_substeps" not in make_payload(told).cases["soft"].substeps
 
 
 @pytest.mark.parametrize(("samples", "points"), [(2, 2), (5, 8), (64, 64), (65, 128)])
