@@ -231,6 +231,8 @@ DAE = (
         ("m.stl", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "git lfs pull"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2 -1\n", None),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "not there"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "not there"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "not there"),
         ("m.obj", b"o " + b"x" * 5000 + b"\nv 0 0 0\nf 1 1 1\n", "longer"),
         ("m.obj", b"v 0 0 0\nf a b c\n", "numbers"),
         ("m.obj", b"v 0 0 nan\nf 1 1 1\n", "finite"),

@@ -116,6 +116,19 @@ def test_springs_at_their_deflection_limit_still_have_statics():
                 assert sum(law(0.0, *motors, drive.elastic)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("wanted", [0.5, 3.0, 90.0])
+def test_motors_rest_where_springs_without_a_limit_let_them_however_far_they_are_told_to_go(wanted: float):
+    """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
+    spring = (11.0, 0.02, 11.0, 0.02, 300.0)
+    drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
+    found = [resting_motors(drive, 0.0, (side * wanted, side * wanted), limited=False) for side in (1.0, -1.0)]
+    assert found[0] == pytest.approx((-found[1][0], -found[1][1]))
+    torques = QbMove.elastic_torques(0.0, *found[0], spring)
+    assert max(torques) < 125.0 * wanted
+    for rest, torque in zip(found[0], torques, strict=True):
+        assert 125.0 * (wanted - rest) == pytest.approx(torque, rel=1e-6)
+
+
 def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
     generator = np.random.default_rng(5)
     for _ in range(300):

@@ -451,6 +451,12 @@ def test_an_angle_is_unwrapped_on_request(tmp_path: Path) -> None:
     np.testing.assert_allclose(column.values, 7 * (A - A[0]), atol=1e-6)
     assert "unwrapped" in column.conversion
     assert not [one for one in recording.findings if one.code == "wrapped"]
+    # A file of mappings says it, too.
+    (tmp_path / "map.yaml").write_text(
+        "q1: {joint: joint_1, quantity: link_position, unit: deg, offset: start, unwrapped: true}\n"
+    )
+    filed = read(tmp_path, "lab.csv", content, mapping=[str(tmp_path / "map.yaml")]).column("joint_1", "link_position")
+    np.testing.assert_array_equal(filed.values, column.values)
 
 
 OTHER = (

@@ -68,7 +68,8 @@ def _resting(drive: Drive, motor: int, position: float, wanted: float, positions
         held = min(max(wanted_load, -most), most)
         rest = wanted if held == wanted_load else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
     else:
-        rest = increasing_root(imbalance, wanted, abs(wanted_load) / gain if gain > 0.0 else 1.0)[0]
+        # The load only falls on the way; it may be infinite where that begins.
+        rest = increasing_root(imbalance, wanted, min(abs(wanted_load) / gain, 1.0) if gain > 0.0 else 1.0)[0]
     return min(max(rest, low), high)
 
 

@@ -90,7 +90,7 @@ def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
 
 def load_mapping(path: Path) -> tuple[ColumnMap, ...]:
     """A mapping file: `columns:` (or the top level) from column to `JOINT.QUANTITY [unit]` or to a table with the keys
-    joint, quantity, unit, scale, offset; `time:` a column's name; `window: [start, end]`.
+    joint, quantity, unit, scale, offset, unwrapped; `time:` a column's name; `window: [start, end]`.
 
     Raises RecordingError with all problems.
     """
