@@ -5,13 +5,12 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-from told import hear, listening
 
 # How long an example takes is the machine's affair: a busy one is no fault of the code.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -86,12 +85,6 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
 
 
-@pytest.fixture(autouse=True)
-def _told(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """What the test is told is what it was told when somebody last looked."""
-    yield from listening(request, monkeypatch)
-
-
 @dataclass(frozen=True)
 class Tiny:
     """A folder with a robot and a scenario."""
@@ -136,7 +129,6 @@ def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
         with pytest.raises(SystemExit) as end:
             main()
         captured = capsys.readouterr()
-        hear(captured.out + captured.err)
         return Outcome(int(end.value.code or 0), captured.out, captured.err)
 
     return call

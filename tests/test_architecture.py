@@ -11,7 +11,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from mutant_list import MUTANTS
 
 pytestmark = pytest.mark.once
 
@@ -173,10 +172,3 @@ def test_whatever_is_imported_in_functions_outside_the_package_is_there() -> Non
 def _gives(module: str, name: str) -> bool:
     found = import_module(module)
     return hasattr(found, name) or (hasattr(found, "__path__") and find_spec(f"{module}.{name}") is not None)
-
-
-@pytest.mark.once
-def test_the_wrong_changes_that_are_tried_stand_in_the_code() -> None:
-    """Each once: what is renamed must be renamed in `tests/mutant_list.py`, or nobody tries it any more."""
-    lost = [mutant.old for mutant in MUTANTS if (PACKAGE / mutant.file).read_text(encoding="utf-8").count(mutant.old) != 1]
-    assert not lost

@@ -261,7 +261,6 @@ def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes:
     assert "elbow" in summary["message"]
 
 
-@pytest.mark.restless
 def test_ctrl_c_ends_a_run_cleanly(tiny) -> None:
     process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
     wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 200_000, process)
@@ -348,7 +347,6 @@ def test_an_import_that_ctrl_c_ends_is_an_interruption(tiny, asrsim_command, mon
     assert done.err.strip() == "asrsim: aborted"
 
 
-@pytest.mark.restless
 def test_a_killed_run_leaves_a_readable_log_that_can_be_repeated(tiny, asrsim_command) -> None:
     process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
     # Beyond the first chunk with its index (576 kB): a kill in the midst of its writing would leave no sample.

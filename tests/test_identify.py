@@ -531,7 +531,6 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, strict=True).modes == modes
 
 
-@pytest.mark.restless
 def test_the_best_so_far_survives_the_wish_to_stop(lab):
     calls = 0
 

@@ -260,7 +260,6 @@ def test_the_default_gain_and_the_model_s_are_safe_by_themselves():
         assert result.trials[-1].worst < 1.3 * result.best_trial.worst
 
 
-@pytest.mark.restless
 def test_every_file_that_the_plant_depends_on_counts(tmp_path):
     """A resumed run is refused when a playback that another reference plays has changed."""
     recording = tmp_path / "torque.csv"
@@ -272,7 +271,6 @@ def test_every_file_that_the_plant_depends_on_counts(tmp_path):
     assert identity_of(plant(external_torques=torque)) != before
 
 
-@pytest.mark.restless
 def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
     """Another order of keys, and what may change between resumptions, leave it the plant that it was."""
     wave = {"amplitude": 0.01, "angular_frequency": 1.0}
@@ -282,7 +280,6 @@ def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
     assert identity_of(one) == identity_of(other)
 
 
-@pytest.mark.restless
 def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
     """The robot's text under the same path, any number of the scenario, the contents of files that are exchanged."""
     robot, files = tmp_path / "arm.urdf", [tmp_path / name for name in ("a.csv", "b.csv")]

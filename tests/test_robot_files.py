@@ -307,7 +307,6 @@ def test_xacro_recursion_and_unknown_macros(read: Callable[..., Robot]) -> None:
     assert fails(read, xacro("<xacro:nothing/>"), "r.xacro") == ["xacro-failed"]
 
 
-@pytest.mark.restless
 def test_xacro_is_stopped_in_time(tmp_path: Path) -> None:
     path = tmp_path / "r.xacro"
     path.write_text(xacro('<gazebo note="${9**9**9}"/>'))
