@@ -6,16 +6,13 @@ Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -
 
 from __future__ import annotations
 
-import ast
 import re
 import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
-from itertools import pairwise
 from pathlib import Path
 from pkgutil import iter_modules
 from tempfile import TemporaryDirectory
@@ -27,7 +24,6 @@ sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this
 from tables import markdown_table, measure_table, scenario_tables
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "asrsim"
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
 PICTURE = ROOT / "docs" / "images" / "step_2dof_soft.png"
 TUTORIAL = Path(__file__).parent / "tutorial.md"
@@ -53,7 +49,6 @@ def parts() -> dict[str, str]:
         "live_topics": live_topics(),
         "truth": truth(),
         "speed": speed(),
-        "numbers": numbers(),
     }
 
 
@@ -179,47 +174,6 @@ def speed() -> str:
         ("ratio", "measured", "goal"), [(what, got, goal) for got, goal, what in rows if " compiled / 0.1" in what]
     )
     return f"{table}\n\n{machine[0] if machine else ''}"
-
-
-def numbers() -> str:
-    """Every number that the code names, with its unit and what it decides, by package and file."""
-    sections: dict[str, list[tuple[str, ...]]] = {}
-    for path in sorted(PACKAGE.rglob("*.py")):
-        where = path.relative_to(PACKAGE)
-        rows = sections.setdefault(where.parts[0] if where.parent.name else "top level", [])
-        rows += [(f"`{where.name}`", f"`{name}`", f"`{value}`", what) for name, value, what in numbers_of(path)]
-    return "\n\n".join(
-        f"## {section}\n\n{markdown_table(('file', 'name', 'value', 'what'), rows)}"
-        for section, rows in sections.items()
-        if rows
-    )
-
-
-def numbers_of(path: Path) -> Iterator[tuple[str, str, str]]:
-    """Name, value and docstring of each constant of a module that is a number, or made of numbers."""
-    body = ast.parse(path.read_text(encoding="utf-8")).body
-    for line, after in pairwise([*body, ast.Pass()]):
-        if isinstance(line, ast.Assign) and _is_number(line.value):
-            told = after.value if isinstance(after, ast.Expr) else None
-            words = told.value if isinstance(told, ast.Constant) else ""
-            what = re.sub(r":\w+:`([^`]+)`", r"`\1`", " ".join(str(words).split()))
-            yield ast.unparse(line.targets[0]).strip("()"), ast.unparse(line.value), what
-
-
-def _is_number(value: ast.expr) -> bool:
-    match value:
-        case ast.Constant(value=bool()):
-            return False
-        case ast.Constant(value=int() | float()):
-            return True
-        case ast.UnaryOp(operand=inner):
-            return _is_number(inner)
-        case ast.BinOp(left=left, right=right):
-            return _is_number(left) and _is_number(right)
-        case ast.Tuple(elts=elements) | ast.List(elts=elements) | ast.Dict(values=elements):
-            return bool(elements) and all(map(_is_number, elements))
-        case _:
-            return False
 
 
 def renewed(text: str) -> str:

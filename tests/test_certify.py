@@ -16,7 +16,6 @@ from asrsim.simulation import certify as certify_module
 from asrsim.simulation.certify import certify
 from asrsim.simulation.run import simulate
 
-DATA = Path(__file__).parents[2] / "shared" / "data"
 ARM = Path(__file__).parents[1] / "examples/urdf/dof1_qbmove.urdf"
 CASES = {
     "sea_k200": 0.0, "sea_k400": 0.0, "awas_s0.005": 0.005, "awas_s0.04": 0.04,
@@ -25,16 +24,15 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not DATA.exists(), reason="the independent solutions are not here")
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("case", CASES)
-def test_the_estimate_bounds_the_true_error_within_a_factor_of_two(case: str, stepping: str) -> None:
-    file = DATA / "gazebo_urdf" / f"dof1_m3_step_{case}_ideal.urdf"
+def test_the_estimate_bounds_the_true_error_within_a_factor_of_two(case: str, stepping: str, shared: Path) -> None:
+    file = shared / "data/gazebo_urdf" / f"dof1_m3_step_{case}_ideal.urdf"
     robot = load_robot(file)
     references = {"joint": {"equilibrium_position": Constant(value=0.8), "stiffness_preset": Constant(value=CASES[case])}}
     scenario = Scenario(name=case, robot=file, duration=5.0, gravity=(0.0, 0.0, -9.8), references=references, stepping=stepping)
     run = simulate(scenario, robot)
-    truth = np.load(DATA / "ideal.npz")[case]
+    truth = np.load(shared / "data/ideal.npz")[case]
     error = run.samples.values["link_position"][:, 0] - truth[:, 1]
     reported = certify(scenario, run, robot).joints["joint"]
     assert 0.5 < reported.position_rms / np.sqrt(np.mean(error**2)) < 2.0

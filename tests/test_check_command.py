@@ -10,7 +10,6 @@ from typer.testing import CliRunner
 
 from asrsim.cli.app import app
 
-SHARED = Path(__file__).parents[2] / "shared"
 EXAMPLES = Path(__file__).parents[1] / "examples"
 GOOD = """<robot name="p"><link name="world"/>
 <joint name="elbow" type="revolute"><parent link="world"/><child link="l"/><axis xyz="0 1 0"/>
@@ -150,9 +149,8 @@ def test_list_of_actuators(runner: CliRunner) -> None:
     assert "Jafari" in shown
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared robots are not here")
-def test_alterego_fits_a_screen_because_alike_blocks_share_a_table(runner: CliRunner) -> None:
-    path = SHARED / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
+def test_alterego_fits_a_screen_because_alike_blocks_share_a_table(runner: CliRunner, shared: Path) -> None:
+    path = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
     result = runner.invoke(app, ["check", str(path)])
     assert result.exit_code == 0
     assert result.stdout.count("spring_a_1 ") == 3

@@ -62,15 +62,6 @@ def snippets(language: str) -> list[str]:
 
 
 @pytest.mark.once
-def test_every_number_says_what_it_decides():
-    nameless = [
-        f"{path.name}: {name}" for path in sorted((ROOT / "asrsim").rglob("*.py"))
-        for name, _, what in GENERATE.numbers_of(path) if not what
-    ]  # fmt: skip
-    assert not nameless
-
-
-@pytest.mark.once
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_generated_parts_are_current(page):
     """Renew them by: python docs/generate.py."""

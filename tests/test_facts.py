@@ -7,18 +7,12 @@ positions over 0.4 s of six runs of the paper's one-joint step in Gazebo 11 at 1
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from skips import unexpected
 
 from validation.models import SETTINGS, Body, chain, column, run
 from validation.released import distance
@@ -54,38 +48,3 @@ def test_gazebos_own_runs(case: str, kind: str) -> None:
         recorded = tables[f"gazebo_{case}{kind}"]
     assert np.abs(recorded).max() > 0.5
     assert np.abs(column(result, "link_position")[:400] - recorded).max() < BOUNDS[case]
-
-
-def test_ci_fails_where_a_test_is_skipped_that_should_not_be(tmp_path: Path) -> None:
-    assert unexpected(["Skipped: no Chromium here", "Skipped: the shared robots are not here"], shared=False) == []
-    assert unexpected(["Skipped: the shared robots are not here"], shared=True) == ["Skipped: the shared robots are not here"]
-    assert unexpected(["could not import 'numba'"], shared=False) == ["could not import 'numba'"]
-    assert unexpected(["PyBullet has no wheel here"], wheels=False, shared=True) == []
-    assert unexpected(["PyBullet has no wheel here"], wheels=True, shared=True) != []
-
-
-@pytest.mark.once
-def test_no_machine_fails_by_what_it_lacks() -> None:
-    """Each reason that the tests give is a good one somewhere; what every Linux has is asked for other systems only."""
-    given = re.compile(r'(?:pytest\.skip\(|skipif\([^\n]*reason=)f?"([^"]+)"')
-    reasons = {one for path in Path(__file__).parent.glob("*.py") for one in given.findall(path.read_text(encoding="utf-8"))}
-    everywhere = {"needs fork", "permissions", "the system has no real-time priority"}
-    assert len(reasons) > 10
-    assert set(unexpected(reasons, shared=False, wheels=False)) <= everywhere
-
-
-@pytest.mark.once
-@pytest.mark.parametrize(("reason", "code"), [("no Chromium here", 0), ("somebody was lazy", 1)])
-def test_the_whole_run_fails(tmp_path: Path, reason: str, code: int) -> None:
-    folder = Path(__file__).parent
-    for name in ("conftest.py", "skips.py"):
-        shutil.copy(folder / name, tmp_path)
-    (tmp_path / "test_one.py").write_text(
-        f"import pytest\n\ndef test_it():\n    pytest.skip({reason!r})\n\ndef test_other(): pass\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", str(tmp_path)], cwd=tmp_path, capture_output=True, text=True,
-        env=os.environ | {"ASRSIM_CI": "1"}, check=False,
-    )  # fmt: skip
-    assert done.returncode == code, done.stdout
-    assert ("skipped where nothing may be: Skipped: somebody was lazy" in done.stdout) == bool(code)

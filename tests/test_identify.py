@@ -710,11 +710,7 @@ def test_a_spring_that_softens_is_rejected_on_the_bench(tmp_path):
     assert result.find("joint_1.spring_stiffness").margin > 0.05
 
 
-EMPS = Path(__file__).parents[2] / "shared/recordings/emps_estimation.csv"
-
-
-@pytest.mark.skipif(not EMPS.exists(), reason="the recording is not here")
-def test_a_recorded_axis_gives_the_published_numbers(tmp_path):
+def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
     (tmp_path / "axis.urdf").write_text(
         '<robot name="axis"><link name="world"/><joint name="axis" type="prismatic"><parent link="world"/><child link="mass"/>'
         '<axis xyz="1 0 0"/><limit effort="1e5" velocity="100" lower="-10" upper="10"/><dynamics damping="150" friction="10"/>'
@@ -724,8 +720,9 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path):
         "</gazebo></robot>"
     )
     (tmp_path / "axis.yaml").write_text("robot: axis.urdf\nduration: 24\n")
+    recording = shared / "recordings/emps_estimation.csv"
     result = identify(
-        tmp_path / "axis.yaml", [EMPS], free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
+        tmp_path / "axis.yaml", [recording], free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
         mapping=["force_N=axis.reference_1", "reference_m=ignore", "voltage_V=ignore"],
     )  # fmt: skip
     for one, published in zip(result.estimates, (95.1089, 203.5034, 20.3935, -3.1648), strict=True):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.start_file import SCHEMA_FILE, write_starter
 from asrsim.summary.table import joint_columns
-
-SHARED = Path(__file__).parents[2] / "shared" / "robots"
 
 URDF = """<robot name="{name}">
   <link name="world"/>
@@ -217,7 +214,6 @@ def test_xacro_arguments_are_kept(tmp_path):
     assert scenario.package_paths["d"].resolve() == tmp_path / "meshes"
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="the real robots are not here")
 @pytest.mark.parametrize(
     "name",
     [
@@ -226,9 +222,10 @@ def test_xacro_arguments_are_kept(tmp_path):
         "alterego/alterego_v3_fixedbase-true_fixedhands-true",
     ],
 )
-def test_starters_of_real_robots_fit(tmp_path, name):
-    write_starter(SHARED / f"{name}.urdf", tmp_path / "s.yaml")
-    robot = load_robot(SHARED / f"{name}.urdf")
+def test_starters_of_real_robots_fit(tmp_path, shared, name):
+    file = shared / "robots" / f"{name}.urdf"
+    write_starter(file, tmp_path / "s.yaml")
+    robot = load_robot(file)
     for scenario in load_scenario(tmp_path / "s.yaml"):
         assert check_against_robot(scenario, robot) == ([], [])
         assert set(scenario.references) == {block.joint for block in robot.actuators}

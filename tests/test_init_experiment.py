@@ -27,7 +27,6 @@ from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_
 
 pytestmark = pytest.mark.once
 
-SHARED = Path(__file__).parents[2] / "shared" / "recordings"
 EXAMPLES = Path(__file__).parents[1] / "examples" / "urdf"
 TIME = np.arange(0, 0.8, 0.01)
 STEP = np.where(TIME >= 0.2, 0.3, 0.05)
@@ -367,14 +366,15 @@ def test_run_and_plot_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.
     assert claims[0]["measured"] == metrics["link_position", "rmse"]
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared recordings are not here")
 @pytest.mark.slow
-class TestShared:
+class TestRealRecordings:
     """The three real recordings, as they are."""
 
-    def test_an_arm_with_two_elastic_joints(self, tmp_path: Path) -> None:
+    def test_an_arm_with_two_elastic_joints(self, tmp_path: Path, shared: Path) -> None:
         mapping = [f"tip_deflection{i}_rad=-joint_{i}.deflection" for i in (1, 2)]
-        made, scenario = make(tmp_path, SHARED / "quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping)
+        made, scenario = make(
+            tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping
+        )
         limits = {(claim.joint, claim.quantity): claim.value for claim in scenario.expect}
         assert limits["joint_1", "motor_1_position"] < 0.04
         assert limits["joint_2", "motor_1_position"] < 0.015
@@ -382,17 +382,17 @@ class TestShared:
         assert limits["joint_2", "deflection"] < 0.004
         assert made.remarks == ()
 
-    def test_turned_deflections_are_suspected(self, tmp_path: Path) -> None:
-        make(tmp_path, SHARED / "quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints")
+    def test_turned_deflections_are_suspected(self, tmp_path: Path, shared: Path) -> None:
+        make(tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints")
         text = (tmp_path / "s.yaml").read_text()
         assert text.count("# - {joint") == 2  # the deflections, the other way round
 
-    def test_series_elastic_module(self, tmp_path: Path) -> None:
-        _, scenario = make(tmp_path, SHARED / "hebi_sine_1hz.csv", mode=6)
+    def test_series_elastic_module(self, tmp_path: Path, shared: Path) -> None:
+        _, scenario = make(tmp_path, shared / "recordings/hebi_sine_1hz.csv", mode=6)
         assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
 
     @pytest.mark.parametrize("mapping", [(), ("force_N=axis.reference_1", "reference_m=ignore")])
-    def test_prismatic_axis(self, tmp_path: Path, mapping: tuple[str, ...]) -> None:
+    def test_prismatic_axis(self, tmp_path: Path, shared: Path, mapping: tuple[str, ...]) -> None:
         (tmp_path / "axis.urdf").write_text(
             "<robot name='axis'><link name='world'/><link name='carriage'><inertial><mass value='95'/>"
             "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
@@ -403,7 +403,7 @@ class TestShared:
             "<ctrl_P>160000</ctrl_P><ctrl_D>7000</ctrl_D></plugin></gazebo></robot>"
         )
         made = write_from_recording(
-            tmp_path / "axis.urdf", SHARED / "emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
+            tmp_path / "axis.urdf", shared / "recordings/emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
         )
         (scenario,) = load_scenario(tmp_path / "s.yaml")
         assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}

@@ -19,7 +19,6 @@ from asrsim.summary.claims import check_claims, claim_results
 
 pytestmark = pytest.mark.once
 
-SHARED = Path(__file__).parents[2] / "shared"
 
 TIME = 0.001 * np.arange(5001)
 
@@ -388,10 +387,9 @@ def test_claims_whose_recording_cannot_serve_are_errors_before_the_run(
     assert error.value.problems[0].line == 4
 
 
-@pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason="the shared recordings are not here")
-def test_quanser_hub_beside_its_own_reference_as_a_simulation() -> None:
+def test_quanser_hub_beside_its_own_reference_as_a_simulation(shared: Path) -> None:
     """The reference as a perfect model: the hub lags it and sticks a little beside it."""
-    recording = read_recording(SHARED / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
+    recording = read_recording(shared / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
     hubs = np.column_stack([recording.column(joint, "reference_1").values for joint in recording.joints])
     samples = Samples(time=recording.time, joints=("shoulder", "elbow"), values={"motor_1_position": hubs, "reference_1": hubs})
     result = compare(samples, recording)

@@ -14,7 +14,6 @@ from asrsim.recordings.units import split_header
 
 pytestmark = pytest.mark.once
 
-SHARED = Path(__file__).parents[2] / "shared"
 
 N = 50
 TIME = np.arange(N) * 0.01
@@ -400,12 +399,11 @@ def test_a_hundred_megabytes_are_read_in_seconds(tmp_path: Path) -> None:
     assert time.perf_counter() - start < 20
 
 
-@pytest.mark.skipif(not (SHARED / "recordings").is_dir(), reason="the shared recordings are not here")
 class TestRealRecordings:
     """Files of real machines, read as they are."""
 
-    def test_quanser(self) -> None:
-        recording = read_recording(SHARED / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
+    def test_quanser(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
         assert recording.joints == ("joint_1", "joint_2")
         assert len(recording.time) == 10_000
         assert np.median(np.diff(recording.time)) == pytest.approx(0.002)
@@ -413,8 +411,8 @@ class TestRealRecordings:
         assert recording.column("joint_2", "reference_1").source == "hub2_ref_rad"
         assert recording.channels["current1_A"].quantity is None
 
-    def test_hebi(self) -> None:
-        recording = read_recording(SHARED / "recordings" / "hebi_sine_1hz.csv")
+    def test_hebi(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "hebi_sine_1hz.csv")
         assert "jitter" in codes(recording.findings)
         assert set(recording.quantities("joint_1")) >= {"link_position", "reference_1", "deflection", "link_torque"}
         # The firmware computes the effort from the deflection, so that a fit of stiffness to it finds the firmware's 40.
@@ -422,8 +420,8 @@ class TestRealRecordings:
         deflection = recording.column("joint_1", "deflection").values
         assert np.max(np.abs(torque + 40.0 * deflection)) < 1e-6
 
-    def test_emps(self) -> None:
-        recording = read_recording(SHARED / "recordings" / "emps_estimation.csv")
+    def test_emps(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "emps_estimation.csv")
         column = recording.column("joint_1", "link_position")
         assert column.unit == "m"
         assert recording.column("joint_1", "link_torque").unit == "N"

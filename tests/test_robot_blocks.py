@@ -14,7 +14,6 @@ from asrsim.robot import Robot, load_robot
 from asrsim.robot.numbers import read_number
 from asrsim.robot.tags import parameter_tags
 
-SHARED = Path(__file__).parents[2] / "shared"
 REQUIRED = "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>"
 LINK = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
@@ -224,7 +223,6 @@ def test_effort_limits_that_matter_to_an_actuator(tmp_path: Path) -> None:
     assert codes(load_robot(path)) == {"zero-effort-limit"}
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared robots are not here")
 @pytest.mark.parametrize(
     ("name", "actuators", "kind"),
     [
@@ -237,14 +235,13 @@ def test_effort_limits_that_matter_to_an_actuator(tmp_path: Path) -> None:
         ("alterego/alterego_v3_fixedbase-true_fixedhands-true", 14, "qbmove"),
     ],
 )
-def test_real_robots_load_unmodified(name: str, actuators: int, kind: str) -> None:
-    robot = load_robot(SHARED / "robots" / f"{name}.urdf")
+def test_real_robots_load_unmodified(name: str, actuators: int, kind: str, shared: Path) -> None:
+    robot = load_robot(shared / "robots" / f"{name}.urdf")
     assert [entry.actuator for entry in robot.actuators] == [kind] * actuators
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared robots are not here")
-def test_alterego_values() -> None:
-    robot = load_robot(SHARED / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf")
+def test_alterego_values(shared: Path) -> None:
+    robot = load_robot(shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf")
     shoulder = next(entry for entry in robot.actuators if entry.joint == "base_link_to_left_shoulder_flange")
     assert (shoulder.mode, shoulder.namespace, shoulder.sample_time) == (1, "robot_alterego_sim/left", 0.01)
     assert shoulder.values()["controller_1_proportional"] == 500.0

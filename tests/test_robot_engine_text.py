@@ -23,8 +23,7 @@ from asrsim.robot.model import Link
 from asrsim.robot.numbers import plain_number, read_number
 from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
 
-SHARED = Path(__file__).parents[2] / "shared"
-ALTEREGO = sorted((SHARED / "robots/alterego").glob("*.urdf"))
+ALTEREGO = [f"robots/alterego/alterego_{version}_fixedbase-true_fixedhands-true.urdf" for version in ("v2", "v3")]
 angle = st.floats(-7.0, 7.0)
 
 
@@ -260,10 +259,9 @@ def test_many_merged_robots_are_the_same_bodies(seed: int, tmp_path: Path) -> No
     assert merged_error(path, seed) < 1e-13
 
 
-@pytest.mark.skipif(not ALTEREGO, reason="the shared robots are not here")
-@pytest.mark.parametrize("path", ALTEREGO, ids=lambda path: path.stem[:11])
-def test_a_merged_alterego_is_the_same_bodies(path: Path) -> None:
-    assert merged_error(path, 0) < 1e-13
+@pytest.mark.parametrize("file", ALTEREGO)
+def test_a_merged_alterego_is_the_same_bodies(file: str, shared: Path) -> None:
+    assert merged_error(shared / file, 0) < 1e-13
 
 
 def merged_error(path: Path, seed: int) -> float:

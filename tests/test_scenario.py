@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import struct
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -327,10 +326,8 @@ def test_manager_of_the_toolbox(load, tmp_path):
     assert "twice" in str(faults(load, BASE + "manager: m.yaml\n")[0])
 
 
-def test_real_manager_files_of_the_toolbox(load):
-    folder = Path(__file__).parents[2] / "shared" / "robots" / "toolbox"
-    if not folder.exists():
-        pytest.skip("the toolbox's files are not here")
+def test_real_manager_files_of_the_toolbox(load, shared):
+    folder = shared / "robots" / "toolbox"
     for name, joint in (("advanced_config.yaml", "joint1"), ("compliant_config.yaml", "joint")):
         (scenario,) = load(BASE + f"manager: {folder / name}\n")
         assert (scenario.joint_order, scenario.namespace) == ((joint,), "template_robot")

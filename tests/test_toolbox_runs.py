@@ -99,15 +99,12 @@ def test_a_spring_of_gazebos_holds_a_passive_joint(tmp_path: Path, engine: str, 
     assert 200.0 * (-0.26 - q) == pytest.approx(0.3 * 9.81 * 0.1 * np.sin(q), abs=1e-4)
 
 
-ALTEREGO = Path(__file__).parents[2] / "shared" / "robots" / "alterego" / "alterego_v3_fixedbase-true_fixedhands-true.urdf"
-
-
 @pytest.mark.slow
-@pytest.mark.skipif(not ALTEREGO.exists(), reason="needs the AlterEgo robot")
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_the_kick_stands_of_alterego_swing_about_where_gazebo_has_them(stepping: str) -> None:
+def test_the_kick_stands_of_alterego_swing_about_where_gazebo_has_them(stepping: str, shared: Path) -> None:
     """At -0.25 rad, where Gazebo's solver, which damps them, lets them rest; in the URDF they have no damping."""
-    result = simulate(asrsim.make_scenario(ALTEREGO, duration=1.0, stepping=stepping))
+    robot = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
+    result = simulate(asrsim.make_scenario(robot, duration=1.0, stepping=stepping))
     assert result.samples is not None
     stands = [j for j, name in enumerate(result.samples.joints) if re.fullmatch(r"base_link_to_\w+_kick_stand", name)]
     assert len(stands) == 2
