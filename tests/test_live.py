@@ -6,6 +6,7 @@ import math
 import os
 import random
 import struct
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -355,6 +356,19 @@ def test_ticks_catch_up_and_slip():
     assert pace.slips == 1
     pace.wait(0.01)
     assert now[0] == pytest.approx(1.205)
+
+
+def test_a_run_stops_within_a_second_however_long_a_tick_lasts(tmp_path):
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, "step": 0.01})
+    session = Session(one, tmp_path / "run", Settings(speed=0.001))
+    asked = []
+
+    def stop():
+        asked.append(time.monotonic())
+        return len(asked) == 3
+
+    assert session.run(stop=stop).ok
+    assert asked[-1] - asked[0] < 1.0
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import os
 import shutil
 import signal
+import socket
 import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("foxglove")
 
-from asrsim.live.foxglove import read
+from asrsim.errors import InputError
+from asrsim.live.foxglove import FoxgloveTransport, read
+from asrsim.live.origin import origin_of
+from asrsim.live.transport import Access, Interface, Parameter
 from asrsim.runs.repeat import repeat
 
 ROOT = Path(__file__).parents[1]
@@ -52,6 +59,85 @@ def test_bytes_that_cannot_be_read_say_so(message, encoding, data):
     received = read(1, message, encoding, data)
     assert received.fault
     assert not received.values
+
+
+def connected(transport, *headers):
+    """A client's socket after its request, and the first line of the answer."""
+    client = socket.create_connection(("127.0.0.1", transport.port), timeout=10)
+    key = base64.b64encode(os.urandom(16)).decode()
+    lines = [
+        "GET / HTTP/1.1", f"Host: 127.0.0.1:{transport.port}", "Upgrade: websocket", "Connection: Upgrade",
+        f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: foxglove.sdk.v1", *headers,
+    ]  # fmt: skip
+    client.sendall("\r\n".join([*lines, "", ""]).encode())
+    answer = b""
+    while b"\r\n" not in answer and (part := client.recv(64)):
+        answer += part
+    return client, answer.split(b"\r\n")[0].decode()
+
+
+@pytest.fixture
+def transport():
+    interface = Interface(
+        "/asrsim", outlets=(), inlets=(), latched={}, parameters={"speed": Parameter("", lambda: 1.0, lambda speed: "")}
+    )
+    transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))
+    yield transport
+    transport.close()
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [None, "http://localhost", "http://localhost:8080", "https://127.0.0.1:3000", "http://[::1]:1", "file://", "app://lichtblick",
+     "https://lab.example"],
+)  # fmt: skip
+def test_native_clients_and_pages_of_this_machine_or_of_named_origins_connect(transport, origin):
+    client, answer = connected(transport, *([] if origin is None else [f"Origin: {origin}"]))
+    client.close()
+    assert answer == "HTTP/1.1 101 Switching Protocols"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["https://evil.example", "null", "", "http://localhost.evil.example", "http://localhost@evil.example", "http://127.0.0.1.nip.io",
+     "http://lab.example", "https://lab.example:444", "chrome-extension://abc"],
+)  # fmt: skip
+def test_web_pages_of_other_origins_are_refused_by_name(transport, origin):
+    client, answer = connected(transport, f"oRIGIN:{origin}")
+    client.close()
+    assert answer == "HTTP/1.1 403 Forbidden"
+    assert transport.notices == [f"a web page of {origin} was refused; to allow its commands: --allow-origin {origin}"]
+
+
+def test_one_foreign_origin_among_several_is_refused(transport):
+    client, answer = connected(transport, "Origin: http://localhost", "Origin: https://evil.example")
+    client.close()
+    assert answer == "HTTP/1.1 403 Forbidden"
+
+
+def test_the_server_behind_the_check_has_another_address_than_other_servers_of_this_machine(transport):
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", transport._server.port), timeout=10)
+
+
+@pytest.mark.parametrize("text", ["lab.example", "https://lab.example/page", "*", "https://"])
+def test_an_origin_is_a_scheme_and_a_host(text):
+    with pytest.raises(InputError, match="is no origin"):
+        origin_of(text)
+
+
+def test_closing_does_not_wait_for_clients_whose_requests_wait(transport):
+    client, _ = connected(transport)
+    text = b'{"op": "setParameters", "parameters": [{"name": "speed", "value": 2}], "id": "1"}'
+    client.sendall((b"\x81" + bytes([0x80 | len(text)]) + bytes(4) + text) * 100)
+    until = time.monotonic() + 10
+    while not transport._errands and time.monotonic() < until:
+        time.sleep(0.01)
+    assert transport._errands
+    began = time.monotonic()
+    transport.close()
+    assert time.monotonic() - began < 1.0
+    client.close()
 
 
 @pytest.mark.slow

@@ -30,6 +30,10 @@ def live(
     domain: Annotated[int | None, typer.Option(help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")] = None,
     port: Annotated[int, typer.Option(help="Of the WebSocket; 0: any that is free.")] = 8765,
     network: Annotated[bool, typer.Option("--network", help="Other machines may listen and command, too.")] = False,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
+    ] = None,
     paused: Annotated[bool, typer.Option("--paused", help="Begin paused; the service 'pause' lets it go.")] = False,
     overrides: Overrides = None,
     out: Annotated[
@@ -56,6 +60,7 @@ def live(
         from asrsim.cli.interrupt import Interruption
         from asrsim.cli.live_status import StatusLine, print_live
         from asrsim.extras import install
+        from asrsim.live.origin import origin_of
         from asrsim.live.session import Session, Settings
         from asrsim.live.transport import TRANSPORTS, Access, available
         from asrsim.runs.execute import with_plugins
@@ -71,7 +76,7 @@ def live(
         missing = not names and on is None
         settings = Settings(
             speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
-            access=Access(network=network, port=port, domain=domain),
+            access=Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ()))),
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             if missing:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import secrets
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, InvalidStateError
+from concurrent.futures import CancelledError, Future
 from concurrent.futures import TimeoutError as Late
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import InputError
+from asrsim.live.origin import OriginCheck
 from asrsim.live.transport import Access, Interface, Received
 from asrsim.log.messages import schema_name, schema_text
 
@@ -38,7 +41,8 @@ class FoxgloveTransport:
         self._interface = interface
         self._context = Context()
         self._messages: deque[tuple[str, str, bytes]] = deque()
-        self._errands: deque[Callable[[], None]] = deque()
+        self._errands: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._closed = False
         self.lost = 0
         self.notices: list[str] = []
 
@@ -53,16 +57,25 @@ class FoxgloveTransport:
         listener: Any = _Listener(self)
         host = "0.0.0.0" if access.network else "127.0.0.1"
         try:
-            self._server = foxglove.start_server(
-                name=f"asrsim {__version__}", host=host, port=access.port, context=self._context,
-                capabilities=[Capability.ClientPublish, Capability.Parameters, Capability.Services, Capability.Time],
-                supported_encodings=["cdr", "json"], services=[self._service(name) for name in interface.services],
-                server_listener=listener,
-            )  # fmt: skip
-        except Exception as error:  # of foxglove's own kinds
-            message = f"a WebSocket on {host}:{access.port} cannot be opened: {error}"
+            self._check = OriginCheck((host, access.port), access.origins, self.notices)
+        except OSError as error:
+            message = f"a WebSocket on {host}:{access.port} cannot be opened: {error.strerror or error}"
             raise InputError(message, hint="Choose another --port, or 0 for any", code="websocket") from error
-        self.port: int = self._server.port
+        options: dict[str, Any] = {
+            "name": f"asrsim {__version__}", "port": 0, "context": self._context,
+            "capabilities": [Capability.ClientPublish, Capability.Parameters, Capability.Services, Capability.Time],
+            "supported_encodings": ["cdr", "json"], "services": [self._service(name) for name in interface.services],
+            "server_listener": listener,
+        }  # fmt: skip
+        # The server itself stands where no web page finds it: at an address of this machine that is drawn at random.
+        behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
+        try:
+            self._server = foxglove.start_server(host=behind, **options)
+        except Exception:  # of foxglove's own kinds; some systems have no address but this
+            behind = "127.0.0.1"
+            self._server = foxglove.start_server(host=behind, **options)
+        self._check.start((behind, self._server.port))
+        self.port: int = self._check.port
         self.where = f"ws://{host}:{self.port}"
 
     def _service(self, name: str) -> Any:
@@ -94,17 +107,12 @@ class FoxgloveTransport:
     def ask(self, errand: Callable[[], Any], otherwise: Any) -> Any:
         """What `errand` gives in the simulation's thread; `otherwise` if nobody does it in time."""
         answer: Future[Any] = Future()
-
-        def run() -> None:
-            if answer.set_running_or_notify_cancel():
-                answer.set_result(errand())
-
-        self._errands.append(run)
-        try:
-            return answer.result(timeout=PATIENCE)
-        except (Late, InvalidStateError):
-            answer.cancel()
-            return otherwise
+        self._errands.append((errand, answer))
+        if not self._closed:
+            with suppress(Late, CancelledError):
+                return answer.result(timeout=PATIENCE)
+        answer.cancel()
+        return otherwise
 
     def take(self, topic: str, encoding: str, data: bytes) -> None:
         """A client's message."""
@@ -116,7 +124,7 @@ class FoxgloveTransport:
     def again(self, topic: str) -> None:
         """Somebody new listens to a topic that is said once."""
         if topic in self._latched:
-            self._errands.append(lambda: self._latched[topic].log(self._interface.latched[topic]))
+            self._errands.append((lambda: self._latched[topic].log(self._interface.latched[topic]), Future()))
 
     def parameters(self, names: Sequence[str]) -> list[Any]:
         """Those of these names, or all."""
@@ -144,8 +152,10 @@ class FoxgloveTransport:
 
     def poll(self) -> Iterator[Received]:
         """See :class:`asrsim.live.transport.Transport`."""
-        while self._errands:
-            self._errands.popleft()()
+        for _ in range(min(MOST, len(self._errands))):
+            errand, answer = self._errands.popleft()
+            if answer.set_running_or_notify_cancel():
+                answer.set_result(errand())
         for _ in range(min(MOST, len(self._messages))):
             topic, encoding, data = self._messages.popleft()
             if topic in self._inlets:
@@ -154,6 +164,11 @@ class FoxgloveTransport:
 
     def close(self) -> None:
         """See :class:`asrsim.live.transport.Transport`."""
+        # Requests that wait are given up first, since the server answers all of them before it stops.
+        self._closed = True
+        while self._errands:
+            self._errands.popleft()[1].cancel()
+        self._check.close()
         self._server.stop()
 
 

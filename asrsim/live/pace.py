@@ -8,6 +8,8 @@ from collections.abc import Callable
 
 SLIP = 0.25
 """s behind at which a run gives up catching up and goes on from now."""
+NAP = 0.1
+"""s after which a long wait is interrupted, so that commands are heard and a run can be stopped."""
 _PER_DECADE = 40
 """Classes of lateness for each factor of ten."""
 _LEAST = 1e-6
@@ -62,17 +64,22 @@ class Pace:
         """Time counts from now: at the beginning, after a pause."""
         self._due = self._awake = self._now()
 
-    def wait(self, simulated: float) -> float:
-        """Sleep until `simulated` s after the tick before this one are due; returns by how many s it is late."""
+    def wait(self, simulated: float) -> float | None:
+        """Sleep until `simulated` s after the tick before this one are due; returns by how many s it is late.
+
+        None: it is not due yet after a nap of 0.1 s; ask again."""
         now = self._now()
         self.busy += now - self._awake
         if math.isinf(self.speed):
             self._awake = now
             return 0.0
-        self._due += simulated / self.speed
-        if now < self._due:
-            self._sleep(self._due - now)
+        due = self._due + simulated / self.speed
+        if now < due:
+            self._sleep(min(due - now, NAP))
         self._awake = self._now()
+        if due - now > NAP:
+            return None
+        self._due = due
         late = self._awake - self._due
         self.lateness.add(late)
         if late > SLIP:

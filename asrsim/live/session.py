@@ -157,12 +157,12 @@ class Session:
                 self._advance(0)
                 while not self._end:
                     self._turn()
+                    self._end = self._end or stop()
                     now = clock.perf_counter()
                     if now - looked > 0.25:
                         looked = now
                         self._notices()
                         status()
-                        self._end = self._end or stop()
             except DivergenceError as caught:
                 error = caught
             self._priority.give_up()
@@ -193,6 +193,8 @@ class Session:
             if self.pace.slips and self._priority.give_up():
                 self._tell("this machine is too slow for ticks at real-time priority: others come first again")
             self._listen()
+            if late is None:
+                return
             waiting = self.episode.jobs
             in_time = min(len(waiting), 1) if late < 0.5 * TICK else 0
             self._advance(steps)

@@ -87,6 +87,8 @@ class Access:
     """Also other machines; else this one only."""
     port: int = 8765
     """Of a WebSocket; 0: any that is free."""
+    origins: tuple[str, ...] = ()
+    """Of web pages that may use a WebSocket, beside those of this machine."""
     domain: int | None = None
     """ROS domain; None: ROS_DOMAIN_ID, else 0."""
 
