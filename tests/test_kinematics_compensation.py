@@ -8,8 +8,8 @@ from robots import drive_with, write_plain_arm
 
 from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
-from asrsim.kinematics import equilibrium_for_load
-from asrsim.kinematics.compensation import LoadError
+from asrsim.kinematics import compensation, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.robot import drive_of, load_robot
 from asrsim.robot.mounting import with_actuators
 
@@ -55,6 +55,42 @@ def test_too_large_a_load_names_what_can_be_held():
 def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
     drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,))
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_equilibria_over_a_motion_are_those_of_its_instants(name):
+    actuator, spring, preset, loads = CASES[name]
+    motors = {"proportional": (90.0, 60.0), "integral": (0.0, 0.0), "max_torque": (500.0, 500.0)}
+    drive = drive_with(actuator, mode=6, spring=spring, **{key: value[: actuator.motors] for key, value in motors.items()})
+    time = np.linspace(0.0, 1.0, 40)
+    position, load = 0.8 * np.sin(5.0 * time), min(loads) + (max(loads) - min(loads)) * time
+    for droop in (False, True):
+        found = equilibria_for_loads(drive, time, position, load, np.full(40, preset), droop=droop)
+        alone = [equilibrium_for_load(drive, *row, preset, droop=droop) for row in zip(position, load, strict=True)]
+        assert found == pytest.approx(np.array(alone), abs=1e-11)
+
+
+def test_a_motion_asks_the_law_of_springs_as_often_as_ten_instants(monkeypatch):
+    """All instants are solved at once: a task of some seconds has thousands."""
+    law, calls = compensation.over_arrays(QbMove.elastic_torques), []
+    monkeypatch.setattr(compensation, "over_arrays", lambda _: lambda *given: calls.append(1) or law(*given))
+    monkeypatch.setattr(compensation, "equilibrium_for_load", None)
+    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8), proportional=(90.0, 90.0), integral=(0.0, 0.0))
+    counts = []
+    for instants in (10, 4000):
+        calls.clear()
+        time = np.linspace(0.0, 1.0, instants)
+        load = np.sin(5.0 * time)
+        equilibria_for_loads(drive, time, 0.5 * np.cos(5.0 * time), load, np.full(instants, 0.3), droop=True)
+        counts.append(len(calls))
+    assert counts[1] < 2 * counts[0]
+
+
+def test_a_motion_beyond_a_spring_names_the_time():
+    drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
+    time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
+    with pytest.raises(LoadError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
+        equilibria_for_loads(drive, time, nothing, 10.0 * time, nothing, droop=False)
 
 
 def test_motors_at_rest_balance_their_springs():

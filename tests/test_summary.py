@@ -64,6 +64,39 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isfinite(measures.steady_state_error)
 
 
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+
+
+@pytest.mark.parametrize("droop", [False, True])
+def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_reference(droop: bool) -> None:
+    """The planned references are off the path by the springs' and motors' sag; the arm itself ends on the path."""
+    poses = [{"time": 0.0, "position": [0.3, -0.1, 0.1565]}, {"time": 1.0, "position": [0.3, -0.08, 0.1565]}]
+    task = {"link": "link_5", "point": [0.094, 0.0, 0.0], "poses": poses, "preset": 0.4}
+    task |= {"gravity_compensation": True, "motor_droop": droop}
+    scenario = asrsim.make_scenario(
+        EXAMPLES / "urdf" / "dof5_arm.urdf", duration=2.0, task=task, initial={"joint_1": -1.0698, "joint_4": 1.2803}
+    )
+    result = asrsim.run(scenario)
+    joint = result.summary.joint("joint_2").measures
+    sag = abs(float(result.samples.joint("joint_2")["reference_1"][-1]))
+    assert abs(joint.steady_state_error) == pytest.approx(abs(joint.steady_state), abs=1e-4)
+    assert abs(joint.steady_state_error) < 0.5 * sag
+    if droop:
+        assert abs(joint.steady_state_error) < 0.01
+
+
+def test_a_constant_reference_is_no_step_where_the_run_begins_in_equilibrium(tiny) -> None:
+    """The link hangs below its reference from the start and a push shakes it: there is no step to overshoot."""
+    start = ["initial=equilibrium", "references={elbow: {equilibrium_position: 0.5}}", "duration=3"]
+    push = "external_torques={elbow: {pulse_train: {high: 0.05, start: 0.1, period: 10, width: 0.1}}}"
+    measures = asrsim.run(tiny.scenario, overrides=[*start, push]).summary.joint("elbow").measures
+    assert math.isnan(measures.overshoot)
+    assert math.isnan(measures.settling)
+    step = "references={elbow: {equilibrium_position: {step: {at: 0.2, to: 0.4}}}}"
+    stepped = asrsim.run(tiny.scenario, overrides=[start[0], step])
+    assert stepped.summary.joint("elbow").measures.overshoot > 0.0
+
+
 def test_limits_are_counted_in_substeps(tiny) -> None:
     tiny.robot.write_text(tiny.robot.read_text().replace('effort="50" velocity="100"', 'effort="2" velocity="1"'))
     result = asrsim.run(tiny.scenario, overrides=["substeps=1"])

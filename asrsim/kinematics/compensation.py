@@ -8,16 +8,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import increasing_root, resting_motors
+from asrsim.actuators.vectorised import over_arrays, references_over_arrays
 from asrsim.errors import InputError, Problem
+from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
 
 SEARCH = 16.0
 """rad (or m) from the link's position within which an equilibrium is looked for: some turns of a motor."""
+NEWTON_STEPS = 40
+"""At most; five are usual."""
+CONVERGED = 1e-11
+"""rad, largest change in the last step of Newton's method."""
+LARGEST_CHANGE = 0.2
+"""rad in one step of Newton's method: springs' torques may grow exponentially."""
+NUDGE = 1e-6
+"""rad, for slopes by central differences."""
+NUDGES = np.array([[[NUDGE], [0.0]], [[0.0], [NUDGE]]])
+"""Of one motor and of the other."""
 
 
 class LoadError(InputError):
@@ -78,14 +91,65 @@ def equilibrium_for_load(
 
 
 def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Array, presets: Array, *, droop: bool) -> Array:
-    """(n,) :func:`equilibrium_for_load` over a motion, all arrays (n,). Raises LoadError, which names the time in s."""
-    found = np.empty(len(time))
-    guess: float | None = None
-    rows = zip(time.tolist(), positions.tolist(), loads.tolist(), presets.tolist(), strict=True)
-    for row, (moment, position, load, preset) in enumerate(rows):
+    """(n,) :func:`equilibrium_for_load` over a motion, all arrays (n,). Raises LoadError, which names the time in s.
+
+    All instants are solved together. An instant that does not converge, or that overloads a motor, is solved alone.
+    """
+    found, torques = _newton(drive, positions, loads, presets, droop=droop)
+    limits = np.array([*drive.max_torque, math.inf, math.inf][:2])[:, None]
+    overloaded: Any = (np.abs(torques) > limits).any(axis=0)
+    for row in np.flatnonzero(np.isnan(found) | overloaded).tolist():
+        position, load, preset = (float(values[row]) for values in (positions, loads, presets))
+        guess = float(found[row - 1]) if row else None
         try:
-            found[row] = guess = equilibrium_for_load(drive, position, load, preset, droop=droop, guess=guess)
+            found[row] = equilibrium_for_load(drive, position, load, preset, droop=droop, guess=guess)
         except LoadError as error:
             problem = error.problems[0]
-            raise LoadError(replace(problem, message=f"at {moment:.4g} s: {problem.message}"), error.largest) from error
+            raise LoadError(replace(problem, message=f"at {time[row]:.4g} s: {problem.message}"), error.largest) from error
     return found
+
+
+def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool) -> tuple[Array, Array]:
+    """Equilibria (n,) in rad, NaN where Newton's method does not converge, and the springs' torques (2, n) in N m.
+
+    The unknowns are the equilibrium e and both motors' positions theta, the equations
+
+        tau_1(q, theta) + tau_2(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
+
+    It starts from motors without droop.
+    """
+    law, references = over_arrays(drive.actuator.elastic_torques), references_over_arrays(drive.actuator)
+    yielding = drive.proportional if droop and drive.mode.motor and drive.mode.controller else ()
+    gains = [0.0 if integral > 0.0 or not p else 1.0 / p for p, integral in zip(yielding, drive.integral, strict=False)]
+    compliance = np.array([*gains, 0.0, 0.0][:2])[:, None]
+
+    def torques(motors: Array) -> Array:
+        values = np.asarray(law(positions, motors[0], motors[1], drive.elastic))
+        return np.concatenate([values, np.zeros((2 - len(values), len(positions)))])
+
+    def goals(equilibrium: Array) -> Array:
+        return np.stack(references(equilibrium, presets))
+
+    def surplus(equilibrium: Array) -> Array:
+        return np.asarray(torques(goals(equilibrium)).sum(axis=0) - loads)
+
+    with np.errstate(all="ignore"):
+        equilibrium = increasing_roots(surplus, positions - SEARCH, positions + SEARCH)
+        motors = goals(equilibrium)
+        converged = np.zeros(len(positions), dtype=bool)
+        for _ in range(NEWTON_STEPS):
+            tau, wanted = torques(motors), goals(equilibrium)
+            missing = np.concatenate([(loads - tau.sum(axis=0))[None], wanted - motors - compliance * tau])
+            slopes = np.stack([(torques(motors + off) - torques(motors - off)) / (2.0 * NUDGE) for off in NUDGES], axis=1)
+            matrix = np.zeros((len(positions), 3, 3))
+            matrix[:, 0, 1:] = slopes.sum(axis=0).T
+            matrix[:, 1:, 1:] = np.eye(2) + (compliance[:, None] * slopes).transpose(2, 0, 1)
+            matrix[:, 1:, 0] = ((goals(equilibrium - NUDGE) - goals(equilibrium + NUDGE)) / (2.0 * NUDGE)).T
+            singular = ~(np.abs(np.linalg.det(matrix)) > 0.0)
+            matrix[singular] = np.eye(3)
+            change = np.clip(np.linalg.solve(matrix, missing.T[:, :, None])[:, :, 0].T, -LARGEST_CHANGE, LARGEST_CHANGE)
+            equilibrium, motors = equilibrium + change[0], motors + change[1:]
+            converged = ~singular & (np.abs(change).max(axis=0) < CONVERGED)
+            if converged.all():
+                break
+        return np.where(converged, equilibrium, math.nan), torques(motors)

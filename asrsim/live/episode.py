@@ -110,9 +110,8 @@ class Episode:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        summary = make_summary(
-            run, collector.seen(run.scenario.desired), samples=writer.samples, files={"log": log}, replaced=self._earlier
-        )
+        seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
+        summary = make_summary(run, seen, samples=writer.samples, files={"log": log}, replaced=self._earlier)
         summary = replace(summary, live=figures, files={**summary.files, "summary": self.folder / SUMMARY})
         save_summary(summary, self.folder / SUMMARY)
         return summary

@@ -15,6 +15,9 @@ import numpy as np
 from asrsim.metrics.values import SHARE, last_part, steady_state
 from asrsim.samples import Array
 
+ROUNDING = 1e-9
+"""Fraction of a value below which a difference is no step, and fraction of a step below which an excess is no overshoot."""
+
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:
     """(1, n): 0 before and 1 after the step; NaN where there is no step."""
@@ -26,7 +29,7 @@ def _normalised(time: Array, values: Array, initial: float | None, target: float
 def normalised(values: Array, start: Array, end: Array) -> Array:
     """Series (m, n) as 0 before and 1 after their steps from `start` to `end`, (m,); NaN where there is no step."""
     height = end - start
-    none = np.abs(height) <= 1e-9 * np.maximum(1.0, np.maximum(np.abs(start), np.abs(end)))
+    none = np.abs(height) <= ROUNDING * np.maximum(1.0, np.maximum(np.abs(start), np.abs(end)))
     return np.asarray((values - start[:, None]) / np.where(none, math.nan, height)[:, None])
 
 
@@ -54,8 +57,9 @@ def overshoot(time: Array, values: Array, *, initial: float | None = None, targe
 
 
 def overshoots(x: Array) -> Array:
-    """:func:`overshoot` of normalised series (m, n): (m,)."""
-    return np.asarray(np.maximum(x.max(axis=1) - 1.0, 0.0))
+    """:func:`overshoot` of normalised series (m, n): (m,). What is no more than rounding counts as 0."""
+    beyond = x.max(axis=1) - 1.0
+    return np.asarray(np.where(beyond <= ROUNDING, 0.0, beyond))
 
 
 def settling(time: Array, values: Array, *, band: float = 0.02,

@@ -123,7 +123,9 @@ def judged(scenario: Scenario, run: Run, collector: Collector, certificate: Cert
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
         claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
-    summary = make_summary(run, collector.seen(scenario.desired), samples=samples, claims=claims)
+    # The run's scenario has the motion that a Cartesian task was planned to.
+    seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
+    summary = make_summary(run, seen, samples=samples, claims=claims)
     return summary if certificate is None else replace(summary, certificate=certificate.as_dict())
 
 

@@ -85,15 +85,16 @@ class Collector:
             own = {"time": samples.time, "joints": (), "values": {}}
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
-    def seen(self, desired: Mapping[str, Signal] | None = None) -> Seen:
+    def seen(self, desired: Mapping[str, Signal] | None = None, *, balanced: bool = False) -> Seen:
         """Summaries; overshoot and settling count from where a joint's reference begins to move, see `step_start`.
 
         desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
+        balanced: the run begins in equilibrium, so that a constant reference is no step.
         """
         travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
-        return Seen(self._measures(desired or {}), self._tip(), tuple(travels.tolist()))
+        return Seen(self._measures(desired or {}, balanced), self._tip(), tuple(travels.tolist()))
 
-    def _measures(self, desired: Mapping[str, Signal]) -> tuple[JointSummary, ...]:
+    def _measures(self, desired: Mapping[str, Signal], balanced: bool) -> tuple[JointSummary, ...]:
         if not self._seen:
             return tuple(summarise(np.empty(0), {}) for _ in self._joints)
         time, positions, references = self._time.values, self._positions.values, self._references.values
@@ -103,8 +104,9 @@ class Collector:
                 references[j] = signal.values(time)
         finite: Any = np.isfinite(references)
         known = finite.all(axis=1).tolist()
-        pairs = zip(known, references, positions[:, 0].tolist(), strict=True)
-        steps = [step_start(reference, start) if there else 0 for there, reference, start in pairs]
+        starts = references[:, 0] if balanced else positions[:, 0]
+        pairs = zip(known, references, starts.tolist(), strict=True)
+        steps = [step_start(reference, start) if there else None if balanced else 0 for there, reference, start in pairs]
         errors = np.where(np.array(known)[:, None], references - positions, np.nan)
         found = summaries(time, positions, errors, steps, self._peaks)
         return tuple(

@@ -62,7 +62,7 @@ class Tap:
         claims = self._claims.results(lambda *wanted: self._read(number, *wanted)) if run.status == "complete" else ()
         if self._seen is None:
             desired = {name_in(i, name): signal for name, signal in self._desired.items() for i in range(self._runs)}
-            self._seen = self._collector.seen({**self._desired, **desired})
+            self._seen = self._collector.seen({**self._desired, **desired}, balanced=run.scenario.initial_equilibrium)
         own = slice(number * len(self._info.joints), (number + 1) * len(self._info.joints))
         seen = Seen(self._seen.measures[own], self._seen.tip, self._seen.travels[own])
         summary = make_summary(run, seen, samples=0, claims=claims)
