@@ -26,5 +26,7 @@ def version(package: str) -> str:
 
 def numeric_versions() -> dict[str, str]:
     """Of Python, ourselves and the libraries whose arithmetic ours rests on: with others, numbers may differ."""
-    found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim")}
-    return found | {name: version(name) for name in ("numpy", "mujoco-core", "pybullet", "numba", "scipy")}
+    from asrsim.engines.mujoco_library import library_version
+
+    found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim"), "mujoco": library_version()}
+    return found | {name: version(name) for name in ("numpy", "pybullet", "numba", "scipy")}

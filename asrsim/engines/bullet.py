@@ -20,6 +20,7 @@ from asrsim.engines.bullet_model import BulletModel
 from asrsim.engines.bullet_saved import SavedState, disconnect
 from asrsim.engines.bullet_world import BulletWorld
 from asrsim.engines.foreign import quiet
+from asrsim.engines.mujoco_library import overlaps
 from asrsim.errors import Problem
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
@@ -286,4 +287,4 @@ class BulletEngine:
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
     engine = BulletEngine(scenario, robot)
-    return engine, tuple(engine.warnings)
+    return engine, (*engine.warnings, *overlaps())

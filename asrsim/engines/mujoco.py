@@ -1,4 +1,4 @@
-"""MuJoCo behind the engine interface. The only module that imports mujoco.
+"""MuJoCo behind the engine interface.
 
 Without contacts the step is ours (:mod:`asrsim.engines.mujoco_stages`), from MuJoCo's rigid-body routines, and runs compiled
 for whole stretches; friction of joints and their stops are exact. With contacts MuJoCo's own solver has all three.
@@ -16,7 +16,15 @@ from asrsim.engines import mujoco_stages as stages
 from asrsim.engines.base import EngineKernel
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
-from asrsim.engines.mujoco_library import compiled_stage, plain_stage, say_nothing, stop_the_clock
+from asrsim.engines.mujoco_library import (
+    compiled_stage,
+    library_version,
+    load,
+    overlaps,
+    plain_stage,
+    say_nothing,
+    stop_the_clock,
+)
 from asrsim.engines.mujoco_model import MujocoModel
 from asrsim.engines.mujoco_world import make_world, plain_world
 from asrsim.errors import Problem
@@ -38,13 +46,11 @@ class MujocoEngine:
     """One robot and its world."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        import mujoco
-
-        self._mujoco = mujoco
+        self._mujoco = mujoco = load()
         # MuJoCo would write its warnings into a file of the working folder.
         mujoco.set_mju_user_warning(say_nothing)
         stop_the_clock()
-        self.version = f"mujoco {mujoco.__version__}"
+        self.version = f"mujoco {library_version()}"
         self.robot = robot
         self._scenario = scenario
         merged = merge_fixed(robot)
@@ -266,4 +272,4 @@ class MujocoEngine:
 def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
     """The scenario's world in MuJoCo, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
     engine = MujocoEngine(scenario, robot)
-    return engine, tuple(engine.warnings)
+    return engine, (*engine.warnings, *overlaps())

@@ -26,7 +26,7 @@ PIECE, SHARE = 2.0, 0.01
 have time to spare with a thousand threads, too."""
 AHEAD = 3
 """Tasks a worker thread, done or waiting: bounds the memory of scheduler and client."""
-COMPARED = ("python", "asrsim", "numpy", "mujoco-core", "pybullet")
+COMPARED = ("python", "asrsim", "numpy", "mujoco", "pybullet")
 """What must be the same everywhere, so that results are."""
 JOBS = ("slurm", "pbs", "sge", "lsf", "htcondor", "oar", "moab", "local")
 
