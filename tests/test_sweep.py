@@ -25,9 +25,9 @@ from asrsim.sweeps import runner as runner_module
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import lost
 from asrsim.sweeps.runner import Runner
-from asrsim.sweeps.sensitivity import influences
+from asrsim.sweeps.sensitivity import influences, notes, sobol
 from asrsim.sweeps.shipping import Shipped
-from asrsim.sweeps.show import say_summary
+from asrsim.sweeps.show import say_summary, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
@@ -665,28 +665,129 @@ def test_saltelli_takes_the_next_power_of_two(samples, points):
 @pytest.mark.slow
 def test_sobol_indices_and_ranks_are_those_of_a_function_that_is_known(tmp_path):
     """Ishigami's function, whose indices are closed forms (1990), and a sum, whose shares are its variances."""
-    keys = ["a.x", "a.y", "a.z"]
-    study = study_of(dict.fromkeys(keys, "uniform(-3.141592653589793, 3.141592653589793)"), design="saltelli", samples=2048)
-    x, y, z = study.table.T
-    results = {"ishigami": np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x), "sum": 3.0 * x - 2.0 * y}
-    columns = [("run", "int"), ("variant", "text"), ("status", "text"), *((name, "float") for name in (*keys, *results))]
-    how = {"design": "saltelli", "samples": 2048, "keys": keys, "drawn": [[key] for key in keys]}
-    store = open_store(
-        tmp_path, columns, len(x), {**SMALL, **how, "columns": columns, "runs": len(x)}, resume=False, overwrite=False
-    )
-    store.add([(run, "a", "complete", *row) for run, row in enumerate(zip(x, y, z, *results.values(), strict=True))])
-    store.finish()
+    table = designed(tmp_path, 2048, lambda x, y, z: {
+        "ishigami": np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x), "sum": 3.0 * x - 2.0 * y,
+    })  # fmt: skip
     expected = {
         "ishigami": {"a.x": (0.3139, 0.5576), "a.y": (0.4424, 0.4424), "a.z": (0.0, 0.2437)},
         "sum": {"a.x": (9 / 13, 9 / 13), "a.y": (4 / 13, 4 / 13), "a.z": (0.0, 0.0)},
     }
     for result, indices in expected.items():
-        found = {one.key: (one.first, one.total) for one in influences(Table(tmp_path), result)}
-        for key in keys:
-            assert found[key] == pytest.approx(indices[key], abs=0.02)
-    ranks = {one.key: one.rank for one in influences(Table(tmp_path), "sum")}
+        found = {one.key: (one.first, one.total) for one in influences(table, result)}
+        for key, both in indices.items():
+            assert found[key] == pytest.approx(both, abs=0.02)
+    ranks = {one.key: one.rank for one in influences(table, "sum")}
     assert ranks["a.x"] > 0.8
     assert ranks["a.y"] < -0.5
+
+
+def designed(folder, samples, results_of, missing=()):
+    """A finished study of a Saltelli design over three keys; missing: runs without a row."""
+    keys = ["a.x", "a.y", "a.z"]
+    study = study_of(dict.fromkeys(keys, "uniform(-3.141592653589793, 3.141592653589793)"), design="saltelli", samples=samples)
+    x, y, z = study.table.T
+    results = results_of(x, y, z)
+    columns = [("run", "int"), ("variant", "text"), ("status", "text"), *((name, "float") for name in (*keys, *results))]
+    how = {"design": "saltelli", "samples": samples, "keys": keys, "drawn": [[key] for key in keys]}
+    whole = {**SMALL, **how, "columns": columns, "runs": len(x)}
+    store = open_store(folder, columns, len(x), whole, resume=False, overwrite=False)
+    rows = enumerate(zip(x, y, z, *results.values(), strict=True))
+    store.add([(run, "a", "complete", *row) for run, row in rows if run not in missing])
+    store.finish()
+    return Table(folder)
+
+
+def test_base_samples_with_an_empty_result_are_left_out_of_sobol_indices(tmp_path):
+    """Three empty values in two base samples: 254 samples are left, the shares of a sum's variance remain."""
+
+    def results(x, y, z):
+        total = 3.0 * x - 2.0 * y
+        total[[7, 7 + 3 * 256, 5 + 256]] = np.nan
+        return {"sum": total}
+
+    table = designed(tmp_path, 256, results)
+    found = sobol(table, "sum")
+    assert (found.samples, found.left_out, found.reason) == (256, 2, "")
+    for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
+        assert found.indices[key] == pytest.approx((share, share), abs=0.03)
+    assert any("without 2 of 256 base samples" in line for line in say_summary(table))
+
+
+def test_runs_without_a_row_are_left_out_of_sobol_indices(tmp_path):
+    found = sobol(designed(tmp_path, 256, lambda x, y, z: {"sum": 3.0 * x - 2.0 * y}, missing={0, 300}), "sum")
+    assert found.left_out == 2
+    assert found.indices["a.x"][0] == pytest.approx(9 / 13, abs=0.03)
+
+
+@pytest.mark.parametrize(("value", "reason"), [(1.0, "the same in all runs"), (np.nan, "0 of 256 base samples have a value")])
+def test_missing_sobol_indices_are_explained(tmp_path, value, reason):
+    table = designed(tmp_path, 256, lambda x, y, z: {"sum": np.full(len(x), value)})
+    assert sobol(table, "sum").indices == {}
+    assert reason in notes(table, ["sum"])[0]
+
+
+def test_results_are_ordered_by_varied_joint_and_relative_change_without_rounding_errors(tmp_path):
+    results = {
+        "tip.last": [1.0, 2.0, 3.0], "b.peak": [5.0, 6.0, 7.0], "a.small": [1.0, 1.1, 1.2], "a.large": [0.1, 0.2, 1.0],
+        "a.overshoot": [0.0, 1e-16, 3e-16],
+    }  # fmt: skip
+    columns = [("run", "int"), ("variant", "text"), ("status", "text"), ("a.mass", "float")]
+    columns += [(name, "float") for name in results]
+    whole = {**SMALL, "columns": columns, "keys": ["a.mass"], "listed": [["a.mass"]], "grid": [3]}
+    store = open_store(tmp_path, columns, 3, whole, resume=False, overwrite=False)
+    store.add([(run, "a", "complete", float(run), *(values[run] for values in results.values())) for run in range(3)])
+    store.finish()
+    assert varying(Table(tmp_path)) == ["a.large", "a.small", "tip.last", "b.peak"]
+
+
+SIGNALS = {
+    "references.joint_1.equilibrium_position.sinusoid.amplitude": [0.1, 0.2, 0.3],
+    "external_torques.joint_2.step.to": [0.0, 0.2],
+}
+
+
+def signal_scenario(folder, **keys):
+    robot = EXAMPLES.parent / "urdf" / "dof2_vertical.urdf"
+    data = {
+        "robot": str(robot), "duration": 0.1, "engine": "mujoco",
+        "references": {
+            "joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.3, "frequency": 5.0}}, "stiffness_preset": 0.3},
+            "joint_2": {"equilibrium_position": {"step": {"at": 0.02, "to": 0.1}}, "stiffness_preset": 0.3},
+        },
+        "external_torques": {"joint_2": {"step": {"at": 0.05, "to": 0.1}}}, **keys,
+    }  # fmt: skip
+    path = folder / "signals.yaml"
+    path.write_text(json.dumps(data))
+    return path
+
+
+def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_path, monkeypatch):
+    """The rows are those of runs that are prepared anew; after the first run nothing is prepared."""
+    payload = make_payload(study_of(SIGNALS, signal_scenario(tmp_path), overrides=[]))
+    fresh = Runner(payload)
+    points = [payload.study.point(run) for run in range(6)]
+    expected = [fresh._alone(payload.cases[variant], values) for variant, values in points]
+    runner = Runner(payload)
+    runner(0)
+    monkeypatch.setattr("asrsim.sweeps.cases.prepare", None)
+    for rows in ([runner(run) for run in range(6)], [row for _, row in runner.several((run, run) for run in range(6))]):
+        cells = [dict(zip(payload.names, row, strict=True)) for row in rows]
+        assert [{key: row[key] for key in one} for row, one in zip(cells, expected, strict=True)] == expected
+    runner.close()
+
+
+def test_references_by_inverse_dynamics_are_planned_anew_in_every_run(tmp_path):
+    """A heavier link gets other inputs: a row has the numbers of `asrsim run` with the same setting."""
+    wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 0.1, "to": 0.2}}, "stiffness_preset": 0.3}
+    path = signal_scenario(tmp_path, references={"*": {**wanted, "inverse_dynamics": True}})
+    payload = make_payload(study_of({"parameters.*.spring_k_1": [0.02, 0.04]}, path, overrides=[]))
+    runner = Runner(payload)
+    for run in range(2):
+        variant, values = payload.study.point(run)
+        alone = Runner(payload)._alone(payload.cases[variant], values)
+        row = dict(zip(payload.names, runner(run), strict=True))
+        assert {key: row[key] for key in alone} == alone
+    runner.close()
 
 
 def test_words_and_lists_stand_in_their_columns_as_they_are_written(tmp_path):

@@ -70,7 +70,7 @@ class Simulation:
             raise
 
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: Any, duration: Any, chunk: Any) -> None:
-        prepared, scenario, engine = self.prepared, self.scenario, self.engine
+        prepared, engine = self.prepared, self.engine
         substep, staggered = prepared.substep, prepared.stepping.staggered
         engine.prepare(substep, staggered=staggered)
         engine.set_state(prepared.initial_positions, prepared.initial_velocities)
@@ -79,7 +79,7 @@ class Simulation:
         """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
         self.total = self.last + 1 + BEHIND
         self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
-        self._inputs = Inputs(scenario, prepared.drives, substep=substep, staggered=staggered, sensors=prepared.sensors)
+        self._inputs = self._inputs_of(prepared)
         expected = expected or self.last
         self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
         self._chunk = longest_chunk(len(prepared.drives), chunk)
@@ -93,6 +93,13 @@ class Simulation:
         """Substeps done."""
         self._closed, self._owner = False, object()
         self._start: Snapshot | None = self.snapshot()
+
+    @staticmethod
+    def _inputs_of(prepared: Prepared) -> Inputs:
+        staggered = prepared.stepping.staggered
+        return Inputs(
+            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors
+        )
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -233,17 +240,23 @@ class Simulation:
         *,
         velocities: Mapping[str, float] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
+        signals: Scenario | None = None,
     ) -> None:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them. Substeps stay; a recording starts anew. Raises
-        InputError and RobotError for what is unknown, not finite or beyond limits.
+        joint or link -> name -> value, as :meth:`Prepared.vary` takes them; signals: a scenario whose references and external
+        torques replace those of this simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
+        what is unknown, not finite or beyond limits.
         """
-        if initial is None and velocities is None and parameters is None and self._start is not None:
+        if initial is None and velocities is None and parameters is None and signals is None and self._start is not None:
             self.restore(self._start)
             return
         self._check_open()
+        if signals is not None:
+            own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
+            self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
+            self._inputs, self._first, self._start, self._owner = self._inputs_of(self.prepared), None, None, object()
         positions, speeds = self.prepared.start(initial or {}, velocities or {})
         if parameters is not None:
             self._take_over(self.prepared.with_numbers(parameters))

@@ -20,11 +20,11 @@ class Base:
 
     def __init__(self, study: Study, case: Case, values: Mapping[str, Any], share: int) -> None:
         """values: of what is read again; share: how many processes share the study's runs. Raises AsrsimError."""
-        self._plan = plan = case.plan
+        self._case, self._plan = case, case.plan
+        plan = case.plan
         # The same base whichever run comes first: numbers are those of the study's first point.
         first = study.point(0)[1]
-        quick = {**plan.parameters, **plan.references, **plan.inertials}
-        self.prepared = case.prepared({name: (first if name in quick else values)[name] for name in values})
+        self.prepared = case.prepared({name: (first if name in plan.in_place else values)[name] for name in values})
         scenario = self.prepared.scenario
         check_claims(scenario.expect, self.prepared.info.joints, file=scenario.path)
         self._study = study
@@ -50,7 +50,8 @@ class Base:
         """Put a simulation at the start of a run; False where the study's values are out of the references' ranges. Raises
         InputError.
         """
-        simulation.reset(parameters=self._plan.changes(values))
+        signals = self._case.scenario(self._plan.settings(values)) if self._plan.signals else None
+        simulation.reset(parameters=self._plan.changes(values), signals=signals)
         for name, places in sorted(self._plan.references.items(), key=lambda item: "*" not in item[0]):
             for joint, reference in places:
                 if simulation.set_reference(joint, reference, float(values[name])) != float(values[name]):

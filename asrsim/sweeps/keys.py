@@ -29,10 +29,21 @@ class Plan:
     """Key -> (joint or link, name) pairs that :meth:`asrsim.simulation.prepare.Prepared.vary` takes."""
     references: Mapping[str, tuple[tuple[str, str], ...]]
     """Key -> (joint, reference) pairs that are constant in every run."""
+    signals: frozenset[str]
+    """Keys of numbers inside references and external torques."""
     inertials: Mapping[str, tuple[tuple[str, str], ...]]
     """Key -> (joint or link, name) of the robot itself, which no key of a scenario sets."""
     texts: Mapping[str, str]
     """Key -> the key that `--set` takes; keys of a robot are not here."""
+    own_resolution: bool
+    """Whether every run finds its own substeps."""
+    still: bool
+    """Whether nothing that is prepared follows from the numbers: no start at equilibrium, planned references or substeps."""
+
+    @property
+    def in_place(self) -> frozenset[str]:
+        """Keys that a prepared scenario takes as it stands."""
+        return frozenset((*self.parameters, *self.references, *self.signals, *self.inertials))
 
     @property
     def reads_robot(self) -> bool:
@@ -40,9 +51,9 @@ class Plan:
         return any(text.partition(".")[0] == "robot" for text in self.texts.values())
 
     @property
-    def own_resolution(self) -> bool:
-        """Whether every run finds its own substeps."""
-        return any(text.partition(".")[0] in OWN_RESOLUTION for text in self.texts.values())
+    def varies_in_place(self) -> bool:
+        """Whether a prepared scenario takes some of the numbers as it stands."""
+        return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
         """What `vary` takes for a point; a joint's own entry wins over one for all."""
@@ -54,9 +65,7 @@ class Plan:
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """`--set` key -> value of those for which the scenario is read again."""
-        return {
-            text: values[key] for key, text in self.texts.items() if key not in self.parameters and key not in self.references
-        }
+        return {text: values[key] for key, text in self.texts.items() if key not in self.in_place}
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """`--set` key -> value of all."""
@@ -95,15 +104,21 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         raise InputError(problems)
     parameters: dict[str, tuple[tuple[str, str], ...]] = {}
     references: dict[str, tuple[tuple[str, str], ...]] = {}
-    plan = Plan(parameters, references, inertials, texts)
-    # What is at rest under its load, planned with the robot's numbers, or stepped by them, has to be worked out anew.
-    still = not scenario.initial_equilibrium and scenario.task is None and not plan.own_resolution
+    signals: set[str] = set()
+    planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
+    own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for text in texts.values())
+    # A start at equilibrium, planned references and substeps follow from all numbers: the scenario is prepared anew.
+    still = not (scenario.initial_equilibrium or planned or own_resolution)
     for key, text in texts.items():
         parts = split_path(text)
         if "*" in parts[:-1] and shadowed(parts, scenario, robot):
             problems.append(_moves_nothing(key, "*"))
             continue
-        if not (still and numeric[key] and len(parts) == 3):
+        if not (still and numeric[key]):
+            continue
+        if (parts[0] == "references" and len(parts) > 3) or (parts[0] == "external_torques" and len(parts) > 1):
+            signals.add(key)
+        if len(parts) != 3:
             continue
         if parts[0] == "parameters" and _known_parameter(parts[2], robot):
             parameters[key] = tuple(_parameter_places(parts[1], parts[2], scenario, robot))
@@ -115,7 +130,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
             problems.append(_moves_nothing(key, parts[1]))
     if problems:
         raise InputError(problems)
-    return plan
+    return Plan(parameters, references, frozenset(signals), inertials, texts, own_resolution, still)
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str | None]:

@@ -19,8 +19,8 @@ from asrsim.plots.output import styled
 from asrsim.report.html import bullets, data_address, document, number, script_json, section, table
 from asrsim.samples import Array
 from asrsim.sweeps.pictures import chosen_results, figures
-from asrsim.sweeps.sensitivity import influences, numeric_keys
-from asrsim.sweeps.show import told
+from asrsim.sweeps.sensitivity import influences, notes, numeric_keys
+from asrsim.sweeps.show import varying
 from asrsim.sweeps.table import Table, shares
 
 LINES = 4000
@@ -42,7 +42,7 @@ def write_page(study: Table, path: Path | None = None, results: Sequence[str] = 
 
 def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     """The page as text; drawn: results in its pictures, if not the first."""
-    results = told(study)
+    results = varying(study)
     shown = chosen_results(study, drawn)
     with styled():
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
@@ -108,7 +108,8 @@ def _influences(study: Table, results: list[str]) -> str:
         for one in influences(study, name)[:8]
     ]
     heads = ("result", "key", "rank correlation", "mean, key low", "mean, key high", "Sobol, first", "Sobol, total")
-    return table(heads, rows) if rows else "<p>Too few runs to say.</p>"
+    said = notes(study, results)
+    return (table(heads, rows) if rows else "<p>Too few runs to say.</p>") + (bullets(said) if said else "")
 
 
 def _lines(study: Table, axes: list[str]) -> str:

@@ -12,7 +12,7 @@ from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plots.output import save_figure, styled
 from asrsim.samples import Array
 from asrsim.sweeps.sensitivity import influences, numeric_keys
-from asrsim.sweeps.show import told
+from asrsim.sweeps.show import varying
 from asrsim.sweeps.table import Table
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def chosen_results(table: Table, results: Sequence[str]) -> list[str]:
         if table.quantiles(name) is None:
             raise InputError("no run has a value of it", key=name, code="result")
     # What hardly any run has comes last.
-    often = [name for name in told(table) if np.isfinite(table[name]).mean() >= SHARE]
-    return list(results) or [*often, *(name for name in told(table) if name not in often)][:MOST]
+    often = [name for name in varying(table) if np.isfinite(table[name]).mean() >= SHARE]
+    return list(results) or [*often, *(name for name in varying(table) if name not in often)][:MOST]
 
 
 def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
@@ -65,7 +65,7 @@ def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
         moved = [name for name in results if influences(table, name)]
         if moved and len(numeric_keys(table)) > 1:
             found["sensitivity"] = _panels(table, moved, _tornado)
-    if results and len(table) > 2:
+    if results and table.manifest["drawn"]:
         found["distributions"] = _panels(table, results, _distribution)
     signals = [name for name in table.columns if name.startswith("signal:")]
     if signals:
@@ -83,7 +83,7 @@ def _panels(table: Table, names: Sequence[str], draw: Any) -> Figure:
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(CELL[0] * columns + 1.0, CELL[1] * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    every = len(told(table))
+    every = len(varying(table))
     left = f" · {len(names)} of {every} results (others: --result)" if len(names) == MOST < every else ""
     figure.suptitle(f"{table.manifest['name']}{left}", x=0.01, ha="left")
     for axis, name in zip(axes, names, strict=False):

@@ -92,7 +92,7 @@ class Runner:
 
     def _stepped(self, point: _Point) -> _Stepped | None:
         """The run, stepped; None where it is done alone, which also tells what is wrong with it."""
-        if self._logs is not None or not _varies_in_place(point.case):
+        if self._logs is not None or not point.case.plan.varies_in_place:
             return None
         try:
             base = self._base(point)
@@ -144,7 +144,7 @@ class Runner:
         case, values = point.case, point.values
         if self._logs is not None:
             return self._logged(case, values, self._logs / f"run_{point.run:06d}")
-        if not _varies_in_place(case):
+        if not case.plan.varies_in_place:
             return self._alone(case, values)
         try:
             base = self._base(point)
@@ -205,13 +205,3 @@ def _to_end(simulation: Simulation) -> Run:
 
 def _key(point: _Point) -> tuple[str, str]:
     return point.case.variant, repr(point.case.plan.read_again(point.values))
-
-
-def _varies_in_place(case: Case) -> bool:
-    """Whether other numbers do; where another robot file is read, or a start at equilibrium, a task or substeps follow from the
-    robot's numbers, they do not."""
-    plan = case.plan
-    if not (plan.parameters or plan.references or plan.inertials) or plan.reads_robot:
-        return False
-    follows = case.resolved.get("initial") == "equilibrium" or bool(case.resolved.get("task")) or plan.own_resolution
-    return not (plan.inertials and follows)

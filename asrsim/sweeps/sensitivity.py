@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from asrsim.errors import listed
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
 """Runs below which nothing is said."""
+FEWEST_SAMPLES = 16
+"""Base samples below which Sobol indices say nothing."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,8 @@ def influences(table: Table, result: str) -> list[Influence]:
     if there.sum() < FEWEST or np.ptp(values[there]) == 0.0:
         return []
     ranks = rankdata(values[there])
-    indices = sobol(table, result)
+    sobol_indices = sobol(table, result)
+    indices = sobol_indices.indices if sobol_indices else {}
     found = []
     for key in numeric_keys(table):
         numbers = table[key][there]
@@ -67,19 +72,63 @@ def influences(table: Table, result: str) -> list[Influence]:
     return sorted(found, key=lambda one: -abs(one.high - one.low))
 
 
-def sobol(table: Table, result: str) -> dict[str, tuple[float, float]]:
-    """Key -> first-order and total index, of the design `saltelli` in which every run has the result; else nothing. Of several
-    variants the mean of theirs."""
-    if table.manifest["design"] != "saltelli" or table.missing or table.manifest["grid"]:
-        return {}
-    from scipy.stats import sobol_indices
+@dataclass(frozen=True)
+class SobolIndices:
+    """Of all drawn keys on one result."""
 
+    indices: dict[str, tuple[float, float]]
+    """Key -> first-order and total index; of several variants the mean of theirs."""
+    samples: int
+    """Base samples of all variants."""
+    left_out: int
+    """Base samples in which some run has no value: none of their runs counts."""
+    reason: str = ""
+    """Why there are no indices."""
+
+    def __str__(self) -> str:
+        if self.reason:
+            return f"no Sobol indices: {self.reason}"
+        return f"Sobol indices without {self.left_out} of {self.samples} base samples: a run of each has no value"
+
+
+def sobol(table: Table, result: str) -> SobolIndices | None:
+    """Sobol indices of a result; None where the design is not for them.
+
+    First order as in Saltelli et al. (2010), total as in Jansen (1999).
+    """
+    if table.manifest["design"] != "saltelli":
+        return None
     keys = [group[0] for group in table.manifest["drawn"]]
     n, d = int(table.manifest["samples"]), len(keys)
-    values = table[result]
+    values = np.full(int(table.manifest["runs"]), np.nan)
+    values[table["run"].astype(int)] = table[result]
     blocks = values.reshape(-1, d + 2, n)
-    if not np.isfinite(values).all() or not np.ptp(blocks, axis=(1, 2)).all():
-        return {}
-    found = sobol_indices(func={"f_A": blocks[:, 0], "f_B": blocks[:, 1], "f_AB": blocks[:, 2:].transpose(1, 0, 2)}, n=n)
-    means = [np.reshape(order, (-1, d)).mean(axis=0).tolist() for order in (found.first_order, found.total_order)]
-    return dict(zip(keys, zip(*means, strict=True), strict=True))
+    there = np.isfinite(blocks).all(axis=1)
+    counts = {"samples": there.size, "left_out": int(np.sum(~there))}
+    if table.manifest["grid"]:
+        return SobolIndices({}, **counts, reason="listed keys vary beside those that are drawn")
+    found = []
+    for block, complete in zip(blocks, there, strict=True):
+        if complete.sum() < FEWEST_SAMPLES:
+            reason = f"{complete.sum()} of {n} base samples have a value in all their {d + 2} runs, {FEWEST_SAMPLES} are needed"
+            return SobolIndices({}, **counts, reason=reason)
+        used = block[:, complete]
+        both = used[:2]
+        if not np.ptp(both):
+            return SobolIndices({}, **counts, reason="the result is the same in all runs")
+        used, variance = used - both.mean(), both.var()
+        first = np.mean(used[1] * (used[2:] - used[0]), axis=1) / variance
+        total = 0.5 * np.mean((used[0] - used[2:]) ** 2, axis=1) / variance
+        found.append((first, total))
+    first, total = np.mean(found, axis=0).tolist()
+    return SobolIndices(dict(zip(keys, zip(first, total, strict=True), strict=True)), **counts)
+
+
+def notes(table: Table, results: Sequence[str]) -> list[str]:
+    """What stands beside the Sobol indices: results without them and why, and base samples that were left out."""
+    grouped: dict[str, list[str]] = {}
+    for result in results:
+        found = sobol(table, result)
+        if found is not None and (found.reason or found.left_out):
+            grouped.setdefault(str(found), []).append(result)
+    return [f"{listed(names, 4)}: {text}" for text, names in grouped.items()]

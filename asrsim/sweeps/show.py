@@ -6,9 +6,12 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from asrsim.sweeps.sensitivity import notes
 from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
+ROUNDING = 1e-12
+"""Change of a result, relative or in SI units, that counts as rounding."""
 
 
 def say_summary(table: Table) -> Iterator[str]:
@@ -19,7 +22,7 @@ def say_summary(table: Table) -> Iterator[str]:
         f", {bad}" if bad else ""
     )
     rows: list[tuple[str, ...]] = [HEADS]
-    for name in told(table):
+    for name in varying(table):
         found = table.quantiles(name)
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
@@ -30,6 +33,7 @@ def say_summary(table: Table) -> Iterator[str]:
         for row in rows:
             cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
             yield "  " + "  ".join(cells).rstrip()
+    yield from (f"  {note}" for note in notes(table, varying(table)))
     for title, share in table.claims().items():
         yield f"  {100 * share:5.1f} % meet {title}"
     if bad:
@@ -40,27 +44,30 @@ def say_summary(table: Table) -> Iterator[str]:
                 yield f"  {name}, run {runs[places[0]]}: {reason[places[0]]}"
 
 
-def told(table: Table) -> list[str]:
-    """Results that differ between runs: what is the same everywhere says nothing."""
+def varying(table: Table) -> list[str]:
+    """Results that differ between runs by more than rounding: those of varied joints first, then by relative change."""
+    varied = {part for key in table.keys for part in key.split(".")}
     found = []
     for name in table.results:
-        if name.startswith("claim"):
+        quantiles = None if name.startswith("claim") else table.quantiles(name)
+        if quantiles is None:
             continue
-        quantiles = table.quantiles(name)
-        if quantiles is not None and (quantiles.largest > quantiles.least or len(table) == 1):
-            found.append(name)
-    return found
+        change, size = quantiles.largest - quantiles.least, max(abs(quantiles.largest), abs(quantiles.least))
+        if change > ROUNDING * max(1.0, size) or len(table) == 1:
+            found.append((name.rpartition(".")[0] not in varied, -change / size if size else 0.0, name))
+    return [name for _, _, name in sorted(found, key=lambda one: one[:2])]
 
 
 def as_dict(table: Table) -> dict[str, Any]:
     """Plain values for JSON."""
-    quantiles = {name: table.quantiles(name) for name in told(table)}
+    quantiles = {name: table.quantiles(name) for name in varying(table)}
     return {
         "ok": table.missing == 0,
         "runs": table.manifest["runs"],
         "rows": len(table),
         "statuses": table.statuses(),
         "claims": table.claims(),
+        "notes": notes(table, list(quantiles)),
         "results": {name: asdict(found) for name, found in quantiles.items() if found is not None},
         "folder": str(table.folder),
     }
