@@ -26,13 +26,14 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
     packed = content[data_start + 8 :]
     if packed_size != len(packed):
         raise ValueError("a chunk has another length than it says")
-    data = _decompress(name, packed, size)
+    data = decompress(name, packed, size)
     if len(data) != size or (crc and zlib.crc32(data) != crc):
         raise ValueError("a chunk does not match its checksum")
     return data
 
 
-def _decompress(name: str, packed: bytes, size: int) -> bytes:
+def decompress(name: str, packed: bytes, size: int) -> bytes:
+    """The content of a chunk of `size` bytes; raises ValueError where it is damaged, or longer."""
     # Memory is not given to whatever a damaged or hostile file asks for.
     if size > _LARGEST_CHUNK:
         raise ValueError("a chunk claims more data than it can hold")
@@ -51,10 +52,10 @@ def _decompress(name: str, packed: bytes, size: int) -> bytes:
         import lz4.frame
 
         try:
-            if lz4.frame.get_frame_info(packed)["content_size"] not in (0, size):
-                raise ValueError("a chunk has another length than it says")
-            unpacked: bytes = lz4.frame.decompress(packed)
+            unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
         except RuntimeError as error:
             raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+        if len(unpacked) != size:
+            raise ValueError("a chunk has another length than it says")
         return unpacked
     raise ValueError(f"a chunk's compression '{name}' is not known")

@@ -6,14 +6,16 @@ import json
 import struct
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.log.chunks import decompress
 from asrsim.recordings.bag_clock import Group, series_of_groups
 from asrsim.recordings.data import Raw
 from asrsim.recordings.messages import Skip, flatten, stamp_of
+from asrsim.recordings.unpacked import check_unpacked
 
 _FOREIGN = (
     "Image",
@@ -110,17 +112,28 @@ def _open_mcap(
     path: Path, stack: ExitStack, findings: list[Problem]
 ) -> tuple[str, dict[int, _Topic], Iterator[tuple[int, int, bytes]]]:
     from mcap.exceptions import McapError
-    from mcap.records import Channel, Message, Schema
-    from mcap.stream_reader import StreamReader
+    from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+    from mcap.stream_reader import StreamReader, breakup_chunk
 
     stream = stack.enter_context(path.open("rb"))
     types = {"ros1": _Types(ros1=True), "cdr": _Types(ros1=False)}
     schemas: dict[int, Schema] = {}
     topics: dict[int, _Topic] = {}
 
+    def records() -> Iterator[McapRecord]:
+        size = 0
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=path.stat().st_size).records:
+            if isinstance(record, Chunk):
+                size += record.uncompressed_size
+                check_unpacked(path, size)
+                data = decompress(record.compression, record.data, record.uncompressed_size)
+                yield from breakup_chunk(replace(record, compression="", data=data))
+            else:
+                yield record
+
     def messages() -> Iterator[tuple[int, int, bytes]]:
         try:
-            for record in StreamReader(stream).records:
+            for record in records():
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in topics:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,24 +16,27 @@ from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Raw, RawSeries
 from asrsim.recordings.foreign import from_hdf5
 from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.matlab_file import Opaque, read_matlab
 from asrsim.recordings.matlab_struct import TIME_NAMES, base_of, captured, column_names, has_time, label_of, unit_of
 from asrsim.recordings.names import VOCABULARY, tokens_of
 from asrsim.recordings.stamps import parts_of
 from asrsim.recordings.time_columns import TIME_WORDS, told_rate
 from asrsim.recordings.timebase import clean_time, scale_time, suspect_time
 from asrsim.recordings.units import split_header
+from asrsim.recordings.unpacked import check_archive
 from asrsim.samples import Array
 
 _REASONS = 3
 """Reasons that are given for a file of which nothing can be read."""
-_OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
 
 
 def read_mat(path: Path, maps: Sequence[ColumnMap], rate: float | None) -> Raw:
     """All series of a .mat, .npz or .npy file. Raises RecordingError for version 7.3, opaque objects only, or no time."""
     findings: list[Problem] = []
     try:
-        content = _numpy(path, findings) if path.suffix.lower() in (".npz", ".npy") else _matlab(path)
+        content = _numpy(path, findings) if path.suffix.lower() in (".npz", ".npy") else read_matlab(path)
+    except RecordingError:
+        raise
     except NotImplementedError:
         raise RecordingError(
             "is a MATLAB 7.3 file, which needs HDF5 and is not read here", file=path, code="mat-7.3",
@@ -112,14 +116,10 @@ def _behind_the_time(table: dict[str, Array], clocks: Sequence[str]) -> tuple[di
     return {names.get(name, name): values for name, values in table.items()}, [names.get(clock, clock) for clock in clocks]
 
 
-def _matlab(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    return dict(loadmat(path, simplify_cells=True))
-
-
 def _numpy(path: Path, findings: list[Problem]) -> dict[str, Any]:
     """Arrays by name; structured ones as the tables that they are."""
+    if zipfile.is_zipfile(path):
+        check_archive(path)
     loaded = np.load(path)
     if isinstance(loaded, np.ndarray):
         return _fields(loaded) if loaded.dtype.names else {path.stem: loaded}
@@ -163,7 +163,7 @@ def _tables(
     if capture:
         return
     for name, value in content.items():
-        if type(value).__name__ in _OBJECTS:
+        if isinstance(value, Opaque):
             # Before all others: such a value is an array of objects, too.
             findings.append(
                 Problem("is a MATLAB object (timeseries, table, function), whose format is not documented; not read",

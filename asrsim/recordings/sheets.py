@@ -13,6 +13,7 @@ from typing import Any
 
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.extras import library
+from asrsim.recordings.unpacked import check_archive, check_unpacked
 
 Lines = tuple[bytes, tuple[Problem, ...]]
 """CSV in UTF-8, and what to know of it."""
@@ -49,7 +50,12 @@ def _columnar(path: Path) -> Lines:
 
     try:
         with path.open("rb") as stream:
-            read = parquet.read_table if stream.read(4) == b"PAR1" else feather.read_table
+            tabled = stream.read(4) == b"PAR1"
+        if tabled:
+            about = parquet.read_metadata(path)
+            groups = (about.row_group(i).total_byte_size for i in range(about.num_row_groups))
+            check_unpacked(path, max(sum(groups), 8 * about.num_rows * about.num_columns))
+        read = parquet.read_table if tabled else feather.read_table
         text = BytesIO()
         table, unread = _flat(read(path))
         for i, field in enumerate(table.schema):
@@ -92,6 +98,7 @@ def _workbook(path: Path) -> Lines:
     from lxml.etree import LxmlError
 
     try:
+        check_archive(path)
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             shared = ["".join(one.itertext("{*}t")) for one in _parts(archive, "xl/sharedStrings.xml", "si")]

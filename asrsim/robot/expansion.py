@@ -7,19 +7,16 @@ the allowed folders, sees no environment variables, and is bounded in time and m
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from asrsim.confined import ConfinedError, run_confined
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.packages import Packages
 from asrsim.robot.xmlfile import MAX_BYTES
 
 TIME_LIMIT = 30.0
 """s of wall clock for one file."""
-_KEPT_VARIABLES = ("PATH", "PYTHONPATH", "PYTHONHOME", "LANG", "LC_ALL", "SYSTEMROOT", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
 
 
 def expand_xacro(
@@ -33,25 +30,11 @@ def expand_xacro(
         "searched": [str(folder) for folder in packages.searched],
         "roots": [str(root) for root in packages.roots],
         "max_bytes": MAX_BYTES,
-        "cpu_seconds": max(1, int(time_limit)),
     }
-    child = Path(__file__).with_name("xacro_child.py")
     try:
-        # -P: modules are never taken from the child's own folder.
-        done = subprocess.run(
-            [sys.executable, "-P", str(child)],
-            input=json.dumps(request).encode(),
-            capture_output=True,
-            timeout=time_limit,
-            check=False,
-            env={name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ},
-        )
-    except subprocess.TimeoutExpired:
-        raise RobotError(f"xacro did not finish within {time_limit:g} s", file=path, code="xacro-timeout") from None
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError:
-        raise RobotError("xacro ended without a result (too much memory or time)", file=path, code="xacro-failed") from None
+        answer = json.loads(run_confined(Path(__file__).with_name("xacro_child.py"), request, seconds=time_limit))
+    except ConfinedError as error:
+        raise RobotError(f"xacro {error}", file=path, code=f"xacro-{error.code}") from None
     if "error" in answer:
         place = Path(answer["file"]) if answer.get("file") else path
         raise RobotError(

@@ -1,4 +1,4 @@
-"""Run as a script by :mod:`asrsim.robot.expansion`: expands one xacro file under restrictions.
+"""Run as a script by :mod:`asrsim.confined`: expands one xacro file under restrictions.
 
 Reads a JSON request on stdin, writes a JSON answer on stdout. It imports nothing of asrsim.
 
@@ -193,19 +193,6 @@ def _restrict(request: dict[str, Any]) -> None:
     xacro._global_symbols = symbols
 
 
-def _limit(request: dict[str, Any]) -> None:
-    """Bound processor time, memory and written files, where the system can."""
-    try:
-        import resource
-    except ImportError:
-        return
-    for name, bound in (("RLIMIT_CPU", request["cpu_seconds"]), ("RLIMIT_AS", 2 * 2**30), ("RLIMIT_FSIZE", 0)):
-        kind = getattr(resource, name)
-        hard = resource.getrlimit(kind)[1]
-        bound = bound if hard == resource.RLIM_INFINITY else min(bound, hard)
-        resource.setrlimit(kind, (bound, hard))
-
-
 def _expand(request: dict[str, Any]) -> str:
     import xacro
 
@@ -233,7 +220,6 @@ def main() -> None:
     sys.stderr = io.StringIO()
     try:
         _restrict(request)
-        _limit(request)
         answer = {"text": _expand(request)}
     except RecursionError:
         answer = {"error": "macros or properties call themselves without end", "code": "xacro-failed"}

@@ -1,0 +1,47 @@
+"""Runs a script of ours on a stranger's file in a process of its own: bounded in time and memory, without the environment.
+
+A library in C that a damaged file crashes, or a small file that asks for all memory, ends that process and not the user's.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+MEMORY = 2 * 2**30
+"""Bytes of address space that the process may take."""
+_KEPT_VARIABLES = ("PATH", "PYTHONPATH", "PYTHONHOME", "LANG", "LC_ALL", "SYSTEMROOT", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
+
+
+class ConfinedError(Exception):
+    """The script ended without an answer; the message says why, in short `code`: `timeout` or `failed`."""
+
+    def __init__(self, message: str, code: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, memory: int = MEMORY) -> bytes:
+    """What the script writes to stdout when it reads the request (JSON) from stdin. It should import nothing of asrsim.
+
+    Raises ConfinedError where a limit is reached or the script ends with an error.
+    """
+    environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+    # -P: modules are never taken from the scripts' own folder.
+    command = [sys.executable, "-P", str(Path(__file__).with_name("confined_child.py")), str(seconds), str(memory), str(script)]
+    try:
+        done = subprocess.run(
+            command, input=json.dumps(request).encode(), capture_output=True, timeout=seconds, check=False,
+            env={**environment, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise ConfinedError(f"did not finish within {seconds:g} s", "timeout") from None
+    if done.returncode or not done.stdout:
+        message = f"ended without a result: it crashed, or needed more than {memory / 2**30:g} GiB of memory"
+        raise ConfinedError(message, "failed")
+    return done.stdout

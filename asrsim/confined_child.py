@@ -1,0 +1,25 @@
+"""Run as a script by :mod:`asrsim.confined`: limits itself, then runs another script. Arguments: seconds, bytes, script."""
+
+from __future__ import annotations
+
+import runpy
+import sys
+
+
+def limit(seconds: float, memory: int) -> None:
+    """Bound processor time, memory and written files, where the system can."""
+    try:
+        import resource
+    except ImportError:
+        return
+    for kind, bound in (
+        (resource.RLIMIT_CPU, max(1, int(seconds))), (resource.RLIMIT_AS, memory), (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+    ):  # fmt: skip
+        hard = resource.getrlimit(kind)[1]
+        resource.setrlimit(kind, (bound if hard == resource.RLIM_INFINITY else min(bound, hard), hard))
+
+
+if __name__ == "__main__":
+    limit(float(sys.argv[1]), int(sys.argv[2]))
+    runpy.run_path(sys.argv[3], run_name="__main__")
