@@ -8,7 +8,6 @@ here carries a digest of all code that belongs to it: what has the same name is 
 from __future__ import annotations
 
 import hashlib
-import os
 import sys
 import types
 from collections import OrderedDict
@@ -18,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from asrsim.kernel_cache import cache_file
 from asrsim.rebind import called_names, rebind
 
 T = TypeVar("T")
@@ -215,7 +215,7 @@ def _through_cache(
     _without_algebra()
     ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
-    cached = _cache_file(digest)
+    cached = cache_file(digest)
     key = digest, cached
     if key in _loaded:
         _loaded.move_to_end(key)
@@ -269,19 +269,3 @@ def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
 def _plain(code: types.CodeType) -> Any:
     constants = [_plain(value) if isinstance(value, types.CodeType) else repr(value) for value in code.co_consts]
     return [code.co_code.hex(), constants, code.co_names, code.co_varnames, code.co_freevars]
-
-
-def _cache_file(digest: str) -> Path | None:
-    """A file in the user's cache beside which Numba keeps its code; None where nothing can be kept."""
-    try:
-        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asrsim" / "kernels"
-        path = root / f"kernel_{digest}.py"
-        if not path.exists():
-            root.mkdir(parents=True, exist_ok=True)
-            # Another process may write the same file: write aside, then rename.
-            aside = path.with_suffix(f".{os.getpid()}")
-            aside.write_text("# asrsim keeps compiled code beside this file; safe to delete.\n", encoding="utf-8")
-            aside.replace(path)
-    except (OSError, RuntimeError):
-        return None
-    return path

@@ -15,6 +15,7 @@ from asrsim import compiling
 from asrsim.actuators import MODES
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import SimulationError
+from asrsim.kernel_cache import cache_file
 from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
@@ -242,6 +243,32 @@ def test_a_cache_that_cannot_be_written_is_done_without(
     finally:
         if place.is_dir():
             place.chmod(stat.S_IRWXU)
+
+
+@pytest.mark.once
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and permissions of files")
+@pytest.mark.parametrize("fault", ["folder of others", "writable folder", "linked folder", "linked file", "writable file"])
+def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    kept = cache_file("0")
+    assert kept is not None
+    code = kept.parent / "__pycache__" / "kernel_0.step.nbi"
+    code.touch(mode=0o600)
+    assert cache_file("0") == kept
+    if fault == "folder of others":
+        monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    elif fault == "linked folder":
+        kept.parent.rename(tmp_path / "elsewhere")
+        kept.parent.symlink_to(tmp_path / "elsewhere")
+    elif fault == "linked file":
+        code.rename(tmp_path / "elsewhere")
+        code.symlink_to(tmp_path / "elsewhere")
+    else:
+        (code if fault == "writable file" else code.parent).chmod(0o777)
+    with pytest.warns(RuntimeWarning, match="others can have written here"):
+        assert cache_file("0") is None
 
 
 @pytest.mark.once

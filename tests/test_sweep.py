@@ -547,6 +547,25 @@ def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
     assert list(Store(tmp_path, [("run", "int")], 10).missing) == list(range(2, 10))
 
 
+def test_rows_are_not_written_through_planted_links(tmp_path):
+    other = tmp_path / "other"
+    other.write_text("of somebody else")
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / ".rows.parquet.new").symlink_to(other)
+    (folder / ".part-000001.parquet.new").symlink_to(other)
+    store = Store(folder, [("run", "int")], 1)
+    store.add([(0,)])
+    store.write()
+    store.finish()
+    assert other.read_text() == "of somebody else"
+    assert (folder / "rows.parquet").is_file()
+    (folder / "rows.parquet").unlink()
+    (folder / "rows.parquet").symlink_to(other)
+    with pytest.raises(OutputError, match="is a link"):
+        store._save(folder / "rows.parquet", iter([]))
+
+
 def test_a_study_says_only_what_differs(tmp_path):
     """One result a line under its heads; where all are the same, there is nothing to be read."""
     for name, spread in (("same", 0.0), ("other", 1.0)):

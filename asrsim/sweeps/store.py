@@ -10,14 +10,13 @@ import json
 import os
 import time as clock
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from asrsim.errors import InputError, OutputError, Problem
-from asrsim.outfile import is_ours, make_folder, write_text
+from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.samples import Array
 from asrsim.sweeps.kept import MANIFEST, read_manifest, read_rows, schema_of
 from asrsim.sweeps.rows import Row
@@ -118,21 +117,17 @@ class Store:
     def _save(self, path: Path, tables: Iterator[Any]) -> None:
         import pyarrow.parquet as pq
 
-        aside = path.with_name(f".{path.name}.new")
         try:
-            with aside.open("wb") as stream:
+            # The study's manifest proves that the folder is ours.
+            with written(path, "rows", replace=True) as stream:
                 with pq.ParquetWriter(stream, self._schema, compression="zstd", write_page_checksum=True) as writer:
                     for table in tables:
                         writer.write_table(table)
                 stream.flush()
                 os.fsync(stream.fileno())
-            aside.replace(path)
-        except OSError as error:
-            with suppress(OSError):
-                aside.unlink()
+        except OutputError as error:
             count = int(self.done.sum()) - len(self._waiting)
-            message = f"{path}: cannot be written: {error.strerror or error}; {count} rows are kept, --resume does the others"
-            raise OutputError(message) from error
+            raise OutputError(f"{error}; {count} rows are kept, --resume does the others") from error
 
 
 def parts_of(folder: Path) -> list[Path]:

@@ -1,0 +1,54 @@
+"""Where compiled code is kept. Numba runs what it finds there, so only a folder that nobody else can write to is used."""
+
+from __future__ import annotations
+
+import os
+import stat
+import warnings
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+
+def cache_file(digest: str) -> Path | None:
+    """A file in the user's cache beside which Numba keeps its code; None where nothing can be kept, or others could have
+    written there: Numba runs what it finds."""
+    try:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asrsim" / "kernels"
+        path = root / f"kernel_{digest}.py"
+        root.parent.mkdir(parents=True, exist_ok=True)
+        for folder in (root, root / "__pycache__"):
+            with suppress(FileExistsError):
+                folder.mkdir(mode=0o700)
+        for one in (root, root / "__pycache__", *root.glob(f"**/{path.stem}*")):
+            if not _is_own(one):
+                _warn_of_cache(one)
+                return None
+        if not path.exists():
+            # Another process may write the same file: write aside, then rename.
+            aside = path.with_suffix(f".{os.urandom(8).hex()}")
+            with aside.open("x", encoding="utf-8") as stream:
+                stream.write("# asrsim keeps compiled code beside this file; safe to delete.\n")
+            aside.replace(path)
+    except (OSError, RuntimeError):
+        return None
+    return path
+
+
+def _is_own(path: Path) -> bool:
+    """Whether only this user can have written it: it belongs to the user, is no link, and others may not write to it."""
+    if not hasattr(os, "geteuid"):
+        return True
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        # Another process of ours has put it into its place meanwhile.
+        return True
+    writable = stat.S_IWOTH | (stat.S_IWGRP if stat.S_ISDIR(status.st_mode) else 0)
+    return status.st_uid == os.geteuid() and not stat.S_ISLNK(status.st_mode) and not status.st_mode & writable
+
+
+@cache
+def _warn_of_cache(path: Path) -> None:
+    message = f"{path}: others can have written here, so compiled code is not kept or loaded: take it away to have it made anew"
+    warnings.warn(message, RuntimeWarning, stacklevel=2)
