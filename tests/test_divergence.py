@@ -33,6 +33,20 @@ def test_a_spring_that_one_step_cannot_resolve_is_refused() -> None:
         run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substeps=1)
 
 
+@pytest.mark.parametrize("omega_h", [1.98, 2.02])
+def test_a_spring_runs_below_omega_h_2_and_is_refused_above(omega_h: float) -> None:
+    step, probe = 0.001, {"spring_stiffness": 100.0}
+    body = replace(LOAD, actuator="sea")
+    options = {"mode": 3, "references": {"equilibrium_position": 0.1}, "duration": 0.01, "step": step, "substeps": 1}
+    soft = run(chain(body), parameters=probe, **options).resolution.omega_h
+    stiff = {"spring_stiffness": 100.0 * (omega_h / soft) ** 2}
+    if omega_h < 2.0:
+        assert run(chain(body), parameters=stiff, **options).resolution.omega_h == pytest.approx(omega_h)
+    else:
+        with pytest.raises(UnresolvedSpringError, match=r"omega h = 2\.02, the limit is 2"):
+            run(chain(body), parameters=stiff, **options)
+
+
 def test_the_cap_on_substeps_is_kept() -> None:
     with pytest.raises(UnresolvedSpringError, match="the cap is 10"):
         run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=10)

@@ -16,6 +16,7 @@ from identify_files import CHIRP, SEA, record, write
 from asrsim.errors import InputError
 from asrsim.identification import identify, make_task
 from asrsim.identification.bristles import with_bristles
+from asrsim.identification.data import Channel
 from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.judge import ChannelFit, verdict
@@ -24,6 +25,7 @@ from asrsim.identification.layout import make_layout
 from asrsim.identification.limits import limits
 from asrsim.identification.nulls import _sparse
 from asrsim.identification.residuals import Counter, Residuals, Weights
+from asrsim.identification.series import first_samples
 from asrsim.identification.settling import widened
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import cost_of
@@ -32,6 +34,20 @@ from asrsim.scenario import checked_robot, load_scenario
 from asrsim.simulation.prepare import prepare
 
 pytestmark = pytest.mark.once
+
+
+def test_the_start_of_a_link_is_that_of_its_first_15_samples() -> None:
+    """The value at 0 of a parabola through them, with its standard error."""
+    time, noise = 0.001 * np.arange(100), 0.01
+    values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time + 50.0 * time**2, 1e3)
+    channel = Channel(
+        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
+    )
+    found = first_samples(channel)
+    assert found is not None
+    basis = np.vander(time[:15], 3, increasing=True)
+    errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
+    assert found == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
 
 
 def setup_of(

@@ -71,3 +71,10 @@ def test_columns_on_times_of_their_own_are_held_against_each_other(tmp_path: Pat
     (tmp_path / "lab.csv").write_text("t,q1,t_2,dq1\n" + "\n".join(rows), encoding="utf-8")
     recording = read_recording(tmp_path / "lab.csv", joints=("joint_1",))
     assert [one.key for one in recording.findings if one.code == "suspected-unit"] == ["dq1"]
+
+
+def test_a_spring_is_an_elastic_torque_only_beside_a_torque(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_bytes(table([TIME, Q, 2 * Q, 3 * Q], before="t,q1 [rad],spring_1,spring_torque_1 [Nm]\n"))
+    recording = read_recording(tmp_path / "lab.csv")
+    assert recording.column("joint_1", "elastic_torque_1").source == "spring_torque_1 [Nm]"
+    assert recording.channels["spring_1"].quantity != "elastic_torque_1"

@@ -53,6 +53,17 @@ def test_structs_with_times_of_their_own(tmp_path: Path) -> None:
     assert any(f.code == "several-times" for f in recording.findings)
 
 
+def test_fields_of_structs_are_named_by_their_path(tmp_path: Path) -> None:
+    savemat(tmp_path / "lab.mat", {"data": {"run": {"time": TIME, "q1": Q}}})
+    assert read_recording(tmp_path / "lab.mat").column("joint_1", "link_position").source == "data.run.q1"
+
+
+def test_a_variable_of_two_values_beside_the_vectors_is_reported(tmp_path: Path) -> None:
+    savemat(tmp_path / "lab.mat", {"t": TIME, "q1": Q, "gains": np.arange(2.0)})
+    recording = read_recording(tmp_path / "lab.mat")
+    assert [f.key for f in recording.findings if f.code == "length"] == ["gains"]
+
+
 def test_vectors_of_another_length_are_reported(tmp_path: Path) -> None:
     savemat(tmp_path / "lab.mat", {"t": TIME, "q1": Q, "gains": np.arange(5.0)})
     recording = read_recording(tmp_path / "lab.mat")

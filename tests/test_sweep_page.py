@@ -42,6 +42,20 @@ def table(tmp_path_factory):
     return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
 
 
+def test_the_axis_of_a_sweep_is_the_key_with_most_values_and_shows_all_of_them(tmp_path):
+    study = make_study(
+        SCENARIO, {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"}, variants=["soft"],
+        overrides=["duration=0.05", "engine=mujoco", "compiled=false"],
+    )  # fmt: skip
+    table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    with styled():
+        axes = figures(table, ["joint_1.peak_deflection"])["results"].axes[0]
+        assert "link_2.mass" in axes.get_xlabel()
+        assert axes.get_xlim() == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
+        for line in axes.lines:
+            assert axes.get_ylim()[0] <= np.min(line.get_ydata()) <= np.max(line.get_ydata()) <= axes.get_ylim()[1]
+
+
 @pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
 def test_numbers_of_any_size_stand_side_by_side(table, monkeypatch, middle, width):
     names, read = ["joint_1.steady_state", "joint_2.steady_state"], type(table).__getitem__
