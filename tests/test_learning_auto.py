@@ -24,7 +24,7 @@ from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.hardware import next_input
 from asrsim.learning.identify import identify
-from asrsim.learning.optimal import NormOptimal, stalled_at, standing
+from asrsim.learning.optimal import NormOptimal, standing
 from asrsim.learning.perturb import perturbed
 from asrsim.learning.plant import make_plant, trajectories
 from asrsim.learning.prepared import prepare_learning, turning
@@ -87,6 +87,19 @@ def test_a_motion_out_of_reach_is_told_with_joint_and_time_before_the_first_tria
     assert told[0].what == "motor torque"
     assert 0.0 < told[0].time < 5.0
     assert "joint_1 at" in str(told[0])
+
+
+def test_a_motor_torque_beyond_its_limit_for_a_moment_is_within_reach_if_no_error_is_left(tmp_path):
+    """Inverse dynamics asks 140 % of the torque; with the limit in force trials come within the tolerance."""
+    arm = random_arm(9101)
+    with learning_model(make_plant(arm.make(tmp_path))) as model:
+        asked = max(item.score for item in prepare_learning(model.plant, model).demands if item.what == "motor torque")
+    weak = replace(arm, urdf=re.sub(r"(<mot_._tauMax>)([^<]*)", lambda tag: f"{tag[1]}{float(tag[2]) * asked / 1.4}", arm.urdf))
+    prepared, result, _ = learned(weak, tmp_path)
+    assert prepared.exceeding[0].what == "motor torque"
+    assert prepared.exceeding[0].score == pytest.approx(1.4, abs=0.01)
+    assert result.converged
+    assert not prepared.out_of_reach
 
 
 def test_a_desired_motion_beyond_a_stop_is_out_of_reach(tmp_path):
@@ -207,18 +220,15 @@ def test_a_worse_trial_goes_back_to_the_best_with_ten_times_the_weight():
     best, rho, failed = standing([trial(0, 1.0), trial(1, 0.5), trial(2, 0.8), trial(3, 0.4)])
     assert (best.number, failed) == (3, 0)
     assert rho == pytest.approx(1.0 / 3.0)
-    assert stalled_at([trial(0, 1.0), trial(1, 2.0), trial(2, 1.5)]) == 2
     assert standing([trial(0, 1.0), trial(1, float("nan"))])[0].number == 0
 
 
 @pytest.mark.parametrize("patience", [2, 3])
-def test_another_model_gets_as_much_patience_as_the_first(patience):
-    """Learning stalls at trial 2 and is thought over; it ends when so many trials after that brought nothing."""
+def test_learning_ends_after_more_than_patience_trials_without_progress(patience):
     problem = SimpleNamespace(reference=np.ones((2, 1)), joints=("one",), units=("rad",), step=1.0)
-    law = NormOptimal(problem=problem, lifted=None, rethink=dict)
+    law = NormOptimal(problem=problem, lifted=None)
     trials = [trial(0, 1.0), *(trial(number, 2.0) for number in range(1, 9))]
-    ended = [count for count in range(1, 10) if law.verdict(trials[:count], patience) is not None]
-    assert ended[0] == 2 + 1 + patience + 1
+    assert next(count for count in range(1, 10) if law.verdict(trials[:count], patience) is not None) == 2 + patience
 
 
 def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
@@ -239,7 +249,7 @@ def test_masses_stiffnesses_and_delay_are_identified_from_a_trial(seed, tmp_path
     robot = perturbed(plant, true)
     outputs = robot.outputs(guess)
     noisy = outputs + np.random.default_rng(0).normal(0.0, 1e-3, outputs.shape)
-    found = identify(plant, replace(trial(0, 1.0), inputs=guess, outputs=noisy))
+    found = identify(plant, [replace(trial(0, 1.0), inputs=guess, outputs=noisy)])
     assert found.residual < 0.1 * found.before
     assert found.draw["delay"] == pytest.approx(0.02, abs=0.004)
     with learning_model(found.plant) as model:
@@ -254,7 +264,7 @@ def test_identification_goes_on_while_it_helps(tmp_path):
     robot = perturbed(plant, {"mass.joint_1": 0.2, "mass.joint_2": -0.2, "delay": 0.02})
     with learning_model(plant) as model:
         guess = model.inverse(plant.reference).inputs_at(plant.time)
-    found = identify(plant, replace(trial(0, 1.0), inputs=guess, outputs=robot.outputs(guess)))
+    found = identify(plant, [replace(trial(0, 1.0), inputs=guess, outputs=robot.outputs(guess))])
     assert found.residual < 0.02 * found.before
 
 
@@ -294,6 +304,48 @@ def test_learning_goes_on_with_recordings_of_the_robot(tmp_path):
     assert len(json.loads((tmp_path / "hardware.json").read_text())["trials"]) == len(errors)
     with pytest.raises(InputError, match="was taken already, as trial 0"):
         next_input(make_plant(scenario), tmp_path, tmp_path / "trial_0.csv")
+
+
+def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
+    """A gain of 3 makes errors grow; the law `auto` finds a better input for the same robot and says nothing."""
+    arm = random_arm(6)
+    foretold = {}
+    for name, ilc in {"fixed": {"law": "paper", "gain": 3.0, "first_guess": "inverse_dynamics"}, "auto": {}}.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        scenario = arm.make(folder, **ilc)
+        plant = make_plant(scenario)
+        robot = perturbed(plant, differing_draw(arm, plant.joints))
+        with learning_model(plant) as model:
+            first = prepare_learning(plant, model).problem.first_guess
+        before = record(folder / "trial_0.csv", plant, robot, first, np.random.default_rng(0))
+        step = next_input(make_plant(scenario), folder, folder / "trial_0.csv")
+        after = np.abs(plant.reference - robot.outputs(inputs_in(folder / "next.csv", plant))).max()
+        assert (after > 1.2 * before) == (step.warning is not None)
+        foretold[name] = step.foretold
+    assert foretold["fixed"] > 1.2 > foretold["auto"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7001, 7009, 7014, 7015, 7019])
+def test_no_trial_on_a_differing_robot_is_worse_than_the_best_without_a_warning(seed, tmp_path):
+    """On these robots the trials were 1.3 to 1.7 times as bad as the best so far; within six plays the error is 0.005 rad."""
+    arm = random_arm(seed)
+    scenario = arm.make(tmp_path)
+    plant = make_plant(scenario)
+    robot = perturbed(plant, differing_draw(arm, plant.joints, share=0.3))
+    with learning_model(plant) as model:
+        given = prepare_learning(plant, model).problem.first_guess
+    generator, errors, warning = np.random.default_rng(seed), [], None
+    for number in range(6):
+        path = tmp_path / f"trial_{number}.csv"
+        errors.append(record(path, plant, robot, given, generator))
+        assert warning is not None or errors[-1] <= max(1.2 * min(errors), 0.005)
+        if errors[-1] <= 0.005:
+            return
+        warning = next_input(make_plant(scenario), tmp_path, path, lag=0.0).warning
+        given = inputs_in(tmp_path / "next.csv", plant)
+    pytest.fail(f"not within 0.005 rad in six plays: {errors}")
 
 
 @pytest.mark.slow

@@ -154,6 +154,7 @@ def _next(
     from asrsim.learning.hardware import NEXT, next_input
     from asrsim.learning.plant import make_plant
     from asrsim.learning.report import trial_data
+    from asrsim.plain import finite_or_none
 
     step = next_input(make_plant(scenario), folder, recording, mapping=mapping, lag=lag)
     last = step.trials[-1]
@@ -164,9 +165,11 @@ def _next(
         table.headings(step.prepared)
         for trial in step.trials:
             table.row(trial)
-        if step.identified is not None:
-            left = f"{step.identified.residual:.2g} rad, {step.identified.before:.2g} before"
-            say(f"stalled: masses, stiffnesses and a delay were identified from the best trial, which they explain to {left}")
+        if step.twin is not None:
+            left = f"{step.twin.residual:.2g} rad, {step.twin.before:.2g} before"
+            say(f"masses, stiffnesses, losses and a delay were fitted to the recorded trials, which they explain to {left}")
+        if step.warning:
+            say(step.warning, "yellow")
         if step.outcome:
             say(step.outcome, "green" if step.converged else "red")
             say(f"wrote {folder / NEXT}, the best input")
@@ -175,6 +178,7 @@ def _next(
     return {
         "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
         "findings": [problem.as_dict() for problem in step.findings],
+        "foretold_ratio": finite_or_none(step.foretold), "warning": step.warning,
         "trial": trial_data(last, step.prepared.plant.joints),
     }  # fmt: skip
 

@@ -35,8 +35,12 @@ def before_trials(prepared: Prepared) -> list[str]:
 
 def reach_of(prepared: Prepared) -> list[str]:
     """What the motion asks of the joints, a line each."""
-    if prepared.out_of_reach:
-        return [f"out of reach: {demand}" for demand in prepared.out_of_reach[:MOST_DEMANDS]]
+    beyond = [str(demand) for demand in prepared.exceeding[:MOST_DEMANDS]]
+    if beyond:
+        error = f"{prepared.followed:.2g} {prepared.problem.unit}"
+        if prepared.out_of_reach:
+            return [f"out of reach: simulated trials stay {error} off", *(f"out of reach: {demand}" for demand in beyond)]
+        return [f"within reach: simulated trials come within {error}, although limits are exceeded: {'; '.join(beyond)}"]
     worst = prepared.demands[:1]
     return [f"within reach; the most that is asked is {100 * demand.score:.0f} %: {demand}" for demand in worst]
 

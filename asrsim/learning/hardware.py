@@ -1,7 +1,8 @@
 """Learning on the real robot, trial by trial: a recording in, the next input out, the state kept in between.
 
-The law is the scenario's. Where `auto` stalls, masses, stiffnesses and a delay are identified from the best recording, and
-the motion is inverted again with those.
+A twin of the robot is fitted to the best trial and the last. The law `auto` rehearses its updates on the twin. The twin, and
+plants drawn from the posterior of the fit, foretell the next trial: the change is halved until none of them expects an error
+beyond 1.2 times the best. Where that does not help, and with the other laws, the forecast is a warning before the trial.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,9 @@ import numpy as np
 from asrsim.errors import InputError, Problem
 from asrsim.learning.arm import learning_model
 from asrsim.learning.folder import INPUTS
-from asrsim.learning.identify import Identified, identify
+from asrsim.learning.identify import Twin, identify
 from asrsim.learning.iterate import best_of, verdict
-from asrsim.learning.optimal import Lifted, NormOptimal
+from asrsim.learning.optimal import Lifted, NormOptimal, rehearsed, standing
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
@@ -27,13 +28,19 @@ from asrsim.learning.recorded import recorded
 from asrsim.learning.report import trial_data
 from asrsim.learning.state import fingerprint, load_state, save_state
 from asrsim.learning.table import write_inputs
-from asrsim.learning.trial import Law, Trial, trial_of
+from asrsim.learning.trial import Trial, trial_of
 from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
+WORSE = 1.2
+"""Largest error of a trial over the best so far from which on it is called worse."""
+SHARES = (1.0, 0.5, 0.25, 0.125)
+"""Shares of the change that are tried until no worse trial is foretold."""
+SMOOTH = 0.02
+"""s over which recorded positions are averaged: noise is not an error of the robot."""
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
 
@@ -47,13 +54,25 @@ class HardwareStep:
     outcome: str | None
     """Why learning ended; None: it goes on."""
     converged: bool
-    identified: Identified | None
-    """What the recording told of the robot, if learning had stalled."""
+    twin: Twin | None
+    """Fitted to the robot; None where learning has ended."""
+    foretold: float
+    """Largest error that is foretold of the next trial, over that of the best so far."""
     recording: Recording
     clock: str
     """How the recording's clock was moved."""
     findings: tuple[Problem, ...]
     """What is odd about the recording."""
+
+    @property
+    def warning(self) -> str | None:
+        """What to know before the next input is played: it may be worse than the best so far."""
+        if self.foretold <= WORSE:
+            return None
+        much = (
+            f"{self.foretold:.2g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
+        )
+        return f"the next trial may be worse: its largest error is foretold as up to {much}"
 
 
 def next_input(
@@ -85,8 +104,6 @@ def next_input(
             plant = prepared.plant
             problem_digest = fingerprint(prepared.problem, prepared.settings)
             trials = load_state(folder / STATE, problem_digest) if (folder / STATE).exists() else []
-            identified: list[Identified] = []
-            law = _law(prepared, identified)
             if len(trials) != len(digests):
                 message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
                 raise InputError(message, file=folder / STATE, hint=hint, code="state")
@@ -94,43 +111,56 @@ def next_input(
                 digests.pop()
             played = trials.pop().inputs if again else _pending(folder, prepared, trials)
             found = recorded(recording, plant, lag)
-            trials.append(
-                trial_of(prepared.problem, played, found.outputs, before=trials[-1] if trials else None, expected=None)
-            )
-            ended = verdict(prepared.problem, trials, prepared.settings, law)
-            inputs = law.propose(trials).inputs if ended is None else trials[best_of(trials)].inputs
+            outputs = smoothed(found.outputs, prepared.problem.step)
+            trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None, expected=None))
+            ended = verdict(prepared.problem, trials, prepared.settings, prepared.law)
+            twin, ratio = None, 0.0
+            if ended is None:
+                inputs, twin, ratio = _proposed(prepared, trials, _identified(folder))
+            else:
+                inputs = trials[best_of(trials)].inputs
         headings, values = plant.table(inputs)
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
         save_state(folder / STATE, problem_digest, trials, origin=prepared.problem.origin)
-        _write_numbers(folder, trials, [*digests, digest], plant.joints, identified[0] if identified else None)
+        _write_numbers(folder, trials, [*digests, digest], plant.joints, twin)
         return HardwareStep(
             prepared=prepared,
             trials=tuple(trials),
             outcome=None if ended is None else ended[1],
             converged=ended is not None and ended[0] == "converged",
-            identified=identified[0] if identified else None,
+            twin=twin,
+            foretold=ratio,
             recording=recording,
             clock=found.clock,
             findings=found.findings,
         )
 
 
-def _law(prepared: Prepared, identified: list[Identified]) -> Law:
-    """The scenario's law; `auto` with identification, whose findings are appended to `identified`."""
+def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, float] | None) -> tuple[Array, Twin, float]:
+    """The next inputs (n, joints), the twin, and the largest error that it foretells over that of the best trial."""
+    problem = prepared.problem
+    best, rho, _ = standing(trials)
+    twin = identify(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
+    answers = twin.answers(best)
+
+    def foretold(inputs: Array) -> float:
+        worst = np.array([np.abs(problem.reference - answer(inputs)).max() for answer in answers])
+        return float(worst.max()) / best.worst if np.isfinite(worst).all() else np.inf
+
     if not isinstance(prepared.law, NormOptimal):
-        return prepared.law
-
-    def rethink(best: Trial) -> tuple[Lifted, Array]:
-        found = identify(prepared.plant, best)
-        identified.append(found)
-        with learning_model(found.plant) as model:
-            inverse = model.inverse(found.plant.reference)
-            time, delays = prepared.problem.time, model.delays
-            return Lifted(time, model.linear(inverse), delays), inverse.inputs_at(time, delays)
-
-    return replace(prepared.law, rethink=rethink)
+        inputs = prepared.law.propose(trials).inputs
+        return inputs, twin, foretold(inputs)
+    with learning_model(twin.plant) as model:
+        lifted = Lifted(problem.time, model.linear(model.inverse(problem.reference)), model.delays)
+    change = rehearsed(problem, lifted, best, rho, answers[0]).inputs - best.inputs
+    for share in SHARES:
+        inputs = best.inputs + share * change
+        ratio = foretold(inputs)
+        if ratio <= WORSE:
+            break
+    return inputs, twin, ratio
 
 
 def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
@@ -166,11 +196,27 @@ def _digests(folder: Path) -> list[str]:
         raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
+def _identified(folder: Path) -> dict[str, float] | None:
+    """The twin of the trial before, if there was one."""
+    try:
+        data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in data["identified"]["changes"].items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def smoothed(outputs: Array, step: float) -> Array:
+    """Recorded positions (n, joints), each the mean over :data:`SMOOTH`."""
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(outputs, 2 * round(0.5 * SMOOTH / step) + 1, axis=0, mode="nearest"))
+
+
 def _write_numbers(
-    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], found: Identified | None
+    folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], twin: Twin | None
 ) -> None:
     rows = [{**trial_data(trial, tuple(joints)), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
     data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
-    if found is not None:
-        data["identified"] = {"changes": dict(found.draw), "residual": found.residual, "residual_before": found.before}
+    if twin is not None:
+        data["identified"] = {"changes": dict(twin.draw), "residual": twin.residual, "residual_before": twin.before}
     write_json(folder / NUMBERS, data)

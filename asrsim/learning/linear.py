@@ -169,30 +169,6 @@ class Linearised:
 
         return self._positions(rest, held)
 
-    def within(self, change: Array, room: Array) -> Array:
-        """(n, m) change of the positions for a change (n, m) of the inputs as far as the motors' torques have room for it.
-
-        room: (n, m, 2, 2) N m, least and most that each motor can give beside what it gives already.
-        """
-        states, inputs = self.steps
-        m = len(self.drives)
-        motors = []
-        for place, (joint, motor) in enumerate(self._moving):
-            drive, share = self.drives[joint], float(_rho(self.drives[joint])[motor])
-            if share:
-                motors.append((2 * m + 2 * place, joint, motor, drive.proportional[motor], drive.derivative[motor], share))
-        asked = 0.5 * (change[1:] + change[:-1])
-
-        def limited(index: int, state: Array) -> Array:
-            given = asked[index].copy()
-            for place, joint, motor, proportional, derivative, share in motors:
-                theta, rate = state[place : place + 2]
-                ends = (room[index, joint, motor] + (proportional * theta + derivative * rate)) / (share * proportional)
-                given[joint] = min(max(given[joint], ends.min()), ends.max())
-            return np.asarray(states[index] @ state + inputs[index] @ given)
-
-        return self._positions(np.zeros(states.shape[1]), limited)
-
     def _positions(self, state: Array, following: Callable[[int, Array], Array]) -> Array:
         """(n, m) positions from a state (s,) on; `following` gives the state after each step."""
         found = np.empty((len(self.time), len(self.drives)))

@@ -12,7 +12,7 @@ of the best trial never grows, however wrong the models are, and a step that is 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,15 +31,12 @@ TAIL = 20
 RHO_UP, RHO_DOWN = 10.0, 3.0
 """Factors on the weight of changes after a trial that was worse, and after one that was better."""
 REHEARSALS = 4
-"""Updates in the model with friction before each trial, at most."""
-STALLED = 2
-"""Trials without progress after which the model is thought over."""
+"""Further updates in a model before each trial, at most."""
 PROGRESS = 0.99
 """Share of the best error below which a trial counts as progress."""
 
-
-Rethink = Callable[[Trial], tuple["Lifted", Array]]
-"""The best trial -> another lifted model, and the inputs (n, joints) that it would try first."""
+Answer = Callable[[Array], Array]
+"""Inputs (n, joints) -> the outputs (n, joints) that a model expects of them."""
 
 
 class Lifted:
@@ -79,63 +76,46 @@ class Lifted:
 
 @dataclass(frozen=True)
 class NormOptimal:
-    """The law; `rethink` makes another model from the best trial where it stalls."""
+    """The law."""
 
     problem: LearningProblem
     lifted: Lifted
-    rethink: Rethink | None = None
-    answers: Callable[[Trial], Callable[[Array], Array]] | None = None
+    answers: Callable[[Trial], Answer] | None = None
     """A trial -> what a model with friction expects of inputs after it."""
-    _rethought: dict[int, tuple[Lifted, Array]] = field(default_factory=dict, repr=False)
 
     def propose(self, trials: Sequence[Trial]) -> Proposal:
         """The best trial's input, corrected by its error."""
         best, rho, _ = standing(trials)
-        lifted = self.lifted
-        stalled = stalled_at(trials) if self.rethink is not None else None
-        if stalled is not None:
-            other, guess = self._other(stalled, trials)
-            if stalled == len(trials) - 1:
-                return Proposal(inputs=guess)
-            if trials[stalled + 1].total < standing(trials[: stalled + 1])[0].total:
-                # The other model's guess was better: it goes on, from its first weight.
-                lifted = other
-                best, rho, _ = standing(trials[stalled + 1 :])
-        change, expected = lifted.change(self.problem.reference - best.outputs, rho)
         # The friction of a robot on which a trial failed may not be the model's.
-        if self.answers is None or failures(trials) > 0:
-            return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
-        return self._rehearsed(lifted, best, change, self.answers(best))
-
-    def _rehearsed(self, lifted: Lifted, best: Trial, change: Array, answer: Callable[[Array], Array]) -> Proposal:
-        """What some updates come to in the model with friction, which holds joints that the lifted models let move."""
-        proposal = Proposal(inputs=best.inputs + change, outputs=answer(best.inputs + change))
-        for _ in range(REHEARSALS):
-            left = self.problem.reference - np.asarray(proposal.outputs)
-            inputs = proposal.inputs + lifted.change(left, RHO)[0]
-            outputs = answer(inputs)
-            if not np.sum((self.problem.reference - outputs) ** 2) < np.sum(left**2):
-                break
-            proposal = Proposal(inputs=inputs, outputs=outputs)
-        return proposal
-
-    def _other(self, stalled: int, trials: Sequence[Trial]) -> tuple[Lifted, Array]:
-        if stalled not in self._rethought and self.rethink is not None:
-            self._rethought[stalled] = self.rethink(standing(trials[: stalled + 1])[0])
-        return self._rethought[stalled]
+        if self.answers is not None and failures(trials) == 0:
+            return rehearsed(self.problem, self.lifted, best, rho, self.answers(best))
+        change, expected = self.lifted.change(self.problem.reference - best.outputs, rho)
+        return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Gives up when more than `patience` trials in a row brought no progress, and rethinking did not help."""
+        """Gives up when more than `patience` trials in a row brought no progress."""
         best, _, failed = standing(trials)
         if not np.isfinite(best.total):
             return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
-        stalled = stalled_at(trials) if self.rethink is not None else None
-        if failed <= patience or (stalled is not None and len(trials) - 1 - stalled <= patience):
+        if failed <= patience:
             return None
         return "stalled", (
             f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is "
             f"{worst(self.problem, best)} off ({worst_place(self.problem, best)})"
         )
+
+
+def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, answer: Answer) -> Proposal:
+    """The best trial's input after some updates in a model that knows more than the lifted ones, such as friction."""
+    proposal = Proposal(inputs=best.inputs, outputs=best.outputs)
+    for number in range(1 + REHEARSALS):
+        left = problem.reference - np.asarray(proposal.outputs)
+        inputs = proposal.inputs + lifted.change(left, rho)[0]
+        outputs = answer(inputs)
+        if number and not np.sum((problem.reference - outputs) ** 2) < np.sum(left**2):
+            break
+        proposal = Proposal(inputs=inputs, outputs=outputs)
+    return proposal
 
 
 def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
@@ -153,11 +133,6 @@ def failures(trials: Sequence[Trial]) -> int:
     """Trials that were no better than the best before them."""
     totals = np.array([trial.total for trial in trials])
     return int(np.sum(~(totals[1:] < np.fmin.accumulate(totals)[:-1])))
-
-
-def stalled_at(trials: Sequence[Trial]) -> int | None:
-    """Place of the trial at which learning first stalled; None: it has not."""
-    return next((index for index in range(1, len(trials)) if standing(trials[: index + 1])[2] >= STALLED), None)
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:

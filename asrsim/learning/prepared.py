@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,9 +14,10 @@ from asrsim.kinematics.inverse import Demand, InverseDynamics
 from asrsim.learning.arm import ArmModel
 from asrsim.learning.contraction import choose_gains, learnable, safe_filter
 from asrsim.learning.identity import identity_of
+from asrsim.learning.iterate import learn
 from asrsim.learning.law import FixedGain
 from asrsim.learning.linear import Linearised
-from asrsim.learning.optimal import RHO, Lifted, NormOptimal
+from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
 from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at, wants_model_gains, wants_safe_filter
@@ -29,8 +30,8 @@ GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
 FORESEEN = 50
 """Updates that are foreseen at most."""
-HASTE = (0.01, 0.1, 1.0)
-"""Weights of the input's change, times the law's, with which the start is caught up."""
+REACH_TRIALS = 12
+"""Simulated trials, at most, that decide whether a motion that exceeds a limit can be followed."""
 RIPPLE = 1e-3
 """Of the tolerance: what a trial has at all frequencies that no model foresees (friction that lets go a moment later), and that
 grows from trial to trial where errors grow."""
@@ -58,9 +59,23 @@ class Prepared:
     """For people: presets that were chosen, settings without effect."""
 
     @property
-    def out_of_reach(self) -> tuple[Demand, ...]:
-        """What the motion asks of the joints and they cannot give."""
+    def exceeding(self) -> tuple[Demand, ...]:
+        """Demands beyond their limits. A short one may leave no error."""
         return tuple(demand for demand in self.demands if demand.score > 1.0)
+
+    @cached_property
+    def followed(self) -> float:
+        """rad: the largest error of the best simulated trial, all limits in force."""
+        guess = self.inverse.inputs_at(self.plant.time, self.model.delays)
+        problem = replace(self.problem, first_guess=guess)
+        settings = replace(self.settings, max_iterations=REACH_TRIALS)
+        law = NormOptimal(problem, Lifted(problem.time, self.linear, self.model.delays))
+        return learn(problem, self.plant.outputs, settings, law=law).best_trial.worst
+
+    @property
+    def out_of_reach(self) -> tuple[Demand, ...]:
+        """Demands beyond their limits, where simulated learning does not come within the tolerance."""
+        return self.exceeding if self.exceeding and self.followed > self.settings.tolerance else ()
 
     def gain_advice(self) -> tuple[float, ...]:
         """Gains that the model would choose."""
@@ -140,7 +155,6 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     if settings.law == "auto" and not lawless:
         sticks = any(model.arm.losses(joint).friction > 0.0 for joint in plant.joints)
         lifted = Lifted(problem.time, linear, model.delays)
-        missed = _left(plant, inverse, linear, lifted, missed)
         law = NormOptimal(problem, lifted, answers=model.answers if sticks else None)
     raw = plant.scenario.resolved.get("ilc") or {}
     idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
@@ -157,24 +171,6 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         demands=tuple(sorted([*inverse.demands, *_start(plant, missed, settings.tolerance)], key=lambda one: -one.score)),
         notes=tuple(notes),
     )
-
-
-def _left(plant: Plant, inverse: InverseDynamics, linear: Linearised, lifted: Lifted, missed: Array) -> Array:
-    """(n, joints) rad that the first moments leave of `missed` when the inputs do all that the motors have torque for."""
-    room = np.broadcast_to([-np.inf, np.inf], (len(linear.time), len(linear.drives), 2, 2)).copy()
-    for column, (drive, item) in enumerate(zip(plant.drives, inverse.drives, strict=True)):
-        for motor, limit in enumerate(drive.max_torque[: item.motor_torques.shape[1]]):
-            used = np.clip(item.motor_torques[:, motor], -limit, limit)
-            room[:, column, motor] = np.stack([-limit - used, limit - used], axis=1)
-    tried = [missed]
-    for weight in HASTE:
-        change = lifted.change(-missed, weight * RHO)[0]
-        wanted = np.zeros((len(linear.time), len(linear.drives)))
-        for column, values in enumerate(change.T):
-            wanted[:, column] = np.interp(linear.time, plant.time, values)
-        moved = linear.within(wanted, room)[:, : len(plant.joints)]
-        tried.append(missed + np.column_stack([np.interp(plant.time, linear.time, column) for column in moved.T]))
-    return min(tried, key=lambda left: float(np.abs(left).max()))
 
 
 def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:
