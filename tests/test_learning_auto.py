@@ -306,6 +306,7 @@ def test_learning_goes_on_with_recordings_of_the_robot(tmp_path):
         next_input(make_plant(scenario), tmp_path, tmp_path / "trial_0.csv")
 
 
+@pytest.mark.slow
 def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
     """A gain of 3 makes errors grow; the law `auto` finds a better input for the same robot and says nothing."""
     arm = random_arm(6)
