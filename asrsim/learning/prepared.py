@@ -30,7 +30,7 @@ GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
 FORESEEN = 50
 """Updates that are foreseen at most."""
-REACH_TRIALS = 30
+REACH_TRIALS = 12
 """Simulated trials, at most, that decide whether a motion that exceeds a limit can be followed."""
 RIPPLE = 1e-3
 """Of the tolerance: what a trial has at all frequencies that no model foresees (friction that lets go a moment later), and that
