@@ -445,7 +445,7 @@ def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_
     tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
     files, _ = write_robot(tied, tmp_path, everything=True)
     sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
-    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
+    moves = [f"references.joint_1.equilibrium_position={CHIRP}", *(f"{k}={v}" for k, v in fitted.substeps.items())]
     table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", workers=1, logs=True, overrides=moves)
     drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
     assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
@@ -575,14 +575,14 @@ def test_outliers_are_no_noise_and_an_offset_of_all_is(memory, offset):
     left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
     left[generator.permutation(4000)[:20]] += 0.5
     residuals = SimpleNamespace(
-        tracks=[SimpleNamespace(channels=[SimpleNamespace(given=False, noise=1.0)])],
+        tracks=[SimpleNamespace(channels=[SimpleNamespace(given=False, noise=1.0, quantum=0.0)])],
         raw=lambda x, track, until: [left + offset], until=lambda track: None,
     )  # fmt: skip
     ((weights,),) = whitened(residuals, np.empty(0))
     assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
 
 
-def test_noise_is_told_from_fine_structure_and_correlated_noise_is_whitened():
+def test_noise_is_told_from_fine_structure_and_an_autoregression_whitens_it():
     generator = np.random.default_rng(0)
     time = np.linspace(0.0, 4.0, 4000)
     assert fine_noise(np.sin(time) + 1e-3 * generator.normal(size=4000)) == pytest.approx(1e-3, rel=0.1)

@@ -314,18 +314,18 @@ def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_devi
     nothing = np.empty(0)
     told = Uncertainty(
         inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, variance=1.0,
-        scores=scores, firsts=np.zeros(1, np.intp),
+        noise=np.eye(4), freedom=1e9, scores=scores, firsts=np.zeros(1, np.intp),
     )  # fmt: skip
-    deviation, quantile = told.deviations(np.ones(4), np.eye(4))
+    deviation, quantile = told.deviations(np.eye(4))
     assert deviation == pytest.approx([1.0, 1.0, 1.0, 3.0])
     assert quantile == pytest.approx([1.95996, 1.95996, 1.95996, 2.20099], abs=1e-4)
     # Two blocks tell nothing.
     few = replace(told, scores=100.0 * scores[:2])
-    assert few.deviations(np.ones(4), np.eye(4))[0] == pytest.approx(np.ones(4))
+    assert few.deviations(np.eye(4))[0] == pytest.approx(np.ones(4))
     # Whole recordings may differ more than their blocks: three of four blocks each, all of one sign.
     apart = np.repeat([1.0, -2.0, 1.0], 4)[:, None] * np.ones((1, 4))
     whole = replace(told, scores=apart, firsts=np.array([0, 4, 8]))
-    assert whole.deviations(np.ones(4), np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
+    assert whole.deviations(np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
 
 
 def test_entries_move_by_the_factor_that_is_asked_for() -> None:

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.identification import make_task
+from asrsim.identification import make_task, pool
 from asrsim.identification.inverse import InverseTrack, unbiased
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import solve
-from asrsim.identification.track import Track
+from asrsim.identification.track import Draw, Track
+from asrsim.workers import executor
 
 pytestmark = pytest.mark.once
 
@@ -190,3 +191,28 @@ def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) 
     plain, other = np.mean(found, axis=0)
     assert plain < 0.0
     assert abs(other) < 0.3 * abs(plain)
+
+
+@pytest.mark.parametrize("mode", [0, 3])
+def test_derivatives_by_workers_are_the_same_bits_under_noise_that_is_added(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
+) -> None:
+    """Noise of places where torques are compared, of commands where motions are."""
+    monkeypatch.setattr(pool, "LONG", -1.0)
+    columns = torque_driven((1e-4,))
+    if mode == 3:
+        columns["joint_1.reference_1 [rad]"] = columns.pop("joint_1.reference_1 [N m]") + noise(len(SWEEP))
+    with ExitStack() as stack:
+        setup = setup_of(stack, tmp_path, columns, ["link_1.izz", "joint_1.damping"], mode=mode)
+        weights = [[Weights(1e-3)]]
+        workers = pool.Pool(setup.task, stack.enter_context(executor(2, ())))
+        alone = Residuals(setup.tracks, setup.layout, weights, setup.ends, Counter())
+        together = Residuals(setup.tracks, setup.layout, weights, setup.ends, Counter(), workers)
+        found = []
+        for draw in (None, Draw(3), Draw(3, -1.0)):
+            here, there = (one.drawn([draw]).jacobian(np.zeros(len(setup.layout))) for one in (alone, together))
+            np.testing.assert_array_equal(there, here)
+            found.append(here)
+        assert together.counter.evaluations == alone.counter.evaluations
+        assert not np.array_equal(found[0], found[1])
+        assert not np.array_equal(found[1], found[2])

@@ -1,4 +1,9 @@
-"""How sure estimates are: ordinary least squares on whitened residuals, held against the spread between blocks."""
+"""How sure estimates are: least squares under the noise that residuals show, held against the spread between blocks.
+
+The covariance of least squares is H S H: H is the inverse of J'J, S the covariance of J'r. S follows from the noise of each
+channel: from its spectrum, by an autoregression of what is left, and from the steps of its encoder. Samples that correlate
+tell less than as many independent ones, and give fewer degrees of freedom.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.identification.noise import autoregression
-from asrsim.identification.residuals import Residuals, Weights
+from asrsim.identification.noise import autoregression, whiten
+from asrsim.identification.residuals import Part, Residuals, Weights
 from asrsim.samples import Array
 
 BLOCKS = 10
@@ -23,6 +28,8 @@ CORNER = 1e-5
 """Of differences, in the vector's units: over corners that a joint's sticking makes, small beside any deviation."""
 REACH = 1e-3
 """Way over which a direction's slope is taken, at most, in the vector's units: null directions may be bent."""
+DRAWS = 100
+"""Of an encoder's steps."""
 AGREES, ROUNDS = 0.3, 4
 """Change of slopes, as a share, that leaves directions as they are; looks at all, at most."""
 
@@ -42,7 +49,11 @@ class Uncertainty:
     quantile: Array
     """(n,) of the 95 % interval, in deviations."""
     variance: float
-    """Mean square of the residuals."""
+    """Of residuals that, being white, would tell as much: the mean of S in units of J'J."""
+    noise: Array
+    """(n, n) S, the covariance of J'r."""
+    freedom: float
+    """Independent samples beyond the numbers that were estimated from them."""
     scores: Array
     """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
     firsts: NDArray[np.intp]
@@ -55,14 +66,15 @@ class Uncertainty:
         covariance = self.inverse * np.outer(ratio, ratio)
         return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
 
-    def deviations(self, ordinary: Array, directions: Array) -> tuple[Array, Array]:
-        """The larger of an ordinary deviation and of the blocks' spread, and how many of it the 95 % interval has.
+    def deviations(self, directions: Array) -> tuple[Array, Array]:
+        """The larger of the noise's deviation and of the blocks' spread, and how many of it the 95 % interval has.
 
-        ordinary: (k,) variances; directions: (k, n) by which blocks' scores move what is estimated.
+        directions: (k, n) by which J'r moves what is estimated.
         """
-        from scipy.special import chdtri, ndtri, stdtrit
+        from scipy.special import chdtri, stdtrit
 
-        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), ndtri(0.975))
+        ordinary = np.sum((directions @ self.noise) * directions, axis=1)
+        deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
         # Blocks of a recording may differ less among each other than recordings do.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
@@ -88,23 +100,68 @@ def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
             middle = left - np.median(left)
             scale = max(float(np.median(np.abs(middle))) / 0.6745, 1e-300)
             # What an outlier left over must not shape the model of the noise.
-            model = autoregression(np.clip(middle, -6.0 * scale, 6.0 * scale))
-            weights.append(Weights(noise=_innovation(left, model), model=model))
-            if channel.given and not len(model):
-                weights[-1].noise = channel.noise
+            clipped = np.clip(middle, -6.0 * scale, 6.0 * scale)
+            # The steps of an encoder go with the motion: no autoregression whitens them.
+            model = np.empty(0) if channel.quantum else autoregression(clipped)
+            given = channel.given and not len(model)
+            weights.append(Weights(channel.noise if given else _innovation(left, model), model))
         found.append(weights)
     return found
 
 
 def _innovation(left: Array, model: Array) -> float:
     """Root mean square of the whitened residuals without outliers; an offset of all of them is no outlier, and counts."""
-    from asrsim.identification.noise import whiten
-
     white = whiten(left, model)[len(model) :]
     away = np.abs(white - np.median(white))
     scale = float(np.median(away)) / 0.6745
     kept = white[away <= 6.0 * scale] if scale > 0.0 else white
     return max(float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0, 1e-12)
+
+
+def noise_of(residuals: Residuals, left: Array, jacobian: Array) -> tuple[Array, float]:
+    """(n, n) covariance of J'r as the channels' noise makes it, and how many independent samples tell that.
+
+    left: (m,) residuals; jacobian: (m, n).
+    """
+    parts, n = residuals.parts(), jacobian.shape[1]
+    total, count = np.zeros((n, n)), 0.0
+    for part in parts:
+        found, independent = _noise_of_part(part, left[part.rows], jacobian[part.rows])
+        total, count = total + found, count + independent
+    # What the parameters took from the residuals is of the slow part that they follow.
+    freedom = max(count - n, 1.0)
+    return total * (count / freedom), freedom
+
+
+def _noise_of_part(part: Part, left: Array, jacobian: Array) -> tuple[Array, float]:
+    """Of one channel."""
+    if not len(left):
+        return np.zeros((jacobian.shape[1],) * 2), 0.0
+    model, power = autoregression(left), float(np.mean(left**2))
+    innovation = float(np.mean(whiten(left, model)[len(model) :] ** 2))
+    slow = innovation / max(1.0 - float(np.sum(model)), 1e-6) ** 2
+    independent = len(left) * min(power / slow, 1.0) if slow > 0.0 else float(len(left))
+    if part.channel.quantum:
+        drawn = _encoder_noise(part, left, power)
+        scores = jacobian.T @ drawn
+        return scores @ scores.T / DRAWS, independent
+    # J' C J with the covariance C of the autoregression, by its spectrum.
+    size = 2 * len(left)
+    spectrum = innovation / np.abs(np.fft.rfft(np.append(1.0, -model), size)) ** 2
+    spectrum[1:-1] *= 2.0
+    waves = np.fft.rfft(jacobian, size, axis=0)
+    return np.asarray((waves.conj().T * spectrum @ waves).real / size), independent
+
+
+def _encoder_noise(part: Part, left: Array, power: float) -> Array:
+    """(n, draws) residuals that an encoder leaves, whose zero is anywhere in a step, of the predicted motion with noise."""
+    generator = np.random.default_rng(0)
+    step, size = part.channel.quantum, (len(left), DRAWS)
+    noise = generator.normal(scale=max(power * part.weights.noise**2 - step**2 / 12.0, 0.0) ** 0.5, size=size)
+    predicted = (part.channel.values[: len(left)] + left * part.weights.noise)[:, None]
+    zeros = step * generator.uniform(-0.5, 0.5, size=DRAWS)
+    shown = step * np.round((predicted + noise + zeros) / step) - predicted
+    return part.weights.weigh(shown, step)
 
 
 def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
@@ -115,7 +172,6 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
     # Outliers count as the fit counts them.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     jacobian = with_faint_directions(residuals, x, jacobian)
-    variance = 1.0 if foreseen else float(left @ left) / max(len(left) - n, 1)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(jacobian, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > GONE * singular.max(initial=0.0)
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
@@ -130,8 +186,10 @@ def uncertainty(residuals: Residuals, x: Array, at_bound: Sequence[bool], *, for
         # At a bound the whole has a slope.
         bound = np.asarray(at_bound, dtype=bool)
         scores[:, bound] -= scores[:, bound].mean(axis=0)
-    found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, scores, firsts)
-    deviation, quantile = found.deviations(variance * np.diag(inverse), inverse)
+    noise, freedom = (jacobian.T @ jacobian, float(len(left))) if foreseen else noise_of(residuals, left, jacobian)
+    variance = float(np.sum(inverse * noise)) / max(int(np.sum(kept)), 1)
+    found = Uncertainty(inverse, inverse, np.empty(0), jacobian, np.empty(0), variance, noise, freedom, scores, firsts)
+    deviation, quantile = found.deviations(inverse)
     # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return found.with_deviation(np.where(lost, np.nan, deviation), quantile)

@@ -7,7 +7,7 @@ fits to the position follow these. The balance of torques has no memory (equatio
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from asrsim.identification.noise import fine_noise
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.static import StaticTrack, is_static
-from asrsim.identification.track import Track, numbers_of
+from asrsim.identification.track import Draw, Track, numbers_of
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
@@ -59,6 +59,24 @@ def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Motion of the joints as places show it, filtered."""
+
+    recorded: Sequence[Array]
+    """Places of each joint on the grid, not filtered."""
+    q: Array
+    """(rows, joints) places, velocities, accelerations that are compared."""
+    v: Array
+    a: Array
+    speeds: Sequence[Array]
+    """Velocities of each joint on the whole grid."""
+    signs: Array
+    """(rows, joints) of the velocities, filtered as the torque is: its jumps at reversals are."""
+    bases: dict[tuple[tuple[str, str, float], ...], Array] = field(default_factory=dict)
+    """Torques of inertia, gravity and Coriolis for the links' numbers so far."""
+
+
 class InverseTrack(Track):
     """A recording of joints driven by torques: its channels are the torques, filtered as the motion is."""
 
@@ -77,7 +95,8 @@ class InverseTrack(Track):
         rows = np.flatnonzero(inside)[::every]
         self._rows = rows
         self._places, self._moving = [places[joint] for joint in joints], list[NDArray[np.bool_]]()
-        self._follow([channel.values for channel in self._places])
+        self._plain = self._motion(None)
+        self._drawn_motion: tuple[Draw | None, _Motion] = (None, self._plain)
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
         channels = []
         for j, joint in enumerate(joints):
@@ -94,25 +113,35 @@ class InverseTrack(Track):
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(self._grid[rows[0]])
 
-    def _follow(self, places: Sequence[Array]) -> None:
-        """Take the joints' motion from places as they were recorded."""
+    def _motion(self, draw: Draw | None) -> _Motion:
+        """The joints' motion from their recorded places, with noise added."""
+        places = [channel.values for channel in self._places]
+        if draw is not None:
+            generator = np.random.default_rng(draw.seed)
+            places = [one.values + draw.size * one.noise * generator.normal(size=len(one.values)) for one in self._places]
         step = float(self._grid[1] - self._grid[0])
-        series = zip(self._places, places, strict=True)
-        self._recorded = [np.interp(self._grid, channel.time, values) for channel, values in series]
-        smooth = [self._filtered(one) for one in self._recorded]
-        self._speeds = [np.gradient(q, step) for q in smooth]
-        rates = [np.gradient(v, step) for v in self._speeds]
-        self._signs = np.column_stack([self._filtered(np.sign(v)) for v in self._speeds])[self._rows]
-        """Of the velocities, filtered as the torque is: its jumps at reversals are."""
-        self._motion = tuple(np.column_stack(part)[self._rows] for part in (smooth, self._speeds, rates))
-        self._bases: dict[tuple[tuple[str, str, float], ...], Array] = {}
+        recorded = [np.interp(self._grid, channel.time, one) for channel, one in zip(self._places, places, strict=True)]
+        smooth = [self._filtered(one) for one in recorded]
+        speeds = [np.gradient(q, step) for q in smooth]
+        rates = [np.gradient(v, step) for v in speeds]
+        signs = np.column_stack([self._filtered(np.sign(v)) for v in speeds])[self._rows]
+        q, v, a = (np.column_stack(part)[self._rows] for part in (smooth, speeds, rates))
+        return _Motion(recorded, q, v, a, speeds, signs)
+
+    def _motion_with(self, draw: Draw | None) -> _Motion:
+        """The same, kept while the draw does not change."""
+        if draw is None:
+            return self._plain
+        if self._drawn_motion[0] != draw:
+            self._drawn_motion = draw, self._motion(draw)
+        return self._drawn_motion[1]
 
     def _surely_moves(self, j: int) -> NDArray[np.bool_]:
         """(n,) of the grid: false around where joint j stands, held by any friction up to its level."""
         period = 1.0 / (self._cutoff * float(self._grid[1] - self._grid[0]))
         near, beside = round(NEAR * period), max(1, round(0.25 * period))
         moved = np.zeros(len(self._grid))
-        moved[beside:-beside] = self._recorded[j][2 * beside :] - self._recorded[j][: -2 * beside]
+        moved[beside:-beside] = self._plain.recorded[j][2 * beside :] - self._plain.recorded[j][: -2 * beside]
         still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
         surely: NDArray[np.bool_] = ~still
         edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
@@ -122,28 +151,18 @@ class InverseTrack(Track):
                 surely[max(first - near, 0) : end + near] = False
         return surely
 
-    def shake(self, draw: int, size: float) -> None:
-        """Follow places with as much noise again, `size` times a draw of it; 0: those that were recorded."""
-        generator = np.random.default_rng(draw)
-        self._follow([one.values + size * one.noise * generator.normal(size=len(one.values)) for one in self._places])
-
-    def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
+    @property
+    def has_noisy_inputs(self) -> bool:
         """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
-        before = self.predict(values)
-        self.shake(draw, 1.0)
-        after = self.predict(values)
-        self.shake(0, 0.0)
-        return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
+        return True
 
     @property
     def is_blind(self) -> bool:
         """Whether the noise of a joint's places makes much of its accelerations, or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
-        told = self._motion[2]
-        self.shake(0, 1.0)
-        moved = self._motion[2] - told
-        self.shake(0, 0.0)
+        told = self._plain.a
+        moved = self._motion(Draw(0)).a - told
         return bool(np.any(np.std(moved, axis=0) > BLIND * np.std(told, axis=0)))
 
     def resolve(self, substeps: int, motor_substeps: int) -> None:
@@ -158,19 +177,20 @@ class InverseTrack(Track):
     def _sampled(self, time: Array, values: Array, delay: float = 0.0) -> Array:
         return self._filtered(np.interp(self._grid - delay, time, values))[self._rows]
 
-    def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
+    def predict(self, values: Mapping[str, float], until: float | None = None, draw: Draw | None = None) -> list[Array] | None:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
-        q, v, _a = self._motion
+        motion = self._motion_with(draw)
+        q, v = motion.q, motion.v
         joints = self.evaluation.joints
         try:
             changes = numbers_of(values)
             robot = varied_robot(self.prepared.robot, changes)
         except RobotError:
             return None
-        needed = self._balance(robot, changes)
+        needed = self._balance(motion, robot, changes)
         for j, joint in enumerate(joints):
             one = robot.joint(joint)
-            needed[:, j] += one.damping * v[:, j] + self._friction(one, j)
+            needed[:, j] += one.damping * v[:, j] + self._friction(motion, one, j)
             needed[:, j] += one.spring_stiffness * (q[:, j] - one.spring_reference)
             if (torque := self._torques.get(f"{joint}.{EXTERNAL}")) is not None:
                 needed[:, j] -= torque
@@ -185,11 +205,11 @@ class InverseTrack(Track):
             predicted.append(told if until is None else told[channel.time <= until + 1e-9])
         return predicted
 
-    def _friction(self, joint: Joint, j: int) -> Array:
+    def _friction(self, motion: _Motion, joint: Joint, j: int) -> Array:
         """(n,) torque against the motion of joint j, filtered."""
         if not joint.friction_varies:
-            return np.asarray(joint.friction * self._signs[:, j])
-        speed = self._speeds[j]
+            return np.asarray(joint.friction * motion.signs[:, j])
+        speed = motion.speeds[j]
         command = next(one for one in self.data.commands if one.key == f"{joint.name}.reference_1")
         load = np.abs(self._filtered(np.interp(self._grid, command.time, command.values)))
         static = joint.stribeck_friction * np.exp(-((speed / joint.stribeck_velocity) ** 2))
@@ -199,19 +219,18 @@ class InverseTrack(Track):
         command = next(one for one in self.data.commands if one.key == key)
         return self._sampled(command.time, command.values, delay)
 
-    def _balance(self, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Array:
+    def _balance(self, motion: _Motion, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Array:
         """(n, joints) of inertia, gravity and Coriolis; what only losses change is known from before."""
-        q, v, a = self._motion
-        links = {link.name for link in robot.links}
+        links, bases = {link.name for link in robot.links}, motion.bases
         mark = tuple((owner, name, x) for owner, part in changes.items() if owner in links for name, x in part.items())
-        if mark not in self._bases:
+        if mark not in bases:
             engine = self.evaluation.engine_of(robot)
-            if len(self._bases) > 64:
-                self._bases.clear()
+            if len(bases) > 64:
+                bases.clear()
             model = engine.model
             assert model is not None  # joints in mode 0 have dynamics
-            self._bases[mark] = np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
-        return self._bases[mark].copy()
+            bases[mark] = np.array([model.inverse_dynamics(*row) for row in zip(motion.q, motion.v, motion.a, strict=True)])
+        return bases[mark].copy()
 
 
 def unbiased(residuals: Residuals, x: Array) -> Array:
@@ -219,15 +238,12 @@ def unbiased(residuals: Residuals, x: Array) -> Array:
 
     Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, of which what is odd cancels.
     """
-    driven = [track for track in residuals.tracks if isinstance(track, InverseTrack)]
+    driven = [i for i, track in enumerate(residuals.tracks) if isinstance(track, InverseTrack)]
     moved = np.zeros(len(x))
     for draw in range(DRAWS if driven else 0):
         for sign in (1.0, -1.0):
-            for i, track in enumerate(driven):
-                track.shake(DRAWS * i + draw, sign)
-            moved += solve(residuals, x, loss="linear", rounds=10) - x
-    for track in driven:
-        track.shake(0, 0.0)
+            draws = [Draw(DRAWS * i + draw, sign) if i in driven else None for i in range(len(residuals.tracks))]
+            moved += solve(residuals.drawn(draws), x, loss="linear", rounds=10) - x
     return np.clip(x - 0.5 * moved / DRAWS, *residuals.layout.bounds)
 
 

@@ -190,10 +190,3 @@ def still_joints(tracks: Sequence[Track]) -> Mapping[str, str]:
                 extent = float(np.ptp(channel.values)) / (max(channel.noise, channel.quantum) * 8.0)
                 moved[channel.joint] = max(moved.get(channel.joint, 0.0), extent)
     return {joint: "the link never moves beyond its noise" for joint, extent in moved.items() if extent < 1.0}
-
-
-def coarse_joints(tracks: Sequence[Track]) -> list[str]:
-    """Joints whose encoders' steps are larger than their noise."""
-    return list(
-        dict.fromkeys(c.joint for track in tracks for c in track.channels if c.quantum > 0.0 and "position" in c.quantity)
-    )

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.identification.data import Channel
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import whiten
 from asrsim.identification.pool import Pool
-from asrsim.identification.track import Track
+from asrsim.identification.track import Draw, Track
 from asrsim.samples import Array
 
 STEP = 1e-6
@@ -21,7 +22,7 @@ FAR = 1e3
 """Deviations that a motion counts which is not sane."""
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Weights:
     """How the residuals of a channel count."""
 
@@ -29,6 +30,25 @@ class Weights:
     """Its standard deviation."""
     model: Array = field(default_factory=lambda: np.empty(0))
     """Coefficients of the autoregression that whitens it."""
+
+    def weigh(self, values: Array, quantum: float) -> Array:
+        """Differences (n,) or (n, k), whitened, in deviations of the noise.
+
+        The zero of an encoder with steps of `quantum` is known within one only: the mean counts as this uncertainty lets it.
+        """
+        white = whiten(values, self.model) / self.noise
+        zero = len(values) * (quantum / self.noise) ** 2 / 12.0
+        return white - (1.0 - (1.0 + zero) ** -0.5) * white.mean(axis=0) if zero else white
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One channel among the residuals."""
+
+    rows: slice
+    track: int
+    channel: Channel
+    weights: Weights
 
 
 @dataclass
@@ -47,28 +67,38 @@ class Residuals:
 
     def __init__(
         self, tracks: Sequence[Track], layout: Layout, weights: Sequence[Sequence[Weights]], ends: Sequence[float],
-        counter: Counter, pool: Pool | None = None,
+        counter: Counter, pool: Pool | None = None, draws: Sequence[Draw | None] = (),
     ) -> None:  # fmt: skip
+        """weights: by recording and channel; draws: noise that is added to each recording's inputs."""
         self.tracks, self.layout, self.weights, self.ends, self.counter = tracks, layout, weights, ends, counter
         self.share = 1.0
         """Of each recording's training part that counts."""
+        self.draws = draws or (None,) * len(tracks)
         self._pool = pool
 
     def under(self, layout: Layout) -> Residuals:
         """Those of the same recordings with other things free."""
-        return Residuals(self.tracks, layout, self.weights, self.ends, self.counter, self._pool)
+        return Residuals(self.tracks, layout, self.weights, self.ends, self.counter, self._pool, self.draws)
+
+    def drawn(self, draws: Sequence[Draw | None]) -> Residuals:
+        """Those with noise added to the recordings' inputs."""
+        found = Residuals(self.tracks, self.layout, self.weights, self.ends, self.counter, self._pool, draws)
+        found.share = self.share
+        return found
 
     def state(self) -> dict[str, Any]:
         """All that :meth:`of_track` depends on beside the recordings, for another process."""
         steps = [(one.prepared.resolution.substeps, one.prepared.resolution.motor_substeps) for one in self.tracks]
         return {
             "layout": self.layout, "weights": self.weights, "ends": self.ends, "share": self.share,
-            "held": self.tracks[0].held, "steps": steps,
+            "held": self.tracks[0].held, "steps": steps, "draws": self.draws,
         }  # fmt: skip
 
     def take(self, state: Mapping[str, Any]) -> None:
         """Be as those that the state is of."""
-        self.layout, self.weights, self.ends, self.share = (state[name] for name in ("layout", "weights", "ends", "share"))
+        self.layout, self.weights, self.ends, self.share, self.draws = (
+            state[name] for name in ("layout", "weights", "ends", "share", "draws")
+        )
         self.hold(state["held"])
         for track, steps in zip(self.tracks, state["steps"], strict=True):
             track.resolve(*steps)
@@ -87,7 +117,7 @@ class Residuals:
         """Predicted less recorded, by channel; until: None for the whole recording."""
         one = self.tracks[track]
         began = clock.perf_counter()
-        predicted = one.predict(self.layout.table(x, track), until)
+        predicted = one.predict(self.layout.table(x, track), until, self.draws[track])
         self.counter.evaluations += 1
         self.counter.seconds += clock.perf_counter() - began
         if self.counter.tell is not None:
@@ -97,14 +127,31 @@ class Residuals:
         return [a - channel.values[: len(a)] for a, channel in zip(predicted, one.channels, strict=True)]
 
     def of_track(self, x: Array, track: int) -> Array:
-        """Weighted and whitened, channels one after the other."""
+        """Weighted, channels one after the other."""
         until = self.until(track)
         raw = self.raw(x, track, until)
         if raw is None:
             count = sum(int(np.sum(channel.time <= until + 1e-9)) for channel in self.tracks[track].channels)
             return np.full(count, FAR)
-        parts = [whiten(r, w.model) / w.noise for r, w in zip(raw, self.weights[track], strict=True)]
-        return np.clip(np.concatenate(parts), -1e8, 1e8)
+        return np.clip(self.weighted(raw, track), -1e8, 1e8)
+
+    def weighted(self, raw: Sequence[Array], track: int) -> Array:
+        """Differences (n,) of each channel of a recording, weighted, one after the other."""
+        channels = self.tracks[track].channels
+        parts = zip(raw, channels, self.weights[track], strict=True)
+        return np.concatenate([weights.weigh(one, channel.quantum) for one, channel, weights in parts])
+
+    def parts(self) -> list[Part]:
+        """Where each channel's residuals are."""
+        found: list[Part] = []
+        first = 0
+        for track, one in enumerate(self.tracks):
+            until = self.until(track) + 1e-9
+            for channel, weights in zip(one.channels, self.weights[track], strict=True):
+                count = int(np.sum(channel.time <= until))
+                found.append(Part(slice(first, first + count), track, channel, weights))
+                first += count
+        return found
 
     def __call__(self, x: Array) -> Array:
         """(m,)."""

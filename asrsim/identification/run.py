@@ -20,7 +20,6 @@ from asrsim.identification.judge import (
     HELD,
     ChannelFit,
     channel_fits,
-    coarse_joints,
     foreign,
     still_joints,
     verdict,
@@ -29,7 +28,7 @@ from asrsim.identification.judge import (
 from asrsim.identification.nulls import settled
 from asrsim.identification.pool import Pool
 from asrsim.identification.profiles import profiles
-from asrsim.identification.quanta import with_played, with_quanta
+from asrsim.identification.quanta import with_played
 from asrsim.identification.remarks import remarks_of
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.result import Result
@@ -193,7 +192,7 @@ def _judged(
     misfit = verdict(fits) if complete else []
     causes = _causes(setup, residuals, trained, start, fits, teller) if misfit else []
     x, found, met, finer = _final(setup, residuals, trained, start, status)
-    told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted), coarse_joints(setup.fitted))
+    told, combined = estimates(residuals, x, found, met, still_joints(setup.fitted))
     whole = residuals.ends is not setup.ends
     if complete and not whole and _held_any(setup) and not all(one.explained_whole for one in fits):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
@@ -258,7 +257,7 @@ def _final(
     if there is not x:
         x, met = there, bounds_met(setup.layout, there)
         found = uncertainty(residuals, x, met)
-    found, finer = with_substeps(residuals, x, with_quanta(residuals, x, with_played(residuals, x, found)))
+    found, finer = with_substeps(residuals, x, with_played(residuals, x, found))
     return x, found, met, finer
 
 

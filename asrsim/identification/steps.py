@@ -10,8 +10,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from asrsim.errors import RobotError, UnresolvedSpringError
-from asrsim.identification.intervals import Uncertainty
-from asrsim.identification.layout import Layout
+from asrsim.identification.intervals import Uncertainty, noise_of
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.told import percent
@@ -21,9 +20,9 @@ from asrsim.samples import Array
 ROUNDS = 3
 """Changes of substeps, at most."""
 FINER = 4
-"""Times as many substeps, against which an estimate is held: where joints stick, errors are nearer to first order."""
+"""Times as many substeps, against which an estimate is held."""
 COARSE, FINEST = 0.3, 8
-"""Share of what is left of a channel that substeps may be, and how many times as many there are for that, at most."""
+"""Deviations of an estimate that substeps may move it, and how many times as many there are for that, at most."""
 WORSE = 1.5
 """Times what is left otherwise, as a mean square, from which on finer substeps explain a recording less."""
 SAID = 2.0
@@ -48,21 +47,27 @@ def followed(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> bool:
 
 
 def refined(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> tuple[Array, dict[str, int]]:
-    """Give all recordings the substeps that the most exact one asks for; the estimate with them, and them as a scenario has
-    them. x and nothing where those of runs will do, the scenario gives its own, or finer ones explain less: the recording is
-    a simulation's, made with these.
+    """Give all recordings substeps so fine that their errors move no estimate by much of its deviation.
+
+    Returns the estimate with them, and the substeps as a scenario has them; x and nothing where those of runs suffice,
+    where the scenario gives its own, or where finer ones explain less: then the recording is a simulation's, made with these.
     """
-    if tracks[0].prepared.stepping.released or tracks[0].given_substeps:
+    if tracks[0].prepared.stepping.released or tracks[0].given_substeps or not len(x):
         return x, {}
-    factor = max(_finer_times(residuals, x), FINER if sticks(residuals.layout) else 1)
+    before = residuals(x)
+    jacobian = residuals.jacobian(x, base=before)
+    inverse = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), dtype=np.float64)
+    noise, _ = noise_of(residuals, before, jacobian)
+    deviation = np.sqrt(np.maximum(np.diag(inverse @ noise @ inverse), 1e-300))
+    worst = float(np.max(np.abs(_shift(residuals, x, inverse, jacobian)) / deviation))
+    factor = next((2**k for k in range(4) if worst <= COARSE * 2**k), FINEST)
     if factor == 1:
         return x, {}
     coarse = [(track, track.prepared.resolution) for track in tracks]
-    left = float(np.mean(residuals(x) ** 2))
     for track, resolution in coarse:
         track.resolve(factor * resolution.substeps, resolution.motor_substeps)
     there = solve(residuals, x, loss="linear", rounds=20)
-    if float(np.mean(residuals(there) ** 2)) > WORSE * left:
+    if float(np.mean(residuals(there) ** 2)) > WORSE * float(np.mean(before**2)):
         for track, resolution in coarse:
             track.resolve(resolution.substeps, resolution.motor_substeps)
         return x, {}
@@ -70,20 +75,15 @@ def refined(residuals: Residuals, x: Array, tracks: Sequence[Track]) -> tuple[Ar
     return there, {"substeps": found.substeps, "motor_substeps": found.motor_substeps}
 
 
-def _finer_times(residuals: Residuals, x: Array) -> int:
-    """How many times as many substeps leave errors of theirs well below what is left over otherwise."""
-    tracks, worst = residuals.tracks, 0.0
-    before = [residuals.raw(x, number) for number in range(len(tracks))]
+def _shift(residuals: Residuals, x: Array, inverse: Array, jacobian: Array) -> Array:
+    """(n,) by which infinitely fine substeps would move the estimate, from a run with more of them.
+
+    Errors are taken to be of first order, as they are where joints stick.
+    """
+    before = residuals(x)
     with _finer(residuals):
-        after = [residuals.raw(x, number) for number in range(len(tracks))]
-    for track, coarse, fine in zip(tracks, before, after, strict=True):
-        for channel, a, b in zip(track.channels, coarse or (), fine or (), strict=False):
-            left = max(channel.floor, float(np.sqrt(np.mean(a**2))))
-            worst = max(worst, float(np.sqrt(np.mean((a - b) ** 2))) / left)
-    factor = 1
-    while worst / factor > COARSE and factor < FINEST:
-        factor *= 2
-    return factor
+        after = residuals(x)
+    return np.asarray(-inverse @ (jacobian.T @ (after - before)) / (1.0 - 1.0 / FINER))
 
 
 @contextmanager
@@ -99,23 +99,13 @@ def _finer(residuals: Residuals) -> Iterator[None]:
             track.resolve(substeps, motor_substeps)
 
 
-def sticks(layout: Layout) -> bool:
-    """Whether bristles are estimated: a stick that begins within a substep makes an error of first order."""
-    return any(entry.parameter.key.endswith("friction_stiffness") for entry in layout.entries)
-
-
 def with_substeps(residuals: Residuals, x: Array, found: Uncertainty) -> tuple[Uncertainty, str]:
-    """What is to be said of estimates that finer substeps would make others by more than their deviations; where motors stick,
-    with deviations that hold it.
+    """The same with deviations that hold what finer substeps would make of the estimates; and what is said of those that this
+    widens much.
     """
     if residuals.tracks[0].prepared.stepping.released:
         return found, ""
-    before = residuals(x)
-    with _finer(residuals):
-        after = residuals(x)
-    # A run with many more tells it, by the order.
-    order = residuals.tracks[0].prepared.stepping.order
-    shift = -found.inverse @ (found.jacobian.T @ (after - before)) / (1.0 - FINER**-order)
+    shift = _shift(residuals, x, found.inverse, found.jacobian)
     values, slopes = residuals.layout.values(x), residuals.layout.slopes(x)
     with np.errstate(invalid="ignore"):
         said = (np.abs(shift) > SAID * found.deviation) & (values != 0.0)
@@ -123,8 +113,6 @@ def with_substeps(residuals: Residuals, x: Array, found: Uncertainty) -> tuple[U
         f"{residuals.layout.entries[i].name} by {percent(shift[i] * slopes[i] / values[i], '+')}"
         for i in np.flatnonzero(said).tolist()
     )
-    where = "out of their intervals"
-    if sticks(residuals.layout):
-        found, where = found.with_deviation(np.hypot(found.deviation, shift), found.quantile), "within their intervals"
-    text = f"estimates are for the substeps that runs take; as fine ones as one likes would move {where} {moved}"
-    return found, f"{text}: `substeps:` in the scenario sets them" if moved else ""
+    found = found.with_deviation(np.hypot(found.deviation, shift), found.quantile)
+    text = f"intervals are wider by what finer substeps would make of {moved}: `substeps:` in the scenario sets them"
+    return found, text if moved else ""

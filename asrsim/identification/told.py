@@ -92,9 +92,8 @@ class Told:
         inside = self._vectors[self._known]
         projected = inside @ exponents
         sizes = self._sizes[self._known]
-        ordinary = self.found.variance * float(np.sum((projected / sizes) ** 2))
         moves = np.zeros((1, self.found.scores.shape[1]))
         moves[0, self.free] = (inside.T @ (projected / sizes**2)) * self.units
-        deviation, quantile = self.found.deviations(np.array([ordinary]), moves)
+        deviation, quantile = self.found.deviations(moves)
         # What of it is unknown is so as far as that direction is.
         return float(np.hypot(deviation[0] * quantile[0], np.linalg.norm(self.extent * (self.directions @ exponents))))

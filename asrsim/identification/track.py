@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, RobotError
-from asrsim.identification.data import Channel, Data
+from asrsim.identification.data import Channel, Command, Data
 from asrsim.identification.keys import CLOCK, JUMP
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Played
@@ -28,6 +28,14 @@ DIGITS = 3
 """Of rad or m, in which people write where a joint begins."""
 STILL = 4.5
 """Deviations of the mean within which a recording begins where the scenario does."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Noise as a recording has it, once more: which one, and how many times its size."""
+
+    seed: int
+    size: float = 1.0
 
 
 class Track:
@@ -137,17 +145,17 @@ class Track:
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
 
-    def references(self, values: Mapping[str, float]) -> Mapping[str, Mapping[str, Signal]]:
-        """Commands with the gains, offsets and delays among `values`; the same object while these do not change."""
+    def references(self, values: Mapping[str, float], draw: Draw | None = None) -> Mapping[str, Mapping[str, Signal]]:
+        """Commands with the gains, offsets and delays among `values`; the same object while nothing of it changes."""
         numbers = tuple(
             values.get(f"{command.key}.{what}", 1.0 if what == "gain" else 0.0)
             for command in self.data.commands
             for what in ("gain", "offset", "delay")
         )
         early = {key: value for key, value in {**self.early, **values}.items() if f".{JUMP}" in key}
-        if self._commands is None or self._commands[0] != (self.held, numbers, early):
+        if self._commands is None or self._commands[0] != (self.held, numbers, early, draw):
             table: dict[str, dict[str, Signal]] = {}
-            for i, command in enumerate(self.data.commands):
+            for i, command in enumerate(self._drawn(draw)):
                 gain, offset, delay = numbers[3 * i : 3 * i + 3]
                 played = command.as_stairs if command.key in self.held else command
                 moves = {n: early.get(f"{command.key}.{JUMP}{n + 1}", 0.0) for n in range(len(played.curve.large)) if early}
@@ -155,15 +163,28 @@ class Track:
                     command=played, step=self.prepared.substep, gain=gain, offset=offset, delay=delay, early=moves
                 )  # fmt: skip
                 table.setdefault(command.joint, {})[command.name] = signal
-            self._commands = (self.held, numbers, early), table
+            self._commands = (self.held, numbers, early, draw), table
         return self._commands[1]
 
-    def predict(self, values: Mapping[str, float], until: float | None = None) -> list[Array] | None:
-        """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
+    def _drawn(self, draw: Draw | None) -> Sequence[Command]:
+        """The commands, with noise added."""
+        if draw is None:
+            return self.data.commands
+        generator = np.random.default_rng(draw.seed)
+        return [
+            replace(one, values=one.values + draw.size * _noise(one) * generator.normal(size=len(one.values)))
+            for one in self.data.commands
+        ]
+
+    def predict(self, values: Mapping[str, float], until: float | None = None, draw: Draw | None = None) -> list[Array] | None:
+        """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane.
+
+        draw: noise that is added to the recorded inputs.
+        """
         robot, positions, velocities = self._split(values)
         steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
         try:
-            found = self.simulated(robot, positions, velocities, self.references(values), steps)
+            found = self.simulated(robot, positions, velocities, self.references(values, draw), steps)
         except (DivergenceError, RobotError):
             return None
         clock = values.get(CLOCK, 0.0)
@@ -191,20 +212,16 @@ class Track:
         except (DivergenceError, RobotError):
             return None
 
+    @property
+    def has_noisy_inputs(self) -> bool:
+        """Whether the recorded commands have noise that moves anything."""
+        return any(_noise(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
+
     def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
-        """By how much noise as the recorded commands have it moves each channel (n,): one draw; None where it moves nothing."""
-        generator, plain = np.random.default_rng(draw), self.data
-        noises = [fine_noise(one.values) if not one.hold and len(one.values) > 8 else 0.0 for one in plain.commands]
-        if all(noise <= 2e-6 * np.ptp(one.values) for noise, one in zip(noises, plain.commands, strict=True)):
+        """By how much noise as the recorded inputs have it moves each channel (n,): one draw; None where it moves nothing."""
+        if not self.has_noisy_inputs:
             return None
-        commands = [
-            replace(one, values=one.values + noise * generator.normal(size=len(one.values)))
-            for one, noise in zip(plain.commands, noises, strict=True)
-        ]
-        before = self.predict(values)
-        self.data, self._commands = replace(plain, commands=tuple(commands)), None
-        after = self.predict(values)
-        self.data, self._commands = plain, None
+        before, after = self.predict(values), self.predict(values, None, Draw(draw))
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
 
     def simulated(
@@ -254,6 +271,11 @@ class Track:
         self.evaluation.close()
         if self._other is not None:
             self._other[1].close()
+
+
+def _noise(command: Command) -> float:
+    """Deviation of a recorded command's noise."""
+    return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
 
 
 def _substeps(prepared: Prepared) -> tuple[int, int]:

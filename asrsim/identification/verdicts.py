@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.identification.intervals import Uncertainty, correlations
+from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.nulls import Combination, combinations
 from asrsim.identification.residuals import Residuals
@@ -18,15 +18,11 @@ from asrsim.identification.told import UNKNOWN, relative
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
-IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND, WITHHELD = (
-    "identified", "weak", "only as ratio", "no effect", "at bound", "interval withheld",
-)  # fmt: skip
+IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ratio", "no effect", "at bound"
 CLOSE = 0.05
 """Relative half width of the 95 % interval up to which a parameter is identified."""
 HOPELESS = 10.0
 """The same from which on an interval tells nothing at all."""
-TOGETHER = 0.8
-"""Correlation beyond which an estimate is as sure as the other."""
 VANISHED = 0.01
 """Share of its start at which a positive parameter is gone, if nothing depends on it there."""
 NONE = 1.0
@@ -77,18 +73,15 @@ def bounds_met(layout: Layout, x: Array) -> list[bool]:
 
 
 def estimates(
-    residuals: Residuals, x: Array, found: Uncertainty, met: Sequence[bool], still: Mapping[str, str], coarse: Sequence[str]
+    residuals: Residuals, x: Array, found: Uncertainty, met: Sequence[bool], still: Mapping[str, str]
 ) -> tuple[list[Estimate], list[Combination]]:
-    """met: whether an entry ended at a bound; still: joint -> why nothing is told of what moves there; coarse: joints whose
-    friction an encoder hides.
-    """
+    """met: whether an entry ended at a bound; still: joint -> why nothing is told of what moves there."""
     layout, tracks = residuals.layout, residuals.tracks
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
     known = combinations(layout, x, found, free, residuals)
-    hidden = _hidden(layout, found, [i for i in free if not math.isnan(found.deviation[i])], coarse)
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])
@@ -120,9 +113,6 @@ def estimates(
             reason = still.get(_joint(entry, tracks), "it cannot be told from none: its interval is as wide as itself")
             if not margin < HOPELESS:
                 low = high = math.nan
-        elif i in hidden:
-            verdict, reason = WITHHELD, hidden[i]
-            low = high = math.nan
         elif margin >= CLOSE:
             verdict = WEAK
         result.append(
@@ -133,20 +123,6 @@ def estimates(
             )
         )  # fmt: skip
     return result, known
-
-
-def _hidden(layout: Layout, found: Uncertainty, free: Sequence[int], coarse: Sequence[str]) -> dict[int, str]:
-    """Entry -> why an encoder's steps keep its interval: friction of coarse joints, and damping that is told with it only."""
-    owners = {i: layout.entries[i].parameter.key.rpartition(".")[0] for i in free}
-    friction, damping = (
-        [i for i in free if owners[i] in coarse and what in layout.entries[i].parameter.key] for what in ("friction", "damping")
-    )
-    together = np.abs(correlations(found.covariance))
-    hidden = {
-        i: f"it goes with {layout.entries[j].name}, which the encoder's steps hide"
-        for j in friction for i in damping if owners[i] == owners[j] and together[i, j] > TOGETHER
-    }  # fmt: skip
-    return hidden | dict.fromkeys(friction, "the encoder's steps hide how the joint sticks")
 
 
 def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import InputError
 from asrsim.identification.result import Result
-from asrsim.identification.verdicts import AT_BOUND, IDENTIFIED, RATIO, WEAK, WITHHELD, Estimate
+from asrsim.identification.verdicts import AT_BOUND, IDENTIFIED, RATIO, WEAK, Estimate
 from asrsim.outfile import written
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
@@ -74,7 +74,7 @@ def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
 
 def _is_drawn(one: Estimate, *, logarithmic: bool) -> bool:
     """Whether an estimate is part of what a sweep draws: not what has no effect, nor what became nothing."""
-    together = one.verdict in (RATIO, WITHHELD) or (one.verdict == AT_BOUND and not logarithmic)
+    together = one.verdict == RATIO or (one.verdict == AT_BOUND and not logarithmic)
     return one.track is None and (together or not math.isnan(one.low))
 
 

@@ -1,0 +1,232 @@
+"""Recordings of one elastic joint from an integrator of its own: nothing of asrsim is used.
+
+A link turns about a vertical or horizontal axis: I q'' + d q' + F sign(q') + m g l sin q = tau, with F exact at rest. One
+motor with a linear spring (SEA), or two with tau_i = k sinh(a (theta_i - q)) (qbMove), turn it: J theta'' + D theta' +
+friction = u - tau_i, where the friction is Dahl's: bristles of 1000 N m/rad that slip at their level.
+u = P (goal - theta) - D' theta'. Runge-Kutta of fourth order in steps of 0.05 ms, which end where the link comes to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+Array = np.ndarray
+BRISTLES, GAIN, BRAKE = 1000.0, 8.0, 0.3
+"""N m/rad of Dahl's friction (paper eq. 8); N m/rad and N m s/rad of the motors' controllers."""
+MASS, ARM, GRAVITY = 0.5, 0.06, 9.81
+"""kg, m from the axis, m/s^2."""
+FINE = 5e-5
+"""s."""
+
+
+@njit(cache=False)
+def _spring(law: int, a: float, k: float, x: float) -> float:
+    return k * x if law == 0 else k * np.sinh(a * x)
+
+
+@njit(cache=False)
+def _rate(y, goals, held, p, out):  # type: ignore[no-untyped-def]
+    """Torque on the link but its friction; out: the state's rate.
+
+    y: place and speed of the link, then place, speed and bristles of each motor; held: direction of the link's slip, 0: stuck.
+    """
+    law, a, k, inertia, damping, friction, weight, rotor, brake, level = p
+    push = -damping * y[1] - weight * np.sin(y[0])
+    for i in range(len(goals)):
+        theta, omega, bent = y[2 + 3 * i], y[3 + 3 * i], y[4 + 3 * i]
+        torque = _spring(int(law), a, k, theta - y[0])
+        push += torque
+        most = level / BRISTLES
+        z = min(max(bent, -most), most)
+        drive = GAIN * (goals[i] - theta) - BRAKE * omega
+        out[2 + 3 * i] = omega
+        out[3 + 3 * i] = (drive - torque - brake * omega - BRISTLES * z) / rotor
+        out[4 + 3 * i] = 0.0 if (bent >= most and omega > 0.0) or (bent <= -most and omega < 0.0) else omega
+    if held == 0.0:
+        out[0] = out[1] = 0.0
+    else:
+        out[0], out[1] = y[1], (push - held * friction) / inertia
+    return push
+
+
+@njit(cache=False)
+def _goal(goals, at):  # type: ignore[no-untyped-def]
+    """At a share of a step, by a parabola; goals: (3, motors) at its start, middle and end."""
+    return goals[0] * (1.0 - at) * (1.0 - 2.0 * at) + goals[1] * 4.0 * at * (1.0 - at) + goals[2] * at * (2.0 * at - 1.0)
+
+
+@njit(cache=False)
+def _advance(y, goals, begin, end, step, held, p):  # type: ignore[no-untyped-def]
+    """The state after a part of a step, Runge-Kutta of fourth order."""
+    k1, k2, k3, k4 = np.empty(len(y)), np.empty(len(y)), np.empty(len(y)), np.empty(len(y))
+    h, middle = (end - begin) * step, _goal(goals, 0.5 * (begin + end))
+    _rate(y, _goal(goals, begin), held, p, k1)
+    _rate(y + 0.5 * h * k1, middle, held, p, k2)
+    _rate(y + 0.5 * h * k2, middle, held, p, k3)
+    _rate(y + h * k3, _goal(goals, end), held, p, k4)
+    there = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    most = p[9] / BRISTLES
+    for i in range(4, len(y), 3):
+        there[i] = min(max(there[i], -most), most)
+    return there
+
+
+@njit(cache=False)
+def _integrate(goals, every, step, p):  # type: ignore[no-untyped-def]
+    """goals: (2 n + 1, motors) at half steps. Rows every so many steps: link, motors' places."""
+    motors, n, friction = goals.shape[1], (len(goals) - 1) // 2, p[5]
+    y, slope, rows = np.zeros(2 + 3 * motors), np.empty(2 + 3 * motors), np.empty((n // every + 1, 1 + motors))
+    for i in range(motors):
+        y[2 + 3 * i] = goals[0, i]
+    held = 0.0 if friction > 0.0 else 1.0
+    for s in range(n + 1):
+        if s % every == 0:
+            rows[s // every, 0] = y[0]
+            for i in range(motors):
+                rows[s // every, 1 + i] = y[2 + 3 * i]
+        if s == n:
+            break
+        here, done = goals[2 * s : 2 * s + 3], 0.0
+        for _ in range(4):
+            if held == 0.0:
+                push = _rate(y, _goal(here, done), 0.0, p, slope)
+                held = np.sign(push) if abs(push) > friction else 0.0
+            there = _advance(y, here, done, 1.0, step, held, p)
+            if friction == 0.0 or held == 0.0 or held * there[1] >= 0.0:
+                break
+            # The link comes to rest within this step: as far as there by bisection, then on from rest.
+            low, high = done, 1.0
+            for _ in range(30):
+                middle = 0.5 * (low + high)
+                if held * _advance(y, here, done, middle, step, held, p)[1] >= 0.0:
+                    low = middle
+                else:
+                    high = middle
+            y = _advance(y, here, done, low, step, held, p)
+            y[1], held, done = 0.0, 0.0, low
+        y = there
+    return rows
+
+
+@dataclass(frozen=True)
+class Joint:
+    """An elastic joint and its numbers, by asrsim's names of them."""
+
+    actuator: str
+    numbers: Mapping[str, float]
+    gravity: bool = False
+
+    @property
+    def motors(self) -> int:
+        return 2 if self.actuator == "qbmove" else 1
+
+    def goals(self, command: Array) -> Array:
+        """(n, motors) of the link's goal: qbMove's motors stand beside it by a preset of 0.3 rad."""
+        return np.column_stack([command + 0.3, command - 0.3]) if self.motors == 2 else command[:, None]
+
+    def move(self, command: Array, every: int, step: float = FINE) -> Array:
+        """Link and motors' places (rows, 1 + motors); command: at half steps."""
+        n = self.numbers
+        weight = MASS * GRAVITY * ARM if self.gravity else 0.0
+        inertia = n["izz"] + MASS * ARM**2
+        law = 1.0 if self.motors == 2 else 0.0
+        p = (
+            law, n.get("spring_a_1", 0.0), n.get("spring_k_1", n.get("spring_stiffness", 0.0)), inertia, n["damping"],
+            n["friction"], weight, n["motor_1_inertia"], n["motor_1_damping"], n["motor_1_friction_torque"],
+        )  # fmt: skip
+        return _integrate(self.goals(command), every, step, p)
+
+    @property
+    def keys(self) -> dict[str, float]:
+        """asrsim's keys -> truth."""
+        inertia = "iyy" if self.gravity else "izz"
+        return {f"link_1.{inertia}" if k == "izz" else f"joint_1.{k}": v for k, v in self.numbers.items()}
+
+    @property
+    def ties(self) -> list[str]:
+        """The second motor is as the first."""
+        both = [k for k in self.numbers if "_1" in k] if self.motors == 2 else []
+        return [f"joint_1.{k.replace('_1', '_2', 1)} = joint_1.{k}" for k in both]
+
+    def write(self, folder: Path, numbers: Mapping[str, float]) -> Path:
+        """Robot and scenario with these numbers."""
+        centre = f"0 0 {-ARM}" if self.gravity else f"{ARM} 0 0"
+        text = ROBOT.format(
+            actuator=self.actuator, axis="0 1 0" if self.gravity else "0 0 1", mass=MASS, centre=centre, **numbers
+        )
+        (folder / "joint.urdf").write_text(text)
+        own = {k: v for k, v in numbers.items() if k not in ("izz", "damping", "friction")}
+        own |= {k.replace("_1", "_2", 1): v for k, v in own.items() if "_1" in k and self.motors == 2}
+        for i in range(1, self.motors + 1):
+            own |= {f"controller_{i}_proportional": GAIN, f"controller_{i}_derivative": BRAKE, f"controller_{i}_integral": 0.0}
+            own |= {f"motor_{i}_max_torque": 1000.0, f"motor_{i}_max_velocity": 1000.0}
+        own["max_deflection"] = 10.0
+        body = "".join(f"    {key}: {value!r}\n" for key, value in own.items())
+        preset = "references: {joint_1: {stiffness_preset: 0.3}}\n" if self.motors == 2 else ""
+        (folder / "lab.yaml").write_text(
+            f"robot: joint.urdf\nduration: 2\nengine: mujoco\n{preset}parameters:\n  joint_1:\n{body}"
+        )
+        return folder / "lab.yaml"
+
+
+ROBOT = """<robot name="lab"><link name="world"/>
+  <joint name="joint_1" type="revolute"><parent link="world"/><child link="link_1"/><axis xyz="{axis}"/>
+    <limit effort="1000" velocity="10000" lower="-10" upper="10"/><dynamics damping="{damping}" friction="{friction}"/></joint>
+  <link name="link_1"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>
+    <inertia ixx="{izz}" ixy="0" ixz="0" iyy="{izz}" iyz="0" izz="{izz}"/></inertial></link>
+  <gazebo><plugin name="c1" filename="lib{actuator}_plugin.so"><joint>joint_1</joint><operation_mode>6</operation_mode>
+    <pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>
+</robot>
+"""
+
+
+def command(time: Array, duration: float) -> Array:
+    """rad: two chirps up to 6 Hz that begin gently."""
+    phase = 2.0 * np.pi * (0.5 * time + 0.5 * 5.5 / duration * time**2)
+    return np.asarray(0.35 * (1.0 - np.exp(-time / 0.1)) * (np.sin(phase) + 0.4 * np.sin(2.3 * time)))
+
+
+QBMOVE = Joint(
+    "qbmove",
+    {"spring_a_1": 6.7328, "spring_k_1": 0.0222, "motor_1_inertia": 0.0233, "motor_1_damping": 0.2698,
+     "motor_1_friction_torque": 0.05, "damping": 0.02, "friction": 0.03, "izz": 0.009},
+)  # fmt: skip
+SEA = Joint(
+    "sea",
+    {"spring_stiffness": 4.0, "motor_1_inertia": 0.02, "motor_1_damping": 0.2, "motor_1_friction_torque": 0.08,
+     "damping": 0.03, "friction": 0.04, "izz": 0.007}, gravity=True,
+)  # fmt: skip
+
+
+def record(
+    joint: Joint, path: Path, *, seed: int, duration: float = 2.0, every: int = 1, noise: float = 1e-3, memory: float = 0.0,
+    quantum: float = 0.0,
+) -> Path:  # fmt: skip
+    """Link and motors' places with noise.
+
+    every: ms between samples; memory: s over which the noise correlates; quantum: rad, the encoders' step.
+    """
+    time = np.arange(round(2 * duration / FINE) + 1) * (0.5 * FINE)
+    goals = command(time, duration)
+    skip = round(every * 1e-3 / FINE)
+    rows, generator = joint.move(goals, skip), np.random.default_rng(seed)
+    table = {"time [s]": time[:: 2 * skip][: len(rows)], "joint_1.reference_1 [rad]": goals[:: 2 * skip][: len(rows)]}
+    for i, place in enumerate(rows.T):
+        rho = np.exp(-every * 1e-3 / memory) if memory else 0.0
+        white = generator.normal(size=len(place))
+        told = np.empty(len(place))
+        told[0] = white[0]
+        for k in range(1, len(told)):
+            told[k] = rho * told[k - 1] + np.sqrt(1.0 - rho**2) * white[k]
+        values = place + noise * told
+        if quantum:
+            values = quantum * np.round(values / quantum)
+        name = "link_position" if i == 0 else f"motor_{i}_position"
+        table[f"joint_1.{name} [rad]"] = values
+    np.savetxt(path, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="", fmt="%.9g")
+    return path
