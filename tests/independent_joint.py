@@ -35,11 +35,11 @@ def _rate(y, goals, held, p, out):  # type: ignore[no-untyped-def]
 
     y: place and speed of the link, then place, speed and bristles of each motor; held: direction of the link's slip, 0: stuck.
     """
-    law, a, k, inertia, damping, friction, weight, rotor, brake, level = p
+    law, a, k, inertia, damping, friction, weight, rotor, brake, level, other = p
     push = -damping * y[1] - weight * np.sin(y[0])
     for i in range(len(goals)):
         theta, omega, bent = y[2 + 3 * i], y[3 + 3 * i], y[4 + 3 * i]
-        torque = _spring(int(law), a, k, theta - y[0])
+        torque = _spring(int(law), a, k if i == 0 else other, theta - y[0])
         push += torque
         most = level / BRISTLES
         z = min(max(bent, -most), most)
@@ -138,6 +138,7 @@ class Joint:
         p = (
             law, n.get("spring_a_1", 0.0), n.get("spring_k_1", n.get("spring_stiffness", 0.0)), inertia, n["damping"],
             n["friction"], weight, n["motor_1_inertia"], n["motor_1_damping"], n["motor_1_friction_torque"],
+            n.get("spring_k_2", n.get("spring_k_1", 0.0)),
         )  # fmt: skip
         return _integrate(self.goals(command), every, step, p)
 

@@ -19,18 +19,19 @@ import asrsim
 from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
-from asrsim.identification import make_task, pool, read_task
+from asrsim.identification import make_task, pool, read_task, teller
 from asrsim.identification.data import Command
 from asrsim.identification.fit import fits_noise, is_loud
 from asrsim.identification.intervals import whitened
 from asrsim.identification.inverse import is_driven_by_torque
-from asrsim.identification.judge import ChannelFit, channel_fits, foreign
+from asrsim.identification.judge import ChannelFit, channel_fits, foreign, praise
 from asrsim.identification.layout import Tie
 from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
 from asrsim.identification.nulls import _shown, _whole
 from asrsim.identification.played import Played
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import set_up
+from asrsim.identification.show import judgement
 from asrsim.identification.solver import cost_of
 from asrsim.identification.task import task_of
 from asrsim.identification.write import as_dict, torn_numbers, write_robot
@@ -198,11 +199,35 @@ def test_a_channel_that_nothing_follows_is_named():
     numbers |= {"held_after": 1.0, "correlation": 0.9}
     good, lost = (ChannelFit(key=key, explained=share, **numbers) for key, share in (("j.q", 0.99), ("j.tau", -0.4)))
     assert foreign([good]) == []
-    # Alone, it may only have another sign.
-    (text,) = foreign([lost])
-    assert text == "j.tau is hardly followed: another sign or zero? (--map COLUMN=JOINT.QUANTITY, or COLUMN=-j.tau)"
+    # Another sign is a cause only where the record goes against the prediction.
+    assert foreign([lost]) == ["j.tau is hardly followed: its start may be far off, or the quantity another"]
+    for fits in ([replace(lost, opposed=True)], [good, replace(lost, opposed=True)]):
+        assert foreign(fits) == ["j.tau goes against its prediction: another sign? (--map COLUMN=-j.tau)"]
     (text,) = foreign([good, lost])
     assert text.startswith("j.tau is not followed")
+
+
+def test_a_fit_is_praised_for_no_more_than_was_looked_at():
+    numbers = {"recording": "a", "key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 1.0, "held_before": 9.0}
+    plain = ChannelFit(held_after=1.0, correlation=0.02, explained=0.9, **numbers)
+    assert praise([plain]) == "residuals are white, and the held-out error is what the training part lets expect"
+    assert "white" not in praise([replace(plain, correlation=0.58, borne=0.5)])
+    assert "nothing moves in the held-out part" in praise([replace(plain, held_moves=False)])
+    assert praise([replace(plain, held_after=float("nan"))]).endswith("nothing was held out")
+    # Of a simulation's own log nothing is left: rounding, which may correlate.
+    assert "white" not in praise([replace(plain, after=0.1, held_after=0.1, correlation=1.0)])
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_a_held_out_part_in_which_nothing_moves_is_told_of(still):
+    time, generator = np.arange(0.0, 4.0, 1e-2), np.random.default_rng(0)
+    values = np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + 1e-3 * generator.normal(size=len(time))
+    channel = SimpleNamespace(time=time, values=values, quantum=0.0, noise=1e-3, floor=1e-3, key="j.link_position", unit="rad")
+    track = SimpleNamespace(channels=[channel], data=SimpleNamespace(held=False, name="a"))
+    for sign in (1.0, -1.0):
+        left = sign * values - values
+        (found,) = channel_fits([track], [3.0], [[left]], [[left]], [None])
+        assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
 
 
 def test_a_product_of_powers_has_whole_ones():
@@ -546,6 +571,26 @@ def test_the_best_so_far_survives_the_wish_to_stop(lab):
     assert len(result.estimates) == 3
 
 
+def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
+    told = []
+    task = make_task(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    result = identify(task, seconds=1e-3, progress=told.append)
+    assert result.status == "unfinished"
+    assert len(result.estimates) == 3
+    assert [text for text, _ in judgement(result)] == ["unfinished: the best so far; --resume goes on from it"]
+    assert identify(task, seconds=600.0).status == "complete"
+
+
+def test_progress_tells_a_time_that_remains(lab, monkeypatch):
+    monkeypatch.setattr(teller, "OFTEN", 0.0)
+    told = []
+    identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, progress=told.append)
+    late = [one for one in told if one.evaluations > 20]
+    assert late
+    assert all(0.0 <= one.remaining < 600.0 for one in late)
+    assert late[-1].remaining <= late[0].remaining
+
+
 def test_inertias_stay_physical(lab):
     robot = load_robot(lab / "lab.urdf")
     found = physical(robot, {"link_1": {"izz": 0.05}})["link_1"]
@@ -567,10 +612,10 @@ def test_numbers_go_into_the_text_and_nothing_else_changes(lab):
     assert edited_urdf(data, robot, {}) == data
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.9])
+@pytest.mark.parametrize("memory", [0.0, -0.5])
 @pytest.mark.parametrize("offset", [0.0, 0.4])
 def test_outliers_are_no_noise_and_an_offset_of_all_is(memory, offset):
-    """What is left over is noise that forgets slowly or at once, beside zero, with a number far off here and there."""
+    """White or fast noise is left over, beside zero, with a number far off here and there."""
     generator = np.random.default_rng(5)
     left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
     left[generator.permutation(4000)[:20]] += 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from independent_joint import FINE, QBMOVE, SEA, Joint, command, record
 
 from asrsim import identify
+from asrsim.identification.verdicts import doubted
 
 pytestmark = pytest.mark.once
 
@@ -54,3 +56,33 @@ def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path: Path, kind: str)
     everything = np.mean(held[True] + held[False])
     assert 0.90 <= everything <= 0.985
     assert np.mean(held[True]) >= 0.84
+
+
+@pytest.mark.slow
+def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path: Path) -> None:
+    for seed in range(4):
+        true = Joint("qbmove", {**QBMOVE.numbers, "spring_k_2": 1.15 * QBMOVE.numbers["spring_k_1"]})
+        recording = record(true, tmp_path / "a.csv", seed=seed, noise=3e-3)
+        guess = QBMOVE.write(tmp_path, QBMOVE.numbers)
+        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties, workers=1)
+        assert not result.fits
+        assert any("spring_k_2" in text for text in (*result.misfit, *result.causes)), result.misfit
+        # Equal ones are not said to differ.
+        recording = record(QBMOVE, tmp_path / "a.csv", seed=seed, noise=3e-3)
+        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties, workers=1)
+        assert not any("to which it is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
+
+
+def test_nothing_is_identified_by_a_model_that_misses_more_than_5_percent(tmp_path: Path) -> None:
+    """A joint with five times the friction of the model, of which the spring alone is free."""
+    true = Joint("sea", {**SEA.numbers, "friction": 5.0 * SEA.numbers["friction"]}, gravity=True)
+    recording = record(true, tmp_path / "a.csv", seed=0)
+    result = identify(SEA.write(tmp_path, SEA.numbers), [recording], free=["joint_1.spring_stiffness"], starts=1)
+    assert not result.fits
+    assert min(one.explained for one in result.channels) < 1.0 - 0.05**2
+    (one,) = result.estimates
+    assert one.verdict != "identified"
+    sure = replace(one, verdict="identified", reason="")
+    (told,) = doubted([sure], 0.38, "joint_1.link_position")
+    assert (told.verdict, told.reason) == ("weak", "the model misses 38 % of joint_1.link_position")
+    assert doubted([sure], 0.04, "joint_1.link_position") == [sure]

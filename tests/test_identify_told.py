@@ -145,6 +145,7 @@ ENDINGS = {
     ),
     "all the same": ({"misfit": ("too large",)}, ("--all",), 2, {"fit.json", "robot", "picture", "page"}, ""),
     "interrupted": ({"status": "interrupted"}, (), 130, {"fit.json"}, ""),
+    "out of time": ({"status": "unfinished"}, (), 2, {"fit.json"}, ""),
     "interrupted, all": ({"status": "interrupted"}, ("--all",), 130, {"fit.json"}, ""),
     "without pictures": ({}, ("--no-plot",), 0, {"fit.json", "robot", "page"}, ""),
     "without a page": ({}, ("--no-report",), 0, {"fit.json", "robot", "picture"}, ""),

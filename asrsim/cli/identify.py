@@ -78,6 +78,16 @@ def identify(
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--time",
+            metavar="SECONDS",
+            min=0.0,
+            show_default="no end",
+            help="After so long the search ends, and the best so far is reported as unfinished.",
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option("--workers", "-j", min=1, help="Processes, for derivatives of long fits.", show_default="one a core"),
@@ -92,7 +102,7 @@ def identify(
 
     Says of each parameter: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound; proves the fit on
     data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, 2 if the model does not
-    fit, 130 after Ctrl-C, which keeps the best so far.
+    fit or --time ended the search, 130 after Ctrl-C; both keep the best so far.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
@@ -112,7 +122,9 @@ def identify(
         load_plugins(plugin)
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
-        result, code = _run(task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers)
+        result, code = _run(
+            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers, seconds=seconds
+        )
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
             from asrsim.cli.console import say_json
@@ -126,8 +138,9 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, workers: int | None
-) -> tuple[Result, int]:
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, workers: int | None,
+    seconds: float | None,
+) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
@@ -139,11 +152,12 @@ def _run(
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
-            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled, workers=workers
-        )
+            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled,
+            workers=workers, seconds=seconds,
+        )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED
-    return result, 0 if result.fits else 2
+    return result, 0 if result.fits and result.status != "unfinished" else 2
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report: bool) -> tuple[list[Path], list[str]]:

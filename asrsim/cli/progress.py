@@ -116,7 +116,7 @@ class FitBar(Bar):
                 TimeElapsedColumn(), "{task.fields[left]}", total=None, stage="", cost="", count="", left="",
             )  # fmt: skip
         cost = f"cost {progress.cost:.4g}" if math.isfinite(progress.cost) else ""
-        left = f"about {progress.remaining:.0f} s left of this start" if math.isfinite(progress.remaining) else ""
+        left = f"about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
         self._bar.update(self._task, stage=progress.stage, cost=cost, count=f"{progress.evaluations} evaluations", left=left)
 
 

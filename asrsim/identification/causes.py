@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asrsim.identification.intervals import BLOCKS
+from asrsim.identification.between import ASKED
+from asrsim.identification.intervals import BLOCKS, Uncertainty, noise_of
 from asrsim.identification.keys import LATEST, Parameter, parameters_of
 from asrsim.identification.layout import Layout
 from asrsim.identification.limits import limits
@@ -37,6 +38,8 @@ FOLLOWED = 0.5
 """Share of a channel's variance below which a fit hardly follows it."""
 CAUSES = 3
 """That are suspected together, at most."""
+TIE_STEP, DIFFERENT = 1e-3, 0.05
+"""Of a difference along a number that is tied, in the vector's units, and share by which two differ that are said to."""
 LAGS = 0.3
 """Share of a torque's residuals, squared, from which on they go with the direction of its change."""
 TREND = 0.6
@@ -47,6 +50,25 @@ def missing_causes(residuals: Residuals, x: Array, start: Array) -> list[str]:
     """For people. residuals: weighted by the channels' noise; x: the estimate; start: where it began."""
     suspected = _suspected(residuals, x, start) or list(_nobody_gave(residuals))
     return [*suspected, *_amplitude(residuals, x), *_hysteresis(residuals, x)]
+
+
+def ties_that_are_none(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
+    """Ties of which the recordings show that the two numbers differ: by more than chance, and by more than a few percent."""
+    faults = []
+    for cause, tie in _ties(residuals.layout, x):
+        trial = residuals.under(cause.layout)
+        base = residuals(x)
+        slope = (trial(np.append(x, TIE_STEP)) - trial(np.append(x, -TIE_STEP))) / (2.0 * TIE_STEP)
+        both = np.column_stack([found.jacobian, slope])
+        noise, _ = noise_of(residuals, base, both)
+        inverse = np.linalg.pinv(both.T @ both)
+        move = float(-(inverse @ (both.T @ base))[-1])
+        deviation = float(np.sqrt((inverse @ noise @ inverse)[-1, -1]))
+        entry = cause.layout.entries[-1]
+        share = abs(entry.value(move) / entry.value(0.0) - 1.0) if entry.value(0.0) else 0.0
+        if move**2 > ASKED * deviation**2 and share > DIFFERENT:
+            faults.append(f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(share)}")
+    return faults
 
 
 def _nobody_gave(residuals: Residuals) -> Iterator[str]:
@@ -186,6 +208,11 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
     for text, parameter, ties in limits(residuals, layout, x):
         flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
         yield _Cause(text, flags, layout.extended(parameter, ties), 0.0, jump=True)
+    yield from (cause for cause, _ in _ties(layout, x))
+
+
+def _ties(layout: Layout, x: Array) -> Iterator[tuple[_Cause, Tie]]:
+    """Ties, each with its key free."""
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
         entry = next((one for one in layout.entries if one.parameter.key == tie.to and one.track is None), None)
@@ -194,7 +221,7 @@ def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
             parameter = replace(entry.parameter, key=tie.key, start=value)
             without = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
             text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
-            yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0)
+            yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0), tie
 
 
 def _gains(residuals: Residuals, free: Collection[str], tied: Collection[str]) -> Iterator[tuple[Parameter, list[Tie]]]:

@@ -101,8 +101,11 @@ def whitened(residuals: Residuals, x: Array) -> list[list[Weights]]:
             scale = max(float(np.median(np.abs(middle))) / 0.6745, 1e-300)
             # What an outlier left over must not shape the model of the noise.
             clipped = np.clip(middle, -6.0 * scale, 6.0 * scale)
-            # The steps of an encoder go with the motion: no autoregression whitens them.
-            model = np.empty(0) if channel.quantum else autoregression(clipped)
+            model = autoregression(clipped)
+            # Whitening pays where fast noise is louder than slow; of slow noise, least squares are as exact without. The steps
+            # of an encoder go with the motion: no autoregression whitens them.
+            if channel.quantum or float(np.sum(model)) > 0.0:
+                model = np.empty(0)
             given = channel.given and not len(model)
             weights.append(Weights(channel.noise if given else _innovation(left, model), model))
         found.append(weights)

@@ -28,6 +28,10 @@ EXACT = 1e-4
 """Share of a channel's deviation that no sensor tells: what simulations without noise differ by, whose inputs between samples
 are not known.
 """
+OPPOSED = 0.5
+"""Correlation of prediction and record, with its sign turned, from which on a sign may be another."""
+MOVES = 8.0
+"""Deviations of its noise that a record extends over which moves."""
 HELD = "the held-out error is"
 
 
@@ -62,6 +66,10 @@ class ChannelFit:
     """RMS there of what the estimates' deviations make of it."""
     steps: float = 0.0
     """RMS that an encoder leaves at most which counts up to where it is."""
+    opposed: bool = False
+    """Whether the prediction goes against the record: its sign may be another."""
+    held_moves: bool = True
+    """Whether anything moves in the held-out part."""
 
     @property
     def explained_whole(self) -> bool:
@@ -89,6 +97,7 @@ def channel_fits(
             told = new is not None and int(training.sum()) > 10
             rings = told and not channel.quantum and swings(rows[1][training], SWING)
             spread = float(np.var(channel.values))
+            predicted = channel.values + rows[1]
             played = 0.0
             if told and moved is not None:
                 played = SHAKEN * _rms(moved[i][training])
@@ -105,6 +114,8 @@ def channel_fits(
                     correlation=lag_correlation(beyond) if told else np.nan, borne=borne,
                     loud=told and is_loud(beyond, float(np.hypot(channel.floor, played))), swings=rings,
                     steps=channel.quantum / float(np.sqrt(3.0)),
+                    opposed=new is not None and _opposed(predicted, channel.values),
+                    held_moves=_moves(channel.values[~training], channel.floor),
                     explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
                 )
             )  # fmt: skip
@@ -130,6 +141,17 @@ def with_unsure(
             result[first + c] = replace(fits[first + c], unsure=unsure)
         first += len(track.channels)
     return result
+
+
+def _opposed(predicted: Array, recorded: Array) -> bool:
+    """Whether two series (n,) go against each other."""
+    a, b = predicted - predicted.mean(), recorded - recorded.mean()
+    return float(a @ b) < -OPPOSED * float(np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _moves(values: Array, noise: float) -> bool:
+    """Whether a record (n,) moves beyond its noise."""
+    return len(values) > 0 and float(np.ptp(values)) > MOVES * noise
 
 
 def _rms(values: Array) -> float:
@@ -168,17 +190,39 @@ def verdict(fits: Sequence[ChannelFit]) -> list[str]:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Channels of which the fit explains nothing while it explains others: they may be of something else. All of them, where it
-    explains little of any: a sign may be another.
+    explains little of any. Of another sign is only what goes against its prediction.
     """
     some = any(one.explained > EXPLAINED for one in fits)
-    lost = [one.key for one in fits if one.explained < (0.0 if some else EXPLAINED)]
-    how, cure = (
-        ("not followed at all: another quantity, sign", "ignore") if some else ("hardly followed: another sign", "-{key}")
+    found: dict[str, str] = {}
+    for one in fits:
+        if one.explained >= (0.0 if some else EXPLAINED):
+            continue
+        if one.opposed:
+            found[one.key] = f"{one.key} goes against its prediction: another sign? (--map COLUMN=-{one.key})"
+        elif some:
+            found[one.key] = f"{one.key} is not followed at all: another quantity or zero? (--map COLUMN=ignore)"
+        else:
+            found[one.key] = f"{one.key} is hardly followed: its start may be far off, or the quantity another"
+    return list(found.values())
+
+
+def praise(fits: Sequence[ChannelFit]) -> str:
+    """What a fit that was found to fit is praised for: no more than what was looked at shows."""
+    judged = [one for one in fits if not one.explained_whole]
+    white = all(abs(one.correlation) <= WHITE for one in judged if not np.isnan(one.correlation))
+    left = (
+        "residuals are white"
+        if white
+        else "residuals correlate no more than noise of what is played, or an encoder, makes them"
     )
-    return [
-        f"{key} is {how} or zero? (--map COLUMN=JOINT.QUANTITY, or COLUMN={cure.format(key=key)})"
-        for key in dict.fromkeys(lost)
-    ]
+    held = [one for one in fits if not np.isnan(one.held_after)]
+    if not judged:
+        left = "nothing that counts is left"
+    if not held:
+        return f"{left}; nothing was held out"
+    if not any(one.held_moves for one in held):
+        return f"{left}; nothing moves in the held-out part, which therefore proves nothing"
+    return f"{left}, and the held-out error is what the training part lets expect"
 
 
 def still_joints(tracks: Sequence[Track]) -> Mapping[str, str]:

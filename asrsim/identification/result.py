@@ -39,7 +39,7 @@ class Result:
     attempts: int
     successes: int
     status: str
-    """complete, interrupted or checked."""
+    """complete, unfinished (its time was over), interrupted or checked."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]

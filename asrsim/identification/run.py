@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.between import ASKED, time_jumps_of_predicted, timed
-from asrsim.identification.causes import missing_causes
+from asrsim.identification.causes import missing_causes, ties_that_are_none
 from asrsim.identification.fit import Best, Stopped, globally, search
 from asrsim.identification.intervals import Uncertainty, correlations, uncertainty
 from asrsim.identification.inverse import unbiased
@@ -38,7 +38,7 @@ from asrsim.identification.solver import solve
 from asrsim.identification.steps import with_substeps
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.teller import Progress, Teller
-from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, estimates
+from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, doubted, estimates
 from asrsim.samples import Array
 from asrsim.workers import cores, executor, one_thread
 
@@ -53,6 +53,7 @@ def identify(
     check: bool = False,
     profiled: bool = False,
     workers: int | None = None,
+    seconds: float | None = None,
     **options: Any,
 ) -> Result:
     """Fit parameters to recordings: everything that `asrsim identify` does but the files.
@@ -67,13 +68,14 @@ def identify(
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
         workers: processes that evaluate derivatives of long fits, None: one a core; results are the same bits.
+        seconds: after which the search ends and the best so far is judged, as `unfinished`; None: it ends by itself.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The motion is not sane at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
-    teller = Teller(progress, stop)
+    teller = Teller(progress, stop, seconds)
     with one_thread(), ExitStack() as stack:
         teller.stage("reading and preparing")
         setup, count = set_up(task, stack), cores() if workers is None else workers
@@ -113,7 +115,7 @@ def _identify(setup: Setup, pool: Pool, teller: Teller, begin: Mapping[str, floa
             if bristled(residuals, best, setup, np.inf):
                 settle(residuals, best, setup)
         except Stopped:
-            status = "interrupted"
+            status = teller.ended
             residuals.share, residuals.layout = 1.0, setup.layout
     for track in setup.tracks:
         track.held = best.held
@@ -196,6 +198,10 @@ def _judged(
     whole = residuals.ends is not setup.ends
     if complete and not whole and _held_any(setup) and not all(one.explained_whole for one in fits):
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
+    misfit += ties_that_are_none(residuals, x, found) if complete else []
+    if misfit:
+        missed, channel = max((max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
+        told = doubted(told, missed, channel)
     known = [one.verdict in (IDENTIFIED, WEAK) for one in told]
     if moved := _moved(residuals, setup, trained, x, np.where(known, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from asrsim.identification.judge import praise
 from asrsim.identification.result import Result
 from asrsim.identification.told import percent
 from asrsim.identification.verdicts import HOPELESS, Estimate
@@ -66,13 +67,13 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     """(text, style) of whether the model fits."""
     if result.status == "checked":
         return
-    if result.status == "interrupted":
-        yield "interrupted: the best so far; --resume goes on from it", "yellow"
+    if result.status in ("interrupted", "unfinished"):
+        yield f"{result.status}: the best so far; --resume goes on from it", "yellow"
         return
     if result.whole:
         yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield "the model fits: residuals are white, and the held-out error is what the training part lets expect", "green"
+        yield f"the model fits: {praise(result.channels)}", "green"
         return
     yield "model does not fit: intervals hold for this model only", "bold red"
     for text in (*result.misfit, *result.causes):

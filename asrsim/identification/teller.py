@@ -21,23 +21,30 @@ class Progress:
     elapsed: float
     """s."""
     remaining: float
-    """s, of the present stage, by what the ones before took, or such searches do; nan: unknown."""
+    """s to the end, if this start is the last, by what evaluations took and such fits need; nan: unknown."""
 
 
 OFTEN = 0.2
 """s."""
-EVALUATIONS = 12
-"""Of a search, for each parameter."""
+EVALUATIONS, AFTERWARDS = 12, 40
+"""Of a search, and of all that follows it, for each parameter."""
+UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
+"""How a fit ended whose time is over, or that the user stopped."""
 
 
 class Teller:
     """Between the search and who watches it."""
 
-    def __init__(self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None) -> None:
-        self._progress, self._stop = progress, stop
+    def __init__(
+        self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
+    ) -> None:
+        """seconds: after which the search ends."""
+        self._progress, self._stop, self._seconds = progress, stop, seconds
+        self.ended = INTERRUPTED
+        """Why the search was stopped."""
         self.began = self._told = clock.perf_counter()
-        self._stage, self._stage_began, self._searching = "start", self.began, False
-        self._lengths: list[float] = []
+        self._stage, self._searching = "start", False
+        self._stage_evaluations = 0
         self.counter: Counter | None = None
         self.best: Best | None = None
         self.deaf = False
@@ -46,11 +53,11 @@ class Teller:
     def stage(self, name: str, *, search: bool = False) -> None:
         """Something else begins; search: another start."""
         now = clock.perf_counter()
-        if self._searching:
-            self._lengths.append(now - self._stage_began)
+        if search or self._searching:
+            self._stage_evaluations = self.counter.evaluations if self.counter is not None else 0
         if self.counter is not None:
             self.counter.cost = float("inf")
-        self._stage, self._stage_began, self._searching = name, now, search
+        self._stage, self._searching = name, search
         self._tell(now)
 
     def attempt(self, name: str) -> None:
@@ -62,6 +69,9 @@ class Teller:
         if self._stop is not None and not self.deaf and self._stop():
             raise Stopped
         now = clock.perf_counter()
+        if self._seconds is not None and not self.deaf and now - self.began > self._seconds:
+            self.ended = UNFINISHED
+            raise Stopped
         if now - self._told > OFTEN:
             self._tell(now)
 
@@ -74,7 +84,11 @@ class Teller:
             self._progress(Progress(self._stage, nobody_knows, 0, now - self.began, nobody_knows))
             return
         counter, left = self.counter, nobody_knows
-        if self._searching and counter.evaluations:
-            usual = EVALUATIONS * (len(self.best.x) + 1) * (now - self.began) / counter.evaluations
-            left = max(max(self._lengths, default=usual) - (now - self._stage_began), 0.0)
+        if counter.evaluations:
+            # From the start that is searched, or from the end of the search.
+            wanted = (AFTERWARDS + EVALUATIONS * self._searching) * (len(self.best.x) + 1)
+            done = counter.evaluations - self._stage_evaluations
+            left = max(wanted - done, 0) * (now - self.began) / counter.evaluations
+            if self._seconds is not None:
+                left = min(left, max(self._seconds - (now - self.began), 0.0))
         self._progress(Progress(self._stage, min(self.best.cost, counter.cost), counter.evaluations, now - self.began, left))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.nulls import Combination, combinations
 from asrsim.identification.residuals import Residuals
-from asrsim.identification.told import UNKNOWN, relative
+from asrsim.identification.told import UNKNOWN, percent, relative
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -27,6 +27,15 @@ VANISHED = 0.01
 """Share of its start at which a positive parameter is gone, if nothing depends on it there."""
 NONE = 1.0
 """The same from which on it cannot be told from none."""
+
+
+def doubted(told: Sequence[Estimate], missed: float, channel: str) -> list[Estimate]:
+    """Estimates of a model that does not fit. missed: largest share of a channel's deviation that it leaves.
+
+    Nothing is known to 5 % by a model that misses more than that of what was recorded.
+    """
+    reason = f"the model misses {percent(missed)} of {channel}"
+    return [replace(one, verdict=WEAK, reason=reason) if one.verdict == IDENTIFIED and missed > CLOSE else one for one in told]
 
 
 @dataclass(frozen=True)
