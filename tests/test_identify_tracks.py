@@ -10,10 +10,11 @@ import pytest
 
 from asrsim.identification import make_task, pool
 from asrsim.identification.inverse import InverseTrack, unbiased
+from asrsim.identification.played import Draw
 from asrsim.identification.residuals import Counter, Residuals, Weights
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.solver import solve
-from asrsim.identification.track import Draw, Track
+from asrsim.identification.track import Track
 from asrsim.workers import executor
 
 pytestmark = pytest.mark.once

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from asrsim.errors import RobotError
 from asrsim.identification.data import Channel, Data
 from asrsim.identification.noise import fine_noise
+from asrsim.identification.played import Draw
 from asrsim.identification.residuals import Residuals
 from asrsim.identification.solver import solve
 from asrsim.identification.static import StaticTrack, is_static
-from asrsim.identification.track import Draw, Track, numbers_of
+from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Joint, Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array

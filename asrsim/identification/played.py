@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from asrsim.identification.data import Command
+from asrsim.identification.noise import fine_noise
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.curve import Curve
@@ -53,3 +54,27 @@ class Played(Signal):
         """Times of large jumps."""
         times = self._curve.jumps + self.delay
         return np.asarray(times[(times >= start) & (times <= end)])
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Noise as a recording has it, once more: which one, and how many times its size."""
+
+    seed: int
+    size: float = 1.0
+
+
+def noise_of_command(command: Command) -> float:
+    """Deviation of a recorded command's noise."""
+    return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
+
+
+def drawn(commands: Sequence[Command], draw: Draw | None) -> Sequence[Command]:
+    """Commands with noise added."""
+    if draw is None:
+        return commands
+    generator = np.random.default_rng(draw.seed)
+    return [
+        replace(one, values=one.values + draw.size * noise_of_command(one) * generator.normal(size=len(one.values)))
+        for one in commands
+    ]

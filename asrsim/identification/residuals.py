@@ -12,8 +12,9 @@ import numpy as np
 from asrsim.identification.data import Channel
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import whiten
+from asrsim.identification.played import Draw
 from asrsim.identification.pool import Pool
-from asrsim.identification.track import Draw, Track
+from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 STEP = 1e-6

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, RobotError
-from asrsim.identification.data import Channel, Command, Data
+from asrsim.identification.data import Channel, Data
 from asrsim.identification.keys import CLOCK, JUMP
-from asrsim.identification.noise import fine_noise
-from asrsim.identification.played import Played
+from asrsim.identification.played import Draw, Played, drawn, noise_of_command
 from asrsim.identification.series import SOON, at_rest, first_samples, interpolate
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -28,14 +27,6 @@ DIGITS = 3
 """Of rad or m, in which people write where a joint begins."""
 STILL = 4.5
 """Deviations of the mean within which a recording begins where the scenario does."""
-
-
-@dataclass(frozen=True)
-class Draw:
-    """Noise as a recording has it, once more: which one, and how many times its size."""
-
-    seed: int
-    size: float = 1.0
 
 
 class Track:
@@ -155,7 +146,7 @@ class Track:
         early = {key: value for key, value in {**self.early, **values}.items() if f".{JUMP}" in key}
         if self._commands is None or self._commands[0] != (self.held, numbers, early, draw):
             table: dict[str, dict[str, Signal]] = {}
-            for i, command in enumerate(self._drawn(draw)):
+            for i, command in enumerate(drawn(self.data.commands, draw)):
                 gain, offset, delay = numbers[3 * i : 3 * i + 3]
                 played = command.as_stairs if command.key in self.held else command
                 moves = {n: early.get(f"{command.key}.{JUMP}{n + 1}", 0.0) for n in range(len(played.curve.large)) if early}
@@ -165,16 +156,6 @@ class Track:
                 table.setdefault(command.joint, {})[command.name] = signal
             self._commands = (self.held, numbers, early, draw), table
         return self._commands[1]
-
-    def _drawn(self, draw: Draw | None) -> Sequence[Command]:
-        """The commands, with noise added."""
-        if draw is None:
-            return self.data.commands
-        generator = np.random.default_rng(draw.seed)
-        return [
-            replace(one, values=one.values + draw.size * _noise(one) * generator.normal(size=len(one.values)))
-            for one in self.data.commands
-        ]
 
     def predict(self, values: Mapping[str, float], until: float | None = None, draw: Draw | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane.
@@ -215,7 +196,7 @@ class Track:
     @property
     def has_noisy_inputs(self) -> bool:
         """Whether the recorded commands have noise that moves anything."""
-        return any(_noise(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
+        return any(noise_of_command(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
 
     def shaken(self, values: Mapping[str, float], draw: int = 0) -> list[Array] | None:
         """By how much noise as the recorded inputs have it moves each channel (n,): one draw; None where it moves nothing."""
@@ -271,11 +252,6 @@ class Track:
         self.evaluation.close()
         if self._other is not None:
             self._other[1].close()
-
-
-def _noise(command: Command) -> float:
-    """Deviation of a recorded command's noise."""
-    return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
 
 
 def _substeps(prepared: Prepared) -> tuple[int, int]:
