@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from asrsim.plots import style
+from asrsim.plots.bode import draw_bode
 from asrsim.plots.figures import new_figure
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import draw_difference, draw_overlay, side_figure
@@ -382,3 +384,38 @@ def test_up_to_three_runs_have_their_error_over_the_difference(tmp_path: Path):
         if count > 1:
             assert [text.get_color() for text in texts] == [style.variant_colour(i) for i in range(shown)]
         assert len([line for line in axes.get_lines() if "difference" in str(line.get_gid())]) == count
+
+
+def test_a_column_mapped_to_a_joint_that_is_none_is_refused_with_the_nearest(tmp_path: Path):
+    log = simulated_log("step_1dof_sea", tmp_path / "log.mcap", duration=0.3)
+    (tmp_path / "lab.csv").write_text("t [s],position\n" + "".join(f"{0.004 * i:g},{0.01 * i:g}\n" for i in range(70)))
+    job = PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),))
+    with pytest.raises(InputError, match=r"no joint 'joint1x'.*joint_1"):
+        plot(replace(job, mapping=("position=joint1x.link_position [rad]",)))
+    found = plot(replace(job, mapping=("position=Joint-1.link_position [rad]",)))
+    assert {row.joint for row in found.rows} == {"joint_1"}
+
+
+def test_logs_of_robots_with_other_joints_are_drawn_in_one_picture(tmp_path: Path):
+    one = simulated_log("step_1dof_sea", tmp_path / "one" / "log.mcap", duration=0.1)
+    two = simulated_log("step_2dof", tmp_path / "two" / "log.mcap", variant="stiff", duration=0.1)
+    for logs in ((one, two), (two, one)):
+        result = plot(PlotJob(logs=logs, folder=tmp_path / "out"))
+        assert {joint.name for run in result.runs for joint in run.joints} == {"joint_1", "joint_2"}
+        assert all(path.is_file() for path in result.files)
+
+
+def test_a_bode_plot_of_a_single_frequency_is_a_point_and_says_so(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", bode=True, band=(2.9, 3.1)))
+    (one,) = result.responses
+    assert len(one.response.frequency) == 1
+    assert "single-frequency" in {finding.code for finding in result.findings}
+    gain, phase = new_figure(4.0, 3.0).subplots(2, 1)
+    draw_bode(gain, phase, None, [one], several=False)
+    for axes in (gain, phase):
+        markers = [line for line in axes.lines if line.get_gid() and np.isfinite(line.get_ydata()).all()]
+        assert markers
+        assert all(line.get_marker() == "o" for line in markers)
+    low, high = gain.get_xlim()
+    assert low < one.response.frequency[0] < high

@@ -119,6 +119,11 @@ def frequency_response(
             Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
                     "not to be believed", code="low-coherence", hint="Excite by a chirp, multisine or noise")
         )  # fmt: skip
+    if len(spectra.frequency) == 1:
+        findings.append(
+            Problem(f"there is a single frequency, {spectra.frequency[0]:.4g} Hz: gain and phase are points, not curves",
+                    code="single-frequency", hint="A chirp, a multisine or a wider band gives more")
+        )  # fmt: skip
     return _response(spectra, chosen, (low, high), confidence, moves, findings)
 
 

@@ -95,6 +95,9 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
         trusted = result.coherence >= TRUSTED
         kind = "experiment" if one.experiment else "simulation"
         gid = f"{one.joint.name}.{kind}.{one.variant}"
+        if len(result.frequency) == 1:
+            # A line through one point would not be seen.
+            look |= {"marker": "o", "markersize": 4.0}
         for ax, values, margin in (
             (gain, level, (low, high)),
             (phase, result.phase, (result.phase - result.phase_margin, result.phase + result.phase_margin)),
@@ -129,6 +132,9 @@ def _label_octaves(axes: Axes, start: float, end: float) -> None:
     """Labels at 1, 2, 4 ... Hz and 1/2, 1/4 ...; between them where there are few, at every third octave or so where many."""
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+    # A single frequency stands in the middle of two octaves.
+    single = [start] if end <= start else []
+    start, end = (0.5 * start, 2.0 * end) if single else (start, end)
     axes.set_xlim(start, end)
     octaves = math.log2(end / start)
     every = max(1, math.ceil(octaves / 12))
@@ -138,7 +144,7 @@ def _label_octaves(axes: Axes, start: float, end: float) -> None:
     ways = [
         [place for low in whole for share in (1.0, *shares) if start <= (place := share * low) <= end] for shares in between
     ]
-    axes.xaxis.set_major_locator(FixedLocator(next((way for way in ways if len(way) <= _LABELS), ways[-1])))
+    axes.xaxis.set_major_locator(FixedLocator(single or next((way for way in ways if len(way) <= _LABELS), ways[-1])))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.4g}"))
 

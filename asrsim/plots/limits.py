@@ -42,9 +42,9 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
 
 def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
     """A spring's deflection is limited: of two against each other, what the preset leaves."""
-    info = next(info for info in run.joints if info.name == joint)
+    info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
-    if not math.isfinite(limit) or run.get(joint, "deflection") is None:
+    if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:
         return []
     if two is None or one is None or style.has_adjuster(info):
         time = np.asarray(run.curves[joint, "deflection"].time[[0, -1]])

@@ -20,14 +20,13 @@ BRIEF = 0.005
 FLATTENED = 4.0
 """Times the rest's range from which on it does."""
 WINDOW = 7.0
-"""Pixels of an envelope's window, or five samples where these are wider."""
-BLOCK, BEATS = 4.2, 7.0
-"""Times that a curve crosses the range of three windows from which on it is drawn as an envelope: where windows are pixels, at
-10 pixels a period; where they are samples, at 4 samples a period. Noise from sample to sample comes to 5."""
+"""Pixels of an envelope's window."""
+DENSE = 4
+"""Samples a pixel from which on there may be an envelope: a curve of fewer samples is a line."""
+BLOCK = 10.0
+"""Times that a curve crosses the range of three windows from which on it is drawn as an envelope: 4 pixels a period."""
 HOLD = 0.85
 """Share of these down to which it stays one: a chirp does not go to and fro between both."""
-BEAT = 36
-"""Samples that an envelope's extremes are taken from, at least."""
 THIN = 0.012
 """Share of the range below which a line of usual width covers an envelope: noise of an encoder at rest."""
 
@@ -46,11 +45,11 @@ class Split:
 def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     """What a panel so many pixels wide, from `start` to `end` (s), shows of a curve as a line and what as an envelope.
 
-    An oscillation too fast for the pixels is a block; one too fast for the samples looks like beats that are not there.
+    An oscillation too fast for the pixels would be a solid block.
     """
     inside = np.flatnonzero((curve.time >= start) & (curve.time <= end) & np.isfinite(curve.values))
-    count = min(int(pixels / WINDOW), len(inside) // 5)
-    if count < 4:
+    count = int(pixels / WINDOW)
+    if count < 4 or len(inside) < DENSE * pixels:
         return Split(line=curve)
     time, values = curve.time[inside], curve.values[inside]
     window = np.minimum(((time - start) / (end - start) * count).astype(int), count - 1)
@@ -58,24 +57,16 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, window, values)
     np.maximum.at(high, window, values)
-    wide_low, wide_high = -_widened(-low, 1), _widened(high, 1)
-    size = wide_high - wide_low
+    size = _widened(high) + _widened(-low)
     way = np.convolve(way, np.ones(3), "same")
     way[[0, -1]] *= 1.5  # of two windows only
-    limit = (BEATS if len(inside) // 5 < pixels / WINDOW else BLOCK) * size
     seen = size > THIN * float(np.ptp(values))
-    fast = seen & (way > limit)
+    fast = seen & (way > BLOCK * size)
     # One window alone is no stretch.
     fast &= _beside(fast, -1, False) | _beside(fast, 1, False)
-    fast = _grown(fast, seen & (way > HOLD * limit))
+    fast = _grown(fast, seen & (way > HOLD * BLOCK * size))
     if not fast.any():
         return Split(line=curve)
-    # A window that holds no whole period, or not the samples of a whole beat, has its extremes beside it.
-    beside = int(np.clip(np.ceil((BEAT * count / len(inside) - 1) / 2), 0, 3))
-    slow = way < BEATS * size
-    # Of the windows beside only those count that are too fast as well: a step that begins there is a line of its own.
-    low = np.where(slow & (beside < 1), wide_low, -_widened(np.where(fast, -low, -np.inf), beside))
-    high = np.where(slow & (beside < 1), wide_high, _widened(np.where(fast, high, -np.inf), beside))
     shown = np.array(curve.values)
     shown[inside[fast[window]]] = np.nan
     edges = start + np.arange(count + 1) * (end - start) / count
@@ -92,11 +83,9 @@ def split(curve: Curve, start: float, end: float, pixels: float) -> Split:
     )
 
 
-def _widened(high: Array, times: int) -> Array:
-    """The largest of each window and so many beside it."""
-    for _ in range(times):
-        high = np.maximum(np.maximum(_beside(high, -1, -np.inf), _beside(high, 1, -np.inf)), high)
-    return high
+def _widened(high: Array) -> Array:
+    """The largest of each window and of the windows beside it."""
+    return np.asarray(np.maximum(np.maximum(_beside(high, -1, -np.inf), _beside(high, 1, -np.inf)), high))
 
 
 def _grown(core: Any, around: Any) -> Any:

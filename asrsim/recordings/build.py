@@ -16,6 +16,7 @@ from asrsim.recordings.columns import KNOWN, columns_of
 from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, Raw, Recording
 from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import VOCABULARY, find_column, stated_unit, tokens_of
 from asrsim.recordings.oddities import oddities
 from asrsim.recordings.units import fits, split_header, unknown_unit
@@ -29,7 +30,7 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     """The recording; raises RecordingError with all problems of the mapping."""
     findings = list(raw.findings)
     raw = windowed(path, raw, maps)
-    by_index = _explicit(path, raw, maps)
+    by_index = _explicit(path, raw, maps, joints)
     with np.errstate(over="ignore", invalid="ignore"):
         columns = columns_of(path, raw, by_index, joints, findings)
     columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
@@ -67,8 +68,11 @@ def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str]
     )  # fmt: skip
 
 
-def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, ColumnMap]:
-    """Index of series -> its map."""
+def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> dict[int, ColumnMap]:
+    """Index of series -> its map. Raises RecordingError for columns, units and joints that there are not.
+
+    joints: of the simulation. A mapping file may serve a larger robot, and so name others.
+    """
     names = [series.name for series in raw.series]
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
@@ -101,6 +105,12 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap]) -> dict[int, Colu
                     f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})", file=path,
                     key=one.column, hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit",
                 )
+            )  # fmt: skip
+            continue
+        if joints and one.joint is not None and one.origin == "command line" and matching_name(one.joint, joints) is None:
+            problems.append(
+                Problem(f"the simulation has no joint '{one.joint}'", file=path, key=one.column, choices=_shown(joints),
+                        hint=did_you_mean(one.joint, tuple(joints)), code="no-such-joint")
             )  # fmt: skip
             continue
         found[index] = one

@@ -52,6 +52,11 @@ def _example(column: str, joint: str, *, counts: bool) -> str:
     return f"{column}={joint}.link_position{'' if unit is not None else ' [rad]'}"
 
 
+def matching_name(name: str, names: Sequence[str]) -> str | None:
+    """The one of `names` that equals `name` but for case and separators; None if there is none."""
+    return next((other for other in names if _plain(other) == _plain(name)), None)
+
+
 def _plain(name: str) -> str:
     return name.lower().replace("_", "").replace("-", "").replace(" ", "")
 

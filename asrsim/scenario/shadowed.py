@@ -13,8 +13,11 @@ OF_ALL_THAT_MOVE = ("initial", "external_torques", "desired", "motion")
 """Tables of all moving joints; others are of driven ones."""
 BY_NAME = ("references", "parameters")
 """Tables in which what an own entry does not say is that for all."""
-TABLES = (("initial",), ("external_torques",), ("link_damping",), ("effects", "commands"), ("effects", "sensors"))
-"""Further tables in which such an entry gets a warning. Not `modes`: one for all beside those of single joints is usual."""
+TABLES = (
+    ("initial",), ("external_torques",), ("link_damping",), ("effects", "commands"), ("effects", "sensors"), ("modes",),
+    ("desired",), ("motion",),
+)  # fmt: skip
+"""Further tables in which such an entry gets a warning."""
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
