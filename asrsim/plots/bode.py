@@ -105,7 +105,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
             below, above = margin
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
-            ax.plot(result.frequency, np.where(trusted, np.nan, values), color=look["color"], linewidth=0.6, alpha=0.35)
+            ax.plot(result.frequency, np.where(trusted, np.nan, values), **{**look, "linewidth": 0.6, "alpha": 0.35})
         if coherence is not None:
             coherence.plot(result.frequency, result.coherence, color=look["color"], linewidth=0.9)
         levels.append(level[trusted])
