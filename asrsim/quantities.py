@@ -79,6 +79,7 @@ LIMITS = {
     "effort": "effort limit",
     "velocity": "velocity limit",
     "saturation": "motor limit",
+    "motor_stop": "motor stop",
     "deflection": "deflection limit",
     "stop": "joint stop",
 }

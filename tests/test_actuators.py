@@ -191,7 +191,8 @@ MOTOR = {
 
 def kick(x: float, v: float, *, reference: float, load: float = 0.0, controlled: bool = False, **values: float) -> Any:
     coefficients = motor_coefficients({**MOTOR, **values}, 1, step=1e-3, implicitness=0.5, controlled=controlled)
-    return motor_kick(x, v, 0.0, 0.0, reference, load, coefficients)
+    fastest = {**MOTOR, **values}["motor_1_max_velocity"]
+    return motor_kick(x, v, 0.0, 0.0, reference, load, -fastest, fastest, coefficients)
 
 
 def test_a_kick_is_the_midpoint_rule() -> None:

@@ -256,20 +256,6 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_a_joint_beyond_its_stop_comes_back_by_a_fifth(engine: str) -> None:
-    """Of what the last step before the stop overshoots, in the next one."""
-    limits = '<limit lower="-0.2" upper="0.2" effort="100" velocity="100"/>'
-    result = run(
-        chain(replace(BODY, actuator=None, limits=limits)), duration=0.2, gravity=0.0, engine=engine, substeps=1,
-        external={"joint_1": Constant(value=0.5)}, compiled=False,
-    )  # fmt: skip
-    beyond = column(result, "link_position") - 0.2
-    first = int(np.argmax(beyond > 0.0))
-    assert beyond[first] > 1e-4
-    assert beyond[first + 1] == pytest.approx(0.8 * beyond[first], rel=1e-6)
-
-
 def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
     """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
     with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:

@@ -157,3 +157,18 @@ def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(w
         assert 0.2 * (0.6 - way * place[0]) == pytest.approx(0.2 * weight * 0.05 * np.sin(way * place[0]), rel=1e-3)
     else:
         assert way * place[0] == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+@pytest.mark.parametrize("starts", [(0.0, 0.0), (0.9, -2.5), (np.pi, 0.0), (np.pi, np.pi)])
+def test_joints_without_actuator_hang_behind_one_that_has_one(starts: tuple[float, float], engine: str) -> None:
+    bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))
+    result = run(
+        chain(*bodies), mode=6, duration=0.5, engine=engine, initial_equilibrium=True, initial=(0.0, *starts),
+        references={"equilibrium_position": 0.6, "stiffness_preset": 0.2},
+    )  # fmt: skip
+    positions = np.array([column(result, "link_position", j) for j in range(3)])
+    assert np.ptp(positions, axis=1) == pytest.approx(0.0, abs=1e-8)
+    # The links behind the first hang straight down; angles are counted from joint to joint.
+    assert np.cos(positions[0] + positions[1])[0] == pytest.approx(1.0, abs=1e-12)
+    assert np.cos(positions[2])[0] == pytest.approx(1.0, abs=1e-12)

@@ -114,7 +114,7 @@ def test_a_plain_motor_is_the_detailed_one_without_its_details() -> None:
         plain = motor_coefficients(values, 1, controlled=MODES[mode].controller, **how)
         detailed = detailed_coefficients(values, 1, mode=MODES[mode], **how)
         for _ in range(50):
-            given = (*random.normal(size=2), 0.1, 0.2, *(3.0 * random.normal(size=2)))
+            given = (*random.normal(size=2), 0.1, 0.2, *(3.0 * random.normal(size=2)), -0.8, 0.9)
             assert detailed_kick(*given, detailed) == pytest.approx(motor_kick(*given, plain), rel=1e-12, abs=1e-13)
 
 

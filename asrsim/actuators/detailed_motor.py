@@ -101,15 +101,18 @@ def detailed_kick(
     integral: float,
     reference: float,
     load: float,
+    slowest: float,
+    fastest: float,
     coefficients: tuple[float, ...],
 ) -> tuple[float, float, float, float, float, float]:
-    """Accelerate a motor over one kick at a fixed position: as :func:`asrsim.actuators.motor.motor_kick`, which see.
+    """Accelerate a motor over one kick at a fixed position: as :func:`asrsim.actuators.motor.motor_kick`, which see. The
+    velocity stays between `slowest` and `fastest`, and damping and back-EMF are those of that velocity.
 
     integral: of the controller, in units of the command. The level of friction is that of the kick's mean speed, found in two
     rounds, so that the kick stays of second order where friction falls with speed.
     """
     (
-        p, hold, i_step, d, old, new, step, inertia, damping, gain, lag, emf, stall, limit, fastest,
+        p, hold, i_step, d, old, new, step, inertia, damping, gain, lag, emf, stall, limit,
         coulomb, excess, fade, share, stiffness,
     ) = coefficients  # fmt: skip
     error = reference - hold * position
@@ -128,20 +131,21 @@ def detailed_kick(
         after = (velocity * (inertia - old * step * drag) + step * (gain * push - load - friction)) / (
             inertia + new * step * drag
         )
+        after = fastest if after > fastest else slowest if after < slowest else after
         middle = old * velocity + new * after
         torque = gain * (push - d * middle) - lag * middle
         if abs(torque + emf * middle) > stall:
             most = stall if torque + emf * middle > 0.0 else -stall
             drag = damping + emf
             after = (velocity * (inertia - old * step * drag) + step * (most - load - friction)) / (inertia + new * step * drag)
+            after = fastest if after > fastest else slowest if after < slowest else after
             torque = most - emf * (old * velocity + new * after)
         if abs(torque) > limit:
             torque = limit if torque > 0.0 else -limit
             after = (velocity * (inertia - old * step * damping) + step * (torque - load - friction)) / (
                 inertia + new * step * damping
             )
-        if abs(after) > fastest:
-            after = fastest if after > 0.0 else -fastest
+            after = fastest if after > fastest else slowest if after < slowest else after
         mean = 0.5 * (velocity + after)
     if stretch != position - anchor:
         anchor = position - stretch
@@ -161,7 +165,7 @@ def detailed_coefficients(
     electric = electric_of(values, index, mode)
     return (
         p, 1.0 if mode.controller else 0.0, i * step, d, 1.0 - implicitness, implicitness, step,
-        values[f"{motor}_inertia"], values[f"{motor}_damping"], *electric, values[f"{motor}_max_velocity"],
+        values[f"{motor}_inertia"], values[f"{motor}_damping"], *electric,
         values[f"{motor}_friction_torque"], values[f"{motor}_stribeck_friction"], 1.0 / values[f"{motor}_stribeck_velocity"],
         values[f"{motor}_load_friction"], values[f"{motor}_friction_stiffness"],
     )  # fmt: skip

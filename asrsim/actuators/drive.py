@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
     from asrsim.actuators.modes import Mode
 
-Kick = Callable[[float, float, float, float, float, float, tuple[float, ...]], tuple[float, float, float, float, float, float]]
-"""Of position, velocity, anchor, integral, reference, load and coefficients: see :func:`asrsim.actuators.motor.motor_kick`."""
+Kick = Callable[..., tuple[float, float, float, float, float, float]]
+"""The form of :func:`asrsim.actuators.motor.motor_kick`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,16 +14,19 @@ def motor_kick(
     integral: float,
     reference: float,
     load: float,
+    slowest: float,
+    fastest: float,
     coefficients: tuple[float, ...],
 ) -> tuple[float, float, float, float, float, float]:
     """Accelerate a motor over one kick at a fixed position.
 
     position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral (of the controller's
     integral action) in N m; reference: desired position in rad (or the
-    torque in N m, mode 4); load: torque of the spring on the motor in N m. Coefficients: :func:`motor_coefficients`.
+    torque in N m, mode 4); load: torque of the spring on the motor in N m; slowest, fastest: the velocities in rad/s
+    between which its stops and its speed limit keep it (:func:`velocity_bounds`). Coefficients: :func:`motor_coefficients`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """
-    p, hold, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit, fastest = coefficients
+    p, hold, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit = coefficients
     stretch = position - anchor
     if abs(stretch) > slip:
         stretch = slip if stretch > 0.0 else -slip
@@ -37,9 +40,27 @@ def motor_kick(
     if abs(torque) > limit:
         torque = limit if torque > 0.0 else -limit
         after = keep_limited * velocity + gain_limited * (torque - load)
-    if abs(after) > fastest:
-        after = fastest if after > 0.0 else -fastest
+    if after > fastest or after < slowest:
+        # A limit takes the rest of the torque; damping and back-EMF are those of the velocity that is left.
+        after = fastest if after > fastest else slowest
+        torque = push - d_old * velocity - d_new * after
+        if abs(torque) > limit:
+            torque = limit if torque > 0.0 else -limit
     return after, 0.5 * (velocity + after), anchor, integral + i_step * error, torque, friction
+
+
+def velocity_bounds(position: float, low: float, high: float, fastest: float, step: float) -> tuple[float, float]:
+    """Least and largest velocity in rad/s over the next `step` s of a motor at `position`.
+
+    low, high: its stops in rad, which are inelastic: it reaches them at most. fastest: its speed limit in rad/s. A motor
+    beyond a stop stays where it is. A step of 0 s moves nothing, and only the speed limit counts.
+    """
+    if step == 0.0:
+        return -fastest, fastest
+    slowest, largest = (low - position) / step, (high - position) / step
+    slowest = slowest if slowest < 0.0 else 0.0
+    largest = largest if largest > 0.0 else 0.0
+    return (slowest if slowest > -fastest else -fastest), (largest if largest < fastest else fastest)
 
 
 def motor_coefficients(
@@ -74,5 +95,4 @@ def motor_coefficients(
         step / denominator_limited,
         values[f"motor_{index}_friction_torque"] / FRICTION_STIFFNESS,
         values[f"motor_{index}_max_torque"],
-        values[f"motor_{index}_max_velocity"],
     )

@@ -32,6 +32,10 @@ from asrsim.versions import version
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
 1e-3 rad/s. These leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+BEYOND = 1e-9
+"""rad or m beyond a stop at which a joint rests on it in a world with contacts."""
+ARREST = 1e9
+"""N m: more than any impact takes."""
 
 
 def _unpack(states: Any, j: int) -> tuple[float, float]:
@@ -55,7 +59,8 @@ class BulletEngine:
         self._scenario = scenario
         self._step = scenario.step
         merged = merge_fixed(robot)
-        self._exact = exact = scenario.world.empty and any(any(joint.frictions) for joint in robot.moving_joints)
+        held = any(any(joint.frictions) or np.isfinite(joint.stops).any() for joint in robot.moving_joints)
+        self._exact = exact = scenario.world.empty and held
         shown = without_stops(merged.robot) if exact else merged.robot
         text, self.warnings = engine_urdf(shown, package_paths=scenario.package_paths)
         try:
@@ -98,8 +103,11 @@ class BulletEngine:
         self._indices = [index_of[joint.name] for joint in moving]
         self._frictions = [0.0 if self._exact else joint.friction for joint in moving]
         self._companion: Companion | None = None
+        stops = [(index, *joint.stops) for index, joint in zip(self._indices, moving, strict=True)]
+        self._stops = [] if self._exact or not np.isfinite([ends for _, *ends in stops]).any() else stops
+        # erp 0: a stop takes a joint's velocity and does not push it back; see _reach_stops.
         p.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, physicsClientId=client
+            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
         )
 
     def prepare(self, step: float, *, staggered: bool) -> None:
@@ -119,11 +127,14 @@ class BulletEngine:
 
         Bullet keeps their impulse, so they are issued anew after every change of step.
         """
-        p = self._p
         for index, friction in zip(self._indices, self._frictions, strict=True):
-            p.setJointMotorControl2(
-                self._body, index, p.VELOCITY_CONTROL, targetVelocity=0, force=friction * fraction, physicsClientId=self._client
-            )
+            self._set_motor(index, friction * fraction)
+
+    def _set_motor(self, index: int, force: float, velocity: float = 0.0) -> None:
+        p = self._p
+        p.setJointMotorControl2(
+            self._body, index, p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
+        )
 
     def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Joints there, moving so; everything else as at the start."""
@@ -184,9 +195,27 @@ class BulletEngine:
 
     def _advance(self, forces: Sequence[float]) -> None:
         """One step under torques that the companion has completed."""
+        arrived = self._reach_stops() if self._stops else ()
         self._apply(forces=forces)
         self._simulate()
         self._states = None
+        for index, friction in arrived:
+            self._set_motor(index, friction)
+
+    def _reach_stops(self) -> list[tuple[int, float]]:
+        """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
+
+        Returns index and friction of these joints, whose motors serve for it.
+        """
+        p, arrived = self._p, []
+        for (index, lower, upper), friction in zip(self._stops, self._frictions, strict=True):
+            position, velocity = p.getJointState(self._body, index, self._client)[:2]
+            reach = ((upper if velocity > 0.0 else lower) - position) / self._step
+            if reach * velocity > 0.0 and abs(velocity) > abs(reach):
+                # A hair beyond, where Bullet's stop holds it from the next step on.
+                self._set_motor(index, ARREST, reach + (BEYOND if velocity > 0.0 else -BEYOND) / self._step)
+                arrived.append((index, friction))
+        return arrived
 
     def _first(self, forces: Sequence[float], fraction: float) -> None:
         """A step whose kick is only a part of one: everything that pushes acts with that part of its impulse."""
@@ -197,9 +226,7 @@ class BulletEngine:
             forces = [fraction * force for force in forces]
         p.setGravity(*(fraction * component for component in self._scenario.gravity), physicsClientId=self._client)
         self._set_friction(fraction)
-        self._apply(forces=forces)
-        self._simulate()
-        self._states = None
+        self._advance(forces)
         p.setGravity(*self._scenario.gravity, physicsClientId=self._client)
         self._set_friction(1.0)
         if self._companion is not None:

@@ -1,7 +1,17 @@
-"""Coulomb friction and stops of joints, exactly: impulses within bounds, found by principal pivoting.
+"""Coulomb friction and stops of joints, solved exactly by principal pivoting on the impulses of one step.
 
-Ordinary code on the state of :class:`asrsim.engines.mujoco_stages.World`, run as it is or compiled. Each joint either moves at
-its target velocity (0, or back from its stop) with an impulse within its bounds, or slides under the whole of a bound.
+Ordinary code on the state of :class:`asrsim.engines.mujoco_world.World`, run as it is or compiled. In one step each joint is
+in one of five states, `held`:
+
+     AT_LOWER   it reaches its lower stop at the end of the step, or rests there; the stop pushes
+     NEGATIVE   it slides in negative direction under all of its friction
+     STICKING   it stands, and friction takes no more than its bound
+     POSITIVE   it slides in positive direction under all of its friction; a joint without friction moves freely
+     AT_UPPER   it reaches its upper stop at the end of the step, or rests there
+
+Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach it; in the next step it
+rests there. Both impulses together are those of the impact, each weighted by the share of the step that it acts on the motion,
+so the other joints' positions stay of second order.
 """
 
 from __future__ import annotations
@@ -9,8 +19,8 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import Any
 
-STOP_SHARE = 0.2
-"""Share of a joint's way beyond its stop that one step takes back, as PyBullet does."""
+AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
+"""States of a joint; see the module."""
 SINGLE_AFTER = 12
 """Rounds of pivoting after which only one joint changes at a time, which cannot go in circles."""
 FULL, FACTORS = -2, -1
@@ -28,34 +38,48 @@ mj_makeM = mj_factorM = mj_solveM = mj_fullM = _unbound  # noqa: N816  (the libr
 
 
 def settle(world: Any, kick: float) -> None:
-    """Find the change of velocity under the impulses and those of friction and stops, each of which either keeps its joint at
-    `target` or is at its bound."""
+    """Find the change of velocity under the given impulses and those of friction and stops."""
     mj_makeM(world.model, world.data)
-    active = 0
+    step = world.scheme[0]
+    bounded = 0
     world.known[FULL] = world.known[FACTORS] = 0
     for j in range(len(world.friction)):
-        most = world.friction[j] * kick
-        low, high, target = -most, most, 0.0
-        beyond = world.qpos[world.joint_q[j]] - world.upper[j]
-        short = world.lower[j] - world.qpos[world.joint_q[j]]
-        # A joint that stands exactly on its stop is held there, too.
-        if short >= 0.0:
-            high, target = inf, STOP_SHARE * short / world.scheme[0]
-        if beyond >= 0.0:
-            low, target = -inf, target - STOP_SHARE * beyond / world.scheme[0]
-        world.low[j], world.high[j], world.target[j] = low, high, target
+        position = world.qpos[world.joint_q[j]]
+        world.most[j] = world.friction[j] * kick
+        # A joint beyond its stop is held where it is: to push it back would leave it with a velocity of its own.
+        world.slowest[j] = min((world.lower[j] - position) / step, 0.0)
+        world.fastest[j] = max((world.upper[j] - position) / step, 0.0)
         world.known[j] = 0
-        if high > low:
-            active += 1
-            if (world.held[j] > 0 and high == inf) or (world.held[j] < 0 and low == -inf):
-                world.held[j] = 0
-    if not active:
+        if world.most[j] == 0.0 and abs(world.held[j]) != AT_UPPER:
+            world.held[j] = POSITIVE
+        if world.most[j] > 0.0 or world.slowest[j] > -inf or world.fastest[j] < inf:
+            bounded += 1
+    if not bounded:
         _give(world, world.at_change, world.at_impulse)
         return
     for attempt in range(3 * len(world.friction) + 4 * SINGLE_AFTER):
         _try(world)
         if not _swap(world, attempt >= SINGLE_AFTER):
             break
+
+
+def is_held(state: int) -> bool:
+    """Whether a joint in this state has a given velocity; otherwise its impulse is given."""
+    return state != NEGATIVE and state != POSITIVE
+
+
+def _target(world: Any, j: int) -> float:
+    """Velocity of a held joint."""
+    if world.held[j] == AT_LOWER:
+        return world.slowest[j]  # type: ignore[no-any-return]
+    if world.held[j] == AT_UPPER:
+        return world.fastest[j]  # type: ignore[no-any-return]
+    return 0.0
+
+
+def sliding_impulse(world: Any, j: int) -> float:
+    """Impulse of the friction of a joint that slides."""
+    return world.most[j] if world.held[j] == NEGATIVE else -world.most[j]  # type: ignore[no-any-return]
 
 
 def _give(world: Any, at_velocities: int, at_impulses: int) -> None:
@@ -72,12 +96,11 @@ def _try(world: Any) -> None:
     for i in range(len(world.qvel)):
         world.push[i] = world.impulse[i]
     for j in range(len(world.friction)):
-        if world.high[j] > world.low[j]:
-            if world.held[j] == 0:
-                world.pick[count] = j
-                count += 1
-            else:
-                world.push[world.joint_v[j]] += world.high[j] if world.held[j] > 0 else world.low[j]
+        if is_held(world.held[j]):
+            world.pick[count] = j
+            count += 1
+        else:
+            world.push[world.joint_v[j]] += sliding_impulse(world, j)
     if 2 * count > len(world.qvel):
         _move_others(world, count)
     else:
@@ -101,7 +124,7 @@ def _hold(world: Any, count: int) -> None:
         for b in range(a, count):
             square[b, a] = world.columns[world.pick[a], world.joint_v[world.pick[b]]]
         dof = world.joint_v[world.pick[a]]
-        world.push[a] = world.target[world.pick[a]] - world.qvel[dof] - world.change[dof]
+        world.push[a] = _target(world, world.pick[a]) - world.qvel[dof] - world.change[dof]
     _solve(square, world.push, count)
     for a in range(count):
         for i in range(size):
@@ -121,7 +144,7 @@ def _move_others(world: Any, count: int) -> None:
     for a in range(count):
         dof = world.joint_v[world.pick[a]]
         loose[dof] = -1
-        change[dof] = world.target[world.pick[a]] - world.qvel[dof]
+        change[dof] = _target(world, world.pick[a]) - world.qvel[dof]
     free = 0
     for i in range(size):
         if loose[i] >= 0:
@@ -172,28 +195,52 @@ def _solve(square: Any, values: Any, count: int) -> None:
 
 
 def _swap(world: Any, single: bool) -> bool:
-    """Let joints slide that would need more than their bound, hold those that slide the way their friction pushes; whether any
-    changed."""
+    """Move every joint whose impulse or velocity contradicts its state to the next state; `single`: only the first of them.
+    Whether any moved."""
     changed = False
     count = 0
     for j in range(len(world.friction)):
-        if world.high[j] <= world.low[j]:
-            continue
-        if world.held[j] == 0:
-            impulse = world.push[count]
+        before = world.held[j]
+        if is_held(before):
+            world.held[j] = _state_by_impulse(world, j, world.push[count])
             count += 1
-            if impulse > world.high[j] * (1.0 + SLACK):
-                world.held[j] = 1
-                changed = True
-            elif impulse < world.low[j] * (1.0 + SLACK):
-                world.held[j] = -1
-                changed = True
         else:
             dof = world.joint_v[j]
-            velocity = world.qvel[dof] + world.change[dof]
-            if (velocity - world.target[j]) * world.held[j] > 0.0:
-                world.held[j] = 0
-                changed = True
-        if changed and single:
-            return True
+            world.held[j] = _state_by_velocity(world, j, world.qvel[dof] + world.change[dof])
+        if world.held[j] != before:
+            changed = True
+            if single:
+                return True
     return changed
+
+
+def _state_by_impulse(world: Any, j: int, impulse: float) -> int:
+    """State after a solution in which the held joint j needs this impulse to have its velocity."""
+    most, slack = world.most[j], SLACK * world.most[j]
+    if world.held[j] == AT_LOWER and impulse >= most - slack:
+        return AT_LOWER
+    if world.held[j] == AT_UPPER and impulse <= slack - most:
+        return AT_UPPER
+    # At a stop that it touches already, a joint can stick, too.
+    lowest = world.slowest[j] if world.held[j] == AT_LOWER else 0.0
+    highest = world.fastest[j] if world.held[j] == AT_UPPER else 0.0
+    if most > 0.0 and lowest == 0.0 and highest == 0.0:
+        if impulse > most + slack:
+            return AT_LOWER if world.slowest[j] == 0.0 else NEGATIVE
+        if impulse < -most - slack:
+            return AT_UPPER if world.fastest[j] == 0.0 else POSITIVE
+        return STICKING
+    if most > 0.0 and world.held[j] == AT_LOWER:
+        return NEGATIVE
+    return POSITIVE
+
+
+def _state_by_velocity(world: Any, j: int, velocity: float) -> int:
+    """State after a solution in which the sliding joint j has this velocity."""
+    if velocity > world.fastest[j]:
+        return AT_UPPER
+    if velocity < world.slowest[j]:
+        return AT_LOWER
+    if world.most[j] > 0.0 and velocity * world.held[j] < 0.0:
+        return STICKING
+    return world.held[j]  # type: ignore[no-any-return]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
-from asrsim.engines.exact_friction import STOP_SHARE
 from asrsim.engines.mujoco_build import HARD
 from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP
 from asrsim.engines.mujoco_world import World as State
@@ -19,6 +18,8 @@ NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
 """Time constants of contacts in steps, measured on a sliding box (docs/validation.md)."""
 LIGHTER = 1e-2
 """Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
+REACH = 2.0
+"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
 TOLERANCE = 1e-12
 """Improvement of its cost, scaled, at which MuJoCo's solver ends."""
 
@@ -48,8 +49,8 @@ class MujocoContacts:
         limited = np.isfinite(state.lower) | np.isfinite(state.upper)
         m.jnt_limited[places] = limited
         m.jnt_range[places] = np.column_stack([np.maximum(state.lower, -1e9), np.minimum(state.upper, 1e9)])
-        m.jnt_solref[places] = (-STOP_SHARE / step**2, -1.0 / step)
         m.jnt_solimp[places] = HARD
+        self._limited = [place for place, limit in zip(places, limited, strict=True) if limit]
         m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
@@ -60,6 +61,8 @@ class MujocoContacts:
         step = float(state.scheme[STEP])
         # It may vary from step to step, and is a constraint's bound only where it is not 0.
         m.dof_frictionloss[state.joint_v] = state.friction
+        # Stops within reach of this step have rows among the constraints.
+        m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
         mj.mj_fwdPosition(m, d)
         lagging = d.qvel.copy()
         d.qvel[:] = now * lagging + before * state.previous
@@ -67,6 +70,7 @@ class MujocoContacts:
         mj.mj_fwdVelocity(m, d)
         d.qvel[:] = lagging
         mj.mj_referenceConstraint(m, d)
+        self._aim_at_stops(fraction * step, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[state.joint_v] = state.forces
         self._push(state, fraction)
@@ -76,6 +80,14 @@ class MujocoContacts:
         d.qvel[:] += fraction * step * d.qacc
         mj.mj_integratePos(m, d.qpos, d.qvel, step)
         d.qacc_warmstart[:] = d.qacc
+
+    def _aim_at_stops(self, kick: float, step: float) -> None:
+        """Let stops be inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond
+        its stop is held where it is."""
+        d = self._d
+        rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
+        slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
+        d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def _push(self, state: State, fraction: float) -> None:
         """Wrenches, which are means over the whole step."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from asrsim.engines.exact_friction import settle
+from asrsim.engines.exact_friction import is_held, settle, sliding_impulse
 from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP, Numbers, World
 
 
@@ -125,12 +125,11 @@ def _add_held(world: World, kick: float) -> None:
     """Mean torques of friction and stops."""
     count = 0
     for j in range(len(world.friction)):
-        if world.high[j] > world.low[j]:
-            if world.held[j] == 0:
-                world.forces[j] += world.push[count] / kick
-                count += 1
-            else:
-                world.forces[j] += (world.high[j] if world.held[j] > 0 else world.low[j]) / kick
+        if is_held(world.held[j]):
+            world.forces[j] += world.push[count] / kick
+            count += 1
+        else:
+            world.forces[j] += sliding_impulse(world, j) / kick
 
 
 def _add_lag(world: World) -> None:

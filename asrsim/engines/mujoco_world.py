@@ -51,11 +51,12 @@ class World(NamedTuple):
     lower: Numbers
     upper: Numbers
     held: Numbers
-    """(n,) integers: 0 sticking, 1 and -1 sliding under the upper and the lower bound of the impulse."""
-    low: Numbers
-    high: Numbers
-    target: Numbers
-    """(n,) velocity that a held joint takes."""
+    """(n,) integers: the joints' states, see :mod:`asrsim.engines.exact_friction`."""
+    most: Numbers
+    """(n,) largest impulse of friction in this step."""
+    slowest: Numbers
+    """(n,) velocities with which a joint reaches its lower and its upper stop at the end of this step; 0 at the stop."""
+    fastest: Numbers
     columns: Numbers
     """(n, v) velocities that a unit impulse at a joint gives, where `known` is 1."""
     mass: Numbers
@@ -120,7 +121,7 @@ def make_world(
     }
     arrays |= {"columns": np.zeros((n, size)), "mass": np.zeros((size, size)), "vectors": np.zeros((3, 3))}
     addresses = {f"at_{name}": array.ctypes.data for name, array in arrays.items() if f"at_{name}" in World._fields}
-    arrays |= {name: np.zeros(n) for name in ("positions", "velocities", "forces", "low", "high", "target")}
+    arrays |= {name: np.zeros(n) for name in ("positions", "velocities", "forces", "most", "slowest", "fastest")}
     arrays |= {name: np.zeros(n, dtype=np.int64) for name in ("held", "pick")}
     arrays |= {"known": np.zeros(n + 2, dtype=np.int64), "loose": np.zeros(size, dtype=np.int64)}
     return World(

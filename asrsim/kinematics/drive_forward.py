@@ -58,7 +58,10 @@ def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[
     """Drift - kick - drift, as the simulation's motors."""
     drive = drive.without_friction()
     law, elastic, kick, half = drive.actuator.elastic_torques, drive.elastic, drive.motor_kick, 0.5 * step
-    motors = [(i, drive.motor_coefficients(i + 1, step=step, implicitness=0.5)) for i in range(drive.dynamic_motors)]
+    motors = [
+        (drive.motor_coefficients(i + 1, step=step, implicitness=0.5), drive.values[f"motor_{i + 1}_max_velocity"])
+        for i in range(drive.dynamic_motors)
+    ]
     places, rates = [*start.positions], [*start.velocities]
     units = [electric.gain or 1.0 for electric in drive.electric]
     sums = [torque / unit for torque, unit in zip(start.integrals or (0.0, 0.0), units, strict=False)]
@@ -69,7 +72,8 @@ def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[
         found.append(tuple(places))
         middle = places[0] + half * rates[0], places[1] + half * rates[1]
         torques = law(q, *middle, elastic)
-        for i, coefficients in motors:
-            rates[i], _, _, sums[i], _, _ = kick(middle[i], rates[i], 0.0, sums[i], wanted[i], torques[i], coefficients)
+        for i, (coefficients, most) in enumerate(motors):
+            how = (wanted[i], torques[i], -most, most, coefficients)
+            rates[i], _, _, sums[i], _, _ = kick(middle[i], rates[i], 0.0, sums[i], *how)
             places[i] = middle[i] + half * rates[i]
     return np.array(found)

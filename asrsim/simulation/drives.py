@@ -179,7 +179,8 @@ class SteppedJoint:
         before = self.stepping.first_drift * step
         constants: list[Any] = [before, step - before, drive.elastic]
         for index, ends in enumerate(drive.motor_ranges, start=1):
-            constants += [drive.motor_coefficients(index, step=step, implicitness=self.stepping.implicitness), *ends]
+            coefficients = drive.motor_coefficients(index, step=step, implicitness=self.stepping.implicitness)
+            constants += [coefficients, *ends, self.values[f"motor_{index}_max_velocity"]]
         return (*constants, *bristles)
 
     @property

@@ -22,7 +22,9 @@ NUDGE = 1e-6
 LONGEST = 0.2
 """rad (m) of a step towards the equilibrium: springs are steep, and gravity turns over."""
 FLAT = 1e-3
-"""N m/rad (N/m) that a joint is believed to be stiff at least."""
+"""N m/rad (N/m): least stiffness that a step assumes, so that it stays finite."""
+SHOVE = 1e-2
+"""rad (m) by which an unstable balance is left."""
 ROUNDS = 200
 """Steps towards rest, at most."""
 
@@ -30,9 +32,10 @@ ROUNDS = 200
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
     """The drives with their start at rest, everything in balance under the references at t = 0.
 
-    Newton's method on the links' positions; motors follow, each where its controller's torque is the spring's. A joint that is
-    pressed onto its stop rests there. Joints that nothing holds stay where they are: modes 0, 4, 7 and 8. Raises ScenarioError
-    naming the joint that finds no balance.
+    Newton's method on the links' positions, towards a minimum of the potential energy; motors follow, each where its
+    controller's torque is the spring's. A joint that is pressed onto its stop rests there. A joint without actuator hangs where
+    gravity and its passive spring put it. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and
+    8) stay where they are. Raises ScenarioError naming the joint that finds no balance.
     """
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
     goals = []
@@ -64,16 +67,21 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     left = balance(q)
     for _ in range(ROUNDS):
         free = unbalanced(left)
-        if np.abs(left[free]).max(initial=0.0) < BALANCED:
+        if not free:
             break
         slopes = np.empty((len(free), len(free)))
         for column, j in enumerate(free):
             moved = q.copy()
             moved[j] += NUDGE
             slopes[:, column] = (balance(moved) - left)[free] / NUDGE
-        # A spring at its limit has no stiffness, and an overturned link a negative one: both then move the way they are pushed.
-        np.fill_diagonal(slopes, np.minimum(slopes.diagonal(), -FLAT))
-        step = np.linalg.lstsq(slopes, -left[free], rcond=None)[0]
+        stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
+        if np.abs(left[free]).max() < BALANCED:
+            if stiffness[0] > -FLAT:
+                break
+            step = SHOVE * ways[:, 0]
+        else:
+            # Where the stiffness is negative, as of a link that stands upright, this moves the way of the torques.
+            step = ways @ ((ways.T @ left[free]) / np.maximum(np.abs(stiffness), FLAT))
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
         q[free] = np.clip(q[free] + step, low[free], high[free])
         left = balance(q)
@@ -112,7 +120,9 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> fl
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
-    """rad (m) where the joint rests without load, within its stops; where it is if nothing holds it."""
+    """rad (m) where the joint rests without load, within its stops; where it is if no spring and no controller holds it."""
+    if drive.drive is None and drive.joint.spring_stiffness == 0.0:
+        return drive.initial_position
     if not (_gives_way(drive) or _holds(drive)):
         return drive.initial_position
     if drive.drive is None or not (drive.drive.mode.spring or drive.drive.mode.controller):
@@ -124,8 +134,9 @@ def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
 
 
 def _gives_way(drive: SteppedJoint) -> bool:
-    """The joint moves until spring or controller carries its load. Motors without controller carry none."""
-    driven = drive.mode is not None and (drive.mode.spring or drive.mode.controller) and not drive.mode.direct
+    """The joint moves until spring, controller or stop carries its load. Motors without controller carry none."""
+    mode = drive.mode
+    driven = mode is None or ((mode.spring or mode.controller) and not mode.direct)
     return (driven or drive.joint.spring_stiffness > 0.0) and not _holds(drive)
 
 

@@ -29,11 +29,13 @@ motors, losses in them, by the link's damping, work on the link, taken by the ef
 hysteresis: J."""
 VANISHED = GIVEN
 """Among sums that are recorded, the place of what has vanished: the other is only asked for at the end."""
-LIMITS = 6
+LIMITS = 7
 """Kinds of limits that are counted."""
-EFFORTS, SPEEDS, SATURATIONS, DEFLECTIONS, STOPS, HELD = range(LIMITS)
-"""Rows in which a joint met its limit of torque, of speed, a motor's of torque, a spring's, a stop; in which a motor was at a
-stop or as fast as it may be."""
+EFFORTS, SPEEDS, SATURATIONS, DEFLECTIONS, STOPS, MOTOR_STOPS, HELD = range(LIMITS)
+"""Numbers of rows in which a joint met a limit: of its torque, of its speed, of a motor's torque, of a spring's deflection, of
+its position, of a motor's position or speed. HELD: the last one, of all rows of the raw record."""
+AT_STOP = 1e-12
+"""rad or m before a stop from which on a joint or motor is at it: a step reaches the stop but for rounding."""
 FULL = 1.0 - 1e-9
 """Share of its greatest speed at which a motor is held."""
 
@@ -102,7 +104,7 @@ def meet(raw: Any, velocities: Any, links: Any, motors: Any, counts: Any) -> Non
     for j in range(velocities.shape[0]):
         effort, fastest, lowest, highest = links[j, 4], links[j, 5], links[j, 6], links[j, 7]
         full_1, full_2, bent_1, bent_2 = motors[0, j, 4], motors[1, j, 4], motors[0, j, 5], motors[1, j, 5]
-        efforts = speeds = saturations = deflections = stops = stuck = 0
+        efforts = speeds = saturations = deflections = stops = motor_stops = stuck = 0
         for k in steps(velocities.shape[1]):
             q = raw[POSITION, j, k]
             drive_1, drive_2 = abs(raw[MOTOR_1 + DRIVE, j, k]), abs(raw[MOTOR_2 + DRIVE, j, k])
@@ -116,8 +118,11 @@ def meet(raw: Any, velocities: Any, links: Any, motors: Any, counts: Any) -> Non
             motor, limits = MOTOR_1 + i * (MOTOR_2 - MOTOR_1), motors[i, j]
             for k in steps(raw.shape[2]):
                 stuck += number(held(raw[motor, j, k], raw[motor + SPEED, j, k], limits))
+            for k in steps(velocities.shape[1]):
+                motor_stops += number(held(raw[motor, j, k], raw[motor + SPEED, j, k], limits))
         counts[EFFORTS, j], counts[SPEEDS, j], counts[SATURATIONS, j] = efforts, speeds, saturations
-        counts[DEFLECTIONS, j], counts[STOPS, j], counts[HELD, j] = deflections, stops, stuck
+        counts[DEFLECTIONS, j], counts[STOPS, j] = deflections, stops
+        counts[MOTOR_STOPS, j], counts[HELD, j] = motor_stops, stuck
 
 
 def vanished(work: Any, lost: Any, link: Any, cut: Any, lagged: Any, kept: Any) -> Any:
@@ -202,7 +207,8 @@ def constants_of(drives: Sequence[SteppedJoint], groups: Sequence[Group], subste
     for link, drive in zip(links, drives, strict=True):
         joint = drive.joint
         link[:4] = 2.0 * joint.spring_stiffness, joint.spring_reference, bool(drive.mode and drive.mode.spring), 0.0
-        link[4:] = joint.most_effort, joint.velocity or np.inf, *joint.stops
+        low, high = joint.stops
+        link[4:] = joint.most_effort, joint.velocity or np.inf, low + AT_STOP, high - AT_STOP
     for group in groups:
         links[group.pick, 3] = group.motors
         for i in range(group.motors):
@@ -210,6 +216,7 @@ def constants_of(drives: Sequence[SteppedJoint], groups: Sequence[Group], subste
             values = [[drive.values[f"motor_{i + 1}_{name}"] for name in names] for drive in group.drives]
             motors[i, group.pick, :5] = np.array(values) * [4.0, 1.0, 1.0, FULL, 1.0]
             motors[i, group.pick, 0] /= substep
+            motors[i, group.pick, 1:3] += AT_STOP, -AT_STOP
         if "max_deflection" in group.drives[0].values:
             motors[: group.actuator.motors, group.pick, 5] = [drive.values["max_deflection"] for drive in group.drives]
     return links, motors

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from asrsim.actuators.hysteresis import dahl
+from asrsim.actuators.motor import velocity_bounds
 
 Advance = Callable[[Any, Any, float, float, float, float], tuple[float, Any, tuple[float, ...]]]
 
@@ -70,25 +71,26 @@ def make_advance_ideal(elastic_torques: Any) -> Advance:
     return advance_ideal
 
 
+def _drift(position: float, way: float, low: float, high: float) -> float:
+    """A motor's position after part of its way, between its stops."""
+    moved = position + way
+    return high if moved > high else low if moved < low else moved
+
+
 def make_advance_one_motor(elastic_torques: Any, kick: Any) -> Advance:
     """Modes 4 to 8 with one motor; the second reference, if any, is the adjuster's position."""
 
     def advance_one_motor(
         state: tuple[float, ...], constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        before, after, elastic, motor, low, high = constants
+        before, after, elastic, motor, low, high, most = constants
         x, v_0, anchor, integral = state
-        x = x + before * v_0
+        x = _drift(x, before * v_0, low, high)
         torque, rest = elastic_torques(q, x, r_2, elastic)
-        v_1, mean, anchor, integral, drive, friction = kick(x, v_0, anchor, integral, r_1, torque, motor)
-        x_1 = x + after * v_1
-        v_2 = v_1
-        if x_1 > high:
-            x_1, v_2 = high, 0.0
-        elif x_1 < low:
-            x_1, v_2 = low, 0.0
+        slowest, fastest = velocity_bounds(x, low, high, most, before + after)
+        v_1, mean, anchor, integral, drive, friction = kick(x, v_0, anchor, integral, r_1, torque, slowest, fastest, motor)
         record = (torque, rest, x, mean, drive, friction, r_2, 0.0, 0.0, 0.0)
-        return torque + rest, (x_1, v_2, anchor, integral), record
+        return torque + rest, (_drift(x, after * v_1, low, high), v_1, anchor, integral), record
 
     return advance_one_motor
 
@@ -99,24 +101,22 @@ def make_advance_two_motors(elastic_torques: Any, kick: Any) -> Advance:
     def advance_two_motors(
         state: tuple[float, ...], constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        before, after, elastic, motor_1, low_1, high_1, motor_2, low_2, high_2 = constants
+        before, after, elastic, motor_1, low_1, high_1, most_1, motor_2, low_2, high_2, most_2 = constants
         x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y = state
-        x = x + before * v_x
-        y = y + before * v_y
+        x = _drift(x, before * v_x, low_1, high_1)
+        y = _drift(y, before * v_y, low_2, high_2)
         torque_x, torque_y = elastic_torques(q, x, y, elastic)
-        u_x, mean_x, anchor_x, integral_x, drive_x, friction_x = kick(x, v_x, anchor_x, integral_x, r_1, torque_x, motor_1)
-        u_y, mean_y, anchor_y, integral_y, drive_y, friction_y = kick(y, v_y, anchor_y, integral_y, r_2, torque_y, motor_2)
+        slow_x, fast_x = velocity_bounds(x, low_1, high_1, most_1, before + after)
+        slow_y, fast_y = velocity_bounds(y, low_2, high_2, most_2, before + after)
+        u_x, mean_x, anchor_x, integral_x, drive_x, friction_x = kick(
+            x, v_x, anchor_x, integral_x, r_1, torque_x, slow_x, fast_x, motor_1
+        )
+        u_y, mean_y, anchor_y, integral_y, drive_y, friction_y = kick(
+            y, v_y, anchor_y, integral_y, r_2, torque_y, slow_y, fast_y, motor_2
+        )
         record = (torque_x, torque_y, x, mean_x, drive_x, friction_x, y, mean_y, drive_y, friction_y)
-        x = x + after * u_x
-        y = y + after * u_y
-        if x > high_1:
-            x, u_x = high_1, 0.0
-        elif x < low_1:
-            x, u_x = low_1, 0.0
-        if y > high_2:
-            y, u_y = high_2, 0.0
-        elif y < low_2:
-            y, u_y = low_2, 0.0
+        x = _drift(x, after * u_x, low_1, high_1)
+        y = _drift(y, after * u_y, low_2, high_2)
         return torque_x + torque_y, (x, u_x, anchor_x, integral_x, y, u_y, anchor_y, integral_y), record
 
     return advance_two_motors
@@ -175,9 +175,9 @@ def make_hysteretic_one_motor(advance: Advance) -> Advance:
     def advance_hysteretic_one_motor(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, Any, tuple[float, ...]]:
-        before, after, elastic, motor, low, high, level, length = constants
+        before, after, elastic, motor, low, high, most, level, length = constants
         x, v_x, anchor, integral, h, d = state
-        inner = (before, after, (elastic, (h, d), level, length), motor, low, high)
+        inner = (before, after, (elastic, (h, d), level, length), motor, low, high, most)
         torque, moved, record = advance((x, v_x, anchor, integral), inner, q, v, r_1, r_2)
         return torque, (*moved, *_follow((h, d), q, record, level, length)), record
 
@@ -190,10 +190,11 @@ def make_hysteretic_two_motors(advance: Advance) -> Advance:
     def advance_hysteretic_two_motors(
         state: Any, constants: Any, q: float, v: float, r_1: float, r_2: float
     ) -> tuple[float, Any, tuple[float, ...]]:
-        before, after, elastic, motor_1, low_1, high_1, motor_2, low_2, high_2, level, length = constants
+        before, after, elastic, motor_1, low_1, high_1, most_1, motor_2, low_2, high_2, most_2, level, length = constants
         x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y, h_1, d_1, h_2, d_2 = state
         bristles = (h_1, d_1, h_2, d_2)
-        inner = (before, after, (elastic, bristles, level, length), motor_1, low_1, high_1, motor_2, low_2, high_2)
+        law = (elastic, bristles, level, length)
+        inner = (before, after, law, motor_1, low_1, high_1, most_1, motor_2, low_2, high_2, most_2)
         motors = (x, v_x, anchor_x, integral_x, y, v_y, anchor_y, integral_y)
         torque, moved, record = advance(motors, inner, q, v, r_1, r_2)
         return torque, (*moved, *_follow(bristles, q, record, level, length)), record

@@ -16,7 +16,19 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, Samples
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.energy import ENERGIES, EnergyMeter
-from asrsim.simulation.flows import DEFLECTIONS, EFFORTS, HELD, LIMITS, PLAIN, SATURATIONS, SPEEDS, STOPS, Passes, constants_of
+from asrsim.simulation.flows import (
+    DEFLECTIONS,
+    EFFORTS,
+    HELD,
+    LIMITS,
+    MOTOR_STOPS,
+    PLAIN,
+    SATURATIONS,
+    SPEEDS,
+    STOPS,
+    Passes,
+    constants_of,
+)  # fmt: skip
 from asrsim.simulation.groups import spring_groups
 from asrsim.simulation.inputs import grid
 from asrsim.simulation.steppings import Stepping
@@ -67,6 +79,8 @@ class Counts:
     """Link faster than the URDF's velocity limit (reported, not enforced)."""
     saturation: Array
     """A motor at its torque limit."""
+    motor_stop: Array
+    """A motor at its position stop or at its speed limit."""
     deflection: Array
     """A spring beyond its maximum deflection."""
     stop: Array
@@ -101,6 +115,7 @@ class Recorder:
             effort=np.zeros(n, int),
             velocity=np.zeros(n, int),
             saturation=np.zeros(n, int),
+            motor_stop=np.zeros(n, int),
             deflection=np.zeros(n, int),
             stop=np.zeros(n, int),
             stiffest=np.zeros(n),
@@ -200,6 +215,7 @@ class Recorder:
         counts.effort += met[EFFORTS]
         counts.velocity += met[SPEEDS]
         counts.saturation += met[SATURATIONS]
+        counts.motor_stop += met[MOTOR_STOPS]
         counts.deflection += met[DEFLECTIONS]
         counts.stop += met[STOPS]
         counts.stiffest = np.fmax(counts.stiffest, np.maximum(stiffness.max(axis=1), -stiffness.min(axis=1)))

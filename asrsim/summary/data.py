@@ -44,6 +44,8 @@ class JointReport:
     """Substeps in which the link was faster than the URDF's velocity limit (reported, not enforced)."""
     saturation: int
     """Substeps in which a motor was at its torque limit."""
+    motor_stop: int
+    """Substeps in which a motor was at its position stop or at its speed limit."""
     deflection: int
     """Substeps in which a spring was beyond its largest deflection."""
     stop: int

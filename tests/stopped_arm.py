@@ -1,0 +1,131 @@
+"""A planar arm of two joints with friction and inelastic stops, solved from event to event, apart from the package.
+
+It hangs in -z at zero. Between events the joints that move obey smooth equations, and those that stick or rest at a stop stand
+still. A slide that ends, a stop that is met and a hold that is lost are events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+Array = np.ndarray
+AT_REST = 1e-9
+"""rad/s below which a joint stands, and rad within which it touches its stop."""
+
+
+@dataclass(frozen=True)
+class StoppedArm:
+    """Two equal links: mass in kg, centre of mass at `reach` m, inertia in kg m^2 about it, `length` m to the next joint."""
+
+    mass: float
+    reach: float
+    inertia: float
+    length: float
+    gravity: float
+    friction: tuple[float, float]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """(2, 2) kg m^2."""
+        m, c, i, far = self.mass, self.reach, self.inertia, self.length
+        tip = i + m * c * c
+        cross = m * far * c * np.cos(q[1])
+        return np.array([[2 * i + m * c * c + m * (far * far + c * c) + 2 * cross, tip + cross], [tip + cross, tip]])
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """(2,) N m: Coriolis, centrifugal and gravity torques."""
+        m, c, far, g = self.mass, self.reach, self.length, self.gravity
+        swing = m * far * c * np.sin(q[1])
+        low = g * m * c * np.sin(q[0] + q[1])
+        first = -swing * (2 * v[0] * v[1] + v[1] ** 2) + g * m * (c + far) * np.sin(q[0]) + low
+        return np.array([first, swing * v[0] ** 2 + low])
+
+    def held(self, q: Array, v: Array, push: Array, signs: tuple[int, ...]) -> tuple[Array, Array]:
+        """Accelerations, and torques (2,) that hold the joints whose sign is 0; the others slide in the sign's direction."""
+        inertia = self.mass_matrix(q)
+        force = push - self.bias(q, v) - np.array(self.friction) * signs
+        free = [j for j in (0, 1) if signs[j]]
+        acceleration = np.zeros(2)
+        if free:
+            acceleration[free] = np.linalg.solve(inertia[np.ix_(free, free)], force[free])
+        return acceleration, inertia @ acceleration - force
+
+    def bounds(self, q: Array, j: int) -> tuple[float, float]:
+        """Least and largest torque that holds joint j where it stands."""
+        low, high = -self.friction[j], self.friction[j]
+        return (-np.inf if q[j] >= self.upper[j] - AT_REST else low), (np.inf if q[j] <= self.lower[j] + AT_REST else high)
+
+    def signs(self, q: Array, v: Array, push: Array) -> tuple[int, ...]:
+        """Direction in which each joint slides, 0 for those that are held."""
+        choices = [(int(np.sign(v[j])),) if abs(v[j]) > AT_REST else (0, 1, -1) for j in (0, 1)]
+        for signs in product(*choices):
+            acceleration, holding = self.held(q, v, push, signs)
+            good = True
+            for j in (0, 1):
+                low, high = self.bounds(q, j)
+                if signs[j] == 0:
+                    good &= low <= holding[j] <= high
+                elif abs(v[j]) <= AT_REST:
+                    good &= signs[j] * acceleration[j] > 0.0 and np.isfinite(low if signs[j] > 0 else high)
+            if good:
+                return signs
+        raise AssertionError("no consistent state")
+
+    def impact(self, q: Array, v: Array) -> Array:
+        """Velocities after the impulses of the stops that joints run into."""
+        inverse = np.linalg.inv(self.mass_matrix(q))
+        outward = [1 if q[j] >= self.upper[j] - AT_REST else -1 if q[j] <= self.lower[j] + AT_REST else 0 for j in (0, 1)]
+        touching = [j for j in (0, 1) if outward[j]]
+        for chosen in ([], *([j] for j in touching), touching):
+            impulse = np.zeros(2)
+            if chosen:
+                impulse[chosen] = -np.linalg.solve(inverse[np.ix_(chosen, chosen)], v[chosen])
+            after = v + inverse @ impulse
+            after[chosen] = 0.0
+            if all(outward[j] * impulse[j] <= 0.0 and outward[j] * after[j] <= AT_REST for j in touching):
+                return after
+        raise AssertionError("no consistent impact")
+
+    def move(self, q: Array, v: Array, push: Callable[[float], Array], end: float) -> tuple[Array, Array, int]:
+        """Positions and velocities at `end` s, and how many events there were."""
+        now, events = 0.0, 0
+        q, v = np.array(q, float), self.impact(q, np.array(v, float))
+        while now < end:
+            signs = self.signs(q, v, push(now))
+
+            def rate(t: float, y: Array, signs: tuple[int, ...] = signs) -> Array:
+                return np.concatenate([y[2:], self.held(y[:2], y[2:], push(t), signs)[0]])
+
+            watched = []
+            for j in (0, 1):
+                if signs[j]:
+                    target = self.upper[j] if signs[j] > 0 else self.lower[j]
+                    watched += [lambda t, y, j=j, s=signs[j]: s * y[2 + j] + AT_REST]
+                    watched += [lambda t, y, j=j, s=signs[j], target=target: s * (target - y[j])]
+                else:
+                    for side, bound in enumerate(self.bounds(q, j)):
+                        if np.isfinite(bound):
+                            watched += [
+                                lambda t, y, j=j, side=side, bound=bound, signs=signs: (
+                                    (1 - 2 * side) * (self.held(y[:2], y[2:], push(t), signs)[1][j] - bound) + 1e-9
+                                )
+                            ]
+            for event in watched:
+                event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
+            found = solve_ivp(
+                rate, (now, end), np.concatenate([q, v]), events=watched, rtol=1e-10, atol=1e-12, max_step=5e-3
+            )  # fmt: skip
+            now, q, v = found.t[-1], found.y[:2, -1].copy(), found.y[2:, -1].copy()
+            if found.status != 1:
+                break
+            events += 1
+            q = np.clip(q, self.lower, self.upper) if np.any(np.abs(np.clip(q, self.lower, self.upper) - q) < AT_REST) else q
+            v[np.abs(v) <= 2 * AT_REST] = 0.0
+            v = self.impact(q, v)
+        return q, v, events
