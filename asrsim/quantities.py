@@ -80,6 +80,7 @@ LIMITS = {
     "velocity": "velocity limit",
     "saturation": "motor limit",
     "motor_stop": "motor stop",
+    "motor_speed": "motor speed",
     "deflection": "deflection limit",
     "stop": "joint stop",
 }

@@ -10,6 +10,7 @@ import pytest
 from test_core_truth import INSTALLED
 
 import asrsim
+from asrsim.errors import ScenarioError
 
 FAR = {"objects": {"stone": {"shape": "sphere", "size": 0.1, "position": [50, 0, 0]}}}
 LINK = """<link name="{0}"><inertial><origin xyz="0.02 0.01 0.1"/><mass value="0.8"/>
@@ -89,3 +90,10 @@ def test_the_ground_is_where_it_is_said_to_be(tmp_path: Path, engine: str, heigh
         world={"ground": {"height": height}, "objects": {"ball": ball}},
     )  # fmt: skip
     assert asrsim.run(scenario).bodies["ball"][-1, 2] == pytest.approx(height + 0.1, abs=2e-3)
+
+
+def test_a_bounce_that_no_engine_has_right_is_refused_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
+    ball = {"shape": "sphere", "size": 0.05, "mass": 0.1, "restitution": 0.5}
+    with pytest.raises(ScenarioError, match="depends on the step"):
+        asrsim.make_scenario(tmp_path / "arm.urdf", world={"objects": {"ball": ball}})

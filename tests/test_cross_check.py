@@ -108,14 +108,6 @@ def test_contacts_may_differ_and_it_is_said() -> None:
     assert "legitimate" in check["note"]
 
 
-def test_what_the_other_engine_cannot_run_is_no_finding(tmp_path: Path) -> None:
-    scenario = example("box_push_5dof", "soft", duration=0.1, task=None, engine="bullet")
-    box = replace(scenario.world.objects[0], restitution=0.5)
-    result = asrsim.run(replace(scenario, world=replace(scenario.world, objects=(box,))), cross_check=True)
-    assert result.ok
-    assert "restitution" in result.summary.cross_check["note"]
-
-
 def test_without_another_engine_the_check_is_refused_and_certify_goes_without(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(ENGINES.get("mujoco"), module="no_such_module_here")
     monkeypatch.setitem(ENGINES._entries, "mujoco", entry)

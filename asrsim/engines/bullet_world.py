@@ -62,7 +62,7 @@ class BulletWorld:
             )
         )  # fmt: skip
         p.changeDynamics(
-            body, -1, lateralFriction=item.friction, restitution=item.restitution, linearDamping=0, angularDamping=0,
+            body, -1, lateralFriction=item.friction, restitution=0.0, linearDamping=0, angularDamping=0,
             physicsClientId=client,
         )  # fmt: skip
         if item.inertia is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.contact_forces import GROUND
-from asrsim.errors import RobotError, SimulationError
+from asrsim.errors import RobotError
 from asrsim.robot.model import Robot, Shape, Vector
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
@@ -25,7 +25,7 @@ HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
 
 def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
-    """The compiled model (MjModel) of a robot without fixed joints; raises RobotError, SimulationError with MuJoCo's reason.
+    """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
 
     Every body has 1 kg and 1 kg m^2, since MuJoCo refuses massless ones here: the engine puts the true numbers in.
     """
@@ -126,8 +126,6 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
             conaffinity=ROBOT_BIT | WORLD_BIT,
         )
     for item in world.objects:
-        if item.restitution:
-            raise SimulationError(f"object '{item.name}': restitution needs engine: bullet; MuJoCo's contacts have none")
         body = spec.worldbody.add_body(name=f"object/{item.name}", pos=list(item.position), quat=_quat(item.rpy))
         if item.mass:
             body.add_freejoint(name=f"object/{item.name}")

@@ -29,11 +29,11 @@ motors, losses in them, by the link's damping, work on the link, taken by the ef
 hysteresis: J."""
 VANISHED = GIVEN
 """Among sums that are recorded, the place of what has vanished: the other is only asked for at the end."""
-LIMITS = 7
+LIMITS = 8
 """Kinds of limits that are counted."""
-EFFORTS, SPEEDS, SATURATIONS, DEFLECTIONS, STOPS, MOTOR_STOPS, HELD = range(LIMITS)
+EFFORTS, SPEEDS, SATURATIONS, DEFLECTIONS, STOPS, MOTOR_STOPS, MOTOR_SPEEDS, HELD = range(LIMITS)
 """Numbers of rows in which a joint met a limit: of its torque, of its speed, of a motor's torque, of a spring's deflection, of
-its position, of a motor's position or speed. HELD: the last one, of all rows of the raw record."""
+its position, of a motor's position, of a motor's speed. HELD: either of the last two, of all rows of the raw record."""
 AT_STOP = 1e-12
 """rad or m before a stop from which on a joint or motor is at it: a step reaches the stop but for rounding."""
 FULL = 1.0 - 1e-9
@@ -93,9 +93,14 @@ def flow(raw: Any, external: Any, links: Any, motors: Any, flows: Any) -> None:
                 flows[LOST, j, k] += rubbed * half
 
 
+def at_stop(position: Any, motor: Any) -> Any:
+    """Whether a motor is at one of its position stops."""
+    return (position <= motor[1]) | (position >= motor[2])
+
+
 def held(position: Any, velocity: Any, motor: Any) -> Any:
-    """Whether a motor is at a stop or as fast as it may be."""
-    return (position <= motor[1]) | (position >= motor[2]) | (abs(velocity) >= motor[3])
+    """Whether a motor is at a stop or at its speed limit."""
+    return at_stop(position, motor) | (abs(velocity) >= motor[3])
 
 
 def meet(raw: Any, velocities: Any, links: Any, motors: Any, counts: Any) -> None:
@@ -104,7 +109,7 @@ def meet(raw: Any, velocities: Any, links: Any, motors: Any, counts: Any) -> Non
     for j in range(velocities.shape[0]):
         effort, fastest, lowest, highest = links[j, 4], links[j, 5], links[j, 6], links[j, 7]
         full_1, full_2, bent_1, bent_2 = motors[0, j, 4], motors[1, j, 4], motors[0, j, 5], motors[1, j, 5]
-        efforts = speeds = saturations = deflections = stops = motor_stops = stuck = 0
+        efforts = speeds = saturations = deflections = stops = motor_stops = motor_speeds = stuck = 0
         for k in steps(velocities.shape[1]):
             q = raw[POSITION, j, k]
             drive_1, drive_2 = abs(raw[MOTOR_1 + DRIVE, j, k]), abs(raw[MOTOR_2 + DRIVE, j, k])
@@ -119,10 +124,11 @@ def meet(raw: Any, velocities: Any, links: Any, motors: Any, counts: Any) -> Non
             for k in steps(raw.shape[2]):
                 stuck += number(held(raw[motor, j, k], raw[motor + SPEED, j, k], limits))
             for k in steps(velocities.shape[1]):
-                motor_stops += number(held(raw[motor, j, k], raw[motor + SPEED, j, k], limits))
+                motor_stops += number(at_stop(raw[motor, j, k], limits))
+                motor_speeds += number(abs(raw[motor + SPEED, j, k]) >= limits[3])
         counts[EFFORTS, j], counts[SPEEDS, j], counts[SATURATIONS, j] = efforts, speeds, saturations
         counts[DEFLECTIONS, j], counts[STOPS, j] = deflections, stops
-        counts[MOTOR_STOPS, j], counts[HELD, j] = motor_stops, stuck
+        counts[MOTOR_STOPS, j], counts[MOTOR_SPEEDS, j], counts[HELD, j] = motor_stops, motor_speeds, stuck
 
 
 def vanished(work: Any, lost: Any, link: Any, cut: Any, lagged: Any, kept: Any) -> Any:

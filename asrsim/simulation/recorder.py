@@ -21,6 +21,7 @@ from asrsim.simulation.flows import (
     EFFORTS,
     HELD,
     LIMITS,
+    MOTOR_SPEEDS,
     MOTOR_STOPS,
     PLAIN,
     SATURATIONS,
@@ -80,7 +81,9 @@ class Counts:
     saturation: Array
     """A motor at its torque limit."""
     motor_stop: Array
-    """A motor at its position stop or at its speed limit."""
+    """A motor at its position stop."""
+    motor_speed: Array
+    """A motor at its speed limit."""
     deflection: Array
     """A spring beyond its maximum deflection."""
     stop: Array
@@ -116,6 +119,7 @@ class Recorder:
             velocity=np.zeros(n, int),
             saturation=np.zeros(n, int),
             motor_stop=np.zeros(n, int),
+            motor_speed=np.zeros(n, int),
             deflection=np.zeros(n, int),
             stop=np.zeros(n, int),
             stiffest=np.zeros(n),
@@ -216,6 +220,7 @@ class Recorder:
         counts.velocity += met[SPEEDS]
         counts.saturation += met[SATURATIONS]
         counts.motor_stop += met[MOTOR_STOPS]
+        counts.motor_speed += met[MOTOR_SPEEDS]
         counts.deflection += met[DEFLECTIONS]
         counts.stop += met[STOPS]
         counts.stiffest = np.fmax(counts.stiffest, np.maximum(stiffness.max(axis=1), -stiffness.min(axis=1)))

@@ -45,7 +45,9 @@ class JointReport:
     saturation: int
     """Substeps in which a motor was at its torque limit."""
     motor_stop: int
-    """Substeps in which a motor was at its position stop or at its speed limit."""
+    """Substeps in which a motor was at its position stop."""
+    motor_speed: int
+    """Substeps in which a motor was at its speed limit."""
     deflection: int
     """Substeps in which a spring was beyond its largest deflection."""
     stop: int
