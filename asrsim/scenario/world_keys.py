@@ -73,8 +73,8 @@ def _object(**arguments: Any) -> WorldObject:
     if arguments.pop("restitution"):
         raise ScenarioError(
             "no engine bounces objects as it asks: PyBullet's bounce depends on the step (restitution 1, dropped from 0.5 m: "
-            "up to 0.26 m at 1 ms, not at all at 0.25 ms), and MuJoCo's contacts have none", key="restitution", code="restitution",
-            hint="Leave it out: contacts are inelastic",
+            "up to 0.26 m at 1 ms, not at all at 0.25 ms), and MuJoCo's contacts have none",
+            key="restitution", hint="Leave it out: contacts are inelastic", code="restitution",
         )  # fmt: skip
     shape, size, mesh = arguments["shape"], arguments["size"], arguments["mesh"]
     if isinstance(size, float):
