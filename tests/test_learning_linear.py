@@ -80,26 +80,6 @@ def test_an_integral_action_takes_the_droop_away():
 
 
 @pytest.mark.parametrize("mode", [3, 6])
-def test_motors_move_links_as_far_as_their_torques_have_room(mode):
-    """With room for all: the response; without: none."""
-    linear = linear_at(sea(mode), count=501)
-    change = 0.3 * np.sin(5.0 * linear.time)[:, None]
-    room = np.tile([-1.0, 1.0], (501, 1, 2, 1))
-    wide = linear.within(change, 1e6 * room)
-    np.testing.assert_allclose(wide, linear.response(change), atol=1e-12)
-    np.testing.assert_allclose(linear.within(change, 0.0 * room), wide if mode == 3 else 0.0 * wide, atol=1e-12)
-
-
-def test_a_motor_lifts_what_its_torque_holds():
-    """At rest a motor's torque is the link's weight: asked for 2 rad, 0.1 N m lift it to 0.1 over the weight's slope."""
-    linear = linear_at(sea(6), damping=0.3, count=2001, end=20.0)
-    change = np.minimum(linear.time, 2.0)[:, None]
-    for side in (1.0, -1.0):
-        lifted = linear.within(side * change, np.tile([-0.1, 0.1], (2001, 1, 2, 1)))
-        assert lifted[-1, 0] == pytest.approx(side * 0.1 / (MASS * GRAVITY * LENGTH), rel=0.01)
-
-
-@pytest.mark.parametrize("mode", [3, 6])
 def test_what_an_input_does_follows_the_motion(mode):
     """A spring that stiffens and an inertia that grows: each step has the joints as they are in its middle."""
     linear = linear_at(sea(mode), count=401)

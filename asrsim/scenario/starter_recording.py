@@ -86,7 +86,8 @@ def recording_text(
     ]
     if mounted:
         lines += mounted_lines(plan.robot, mounted, parameters or {}, why=UNKNOWN)
-    modes = {**({"*": mode} if mode is not None else {}), **plan.modes}
+    others = any(block.joint not in plan.modes for block in plan.robot.actuators)
+    modes = {**({"*": mode} if mode is not None and others else {}), **plan.modes}
     modes = {joint: number for joint, number in modes.items() if joint not in mounted}
     if modes and len(mounted) < len(plan.robot.actuators):
         lines.append("modes: {" + ", ".join(f"{word(joint)}: {value}" for joint, value in modes.items()) + "}")
