@@ -100,7 +100,7 @@ def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key 
         return inner and key_at(inner.kind, path[1:], inner)
     for place, part in kind.parts:
         rest = path[1:] if place else path
-        found = None if place == "[]" and not path[0].isdigit() else key_at(part, rest, key)
+        found = None if place == "[]" and not path[0].isdecimal() else key_at(part, rest, key)
         if found is not None:
             return found
     return None

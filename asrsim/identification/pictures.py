@@ -25,7 +25,7 @@ POINTS = 4000
 def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
     """Write all pictures. Raises OutputError."""
     paths: list[Path] = []
-    with styled():
+    with styled(mathematics=False):
         for name, figure in figures(result).items():
             paths += save_figure(figure, folder, name, formats)
     return paths
@@ -153,5 +153,5 @@ def _profiles(result: Result) -> Any:
     kinds = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
     axes[0, 0].legend(handles=list(kinds.values()), fontsize="xx-small")
     for axis in axes[:, 0]:
-        axis.set_ylabel("misfit above the best [$\\chi^2$]", fontsize="x-small")
+        axis.set_ylabel("misfit above the best [χ²]", fontsize="x-small")
     return figure

@@ -41,7 +41,7 @@ def learning_figure(problem: LearningProblem, result: LearningResult, settings: 
         shared = shared or trajectory
         inputs = figure.add_subplot(grid[row, 2], sharex=shared)
         _draw_joint(trajectory, inputs, problem, result, settings, row)
-        trajectory.set_ylabel(f"{joint} ({(problem.units or ['rad'] * len(joints))[row]})")
+        trajectory.set_ylabel(f"{plain(joint)} ({(problem.units or ['rad'] * len(joints))[row]})")
         if row == 0:
             trajectory.legend(loc="best")
             inputs.legend(loc="best")
@@ -67,7 +67,14 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
         ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
     for column, joint in enumerate(problem.joints):
         largest = [trial.largest[column] for trial in result.trials]
-        ax.semilogy(numbers, largest, ".", linestyle="--", color=style.variant_colour(column), label=f"largest |e|, {joint}")
+        ax.semilogy(
+            numbers,
+            largest,
+            ".",
+            linestyle="--",
+            color=style.variant_colour(column),
+            label=f"largest |e|, {style.plain(joint)}",
+        )
     ax.axhspan(0.0, settings.tolerance, color=style.GREEN, alpha=0.13, linewidth=0, label="tolerance")
     ax.set(xlabel="iteration", ylabel=f"error ({problem.unit})")
     ax.set_title("error over the iterations", loc="left")
@@ -125,7 +132,7 @@ def transfer_figure(report: TransferReport, nominal: TransferReport | None = Non
         _draw_distribution(ax, nominal.worst, style.GREY, "learned on one plant")
     else:
         for column, joint in enumerate(report.joints):
-            _draw_distribution(ax, report.largest[:, column], style.variant_colour(column), joint, line="--")
+            _draw_distribution(ax, report.largest[:, column], style.variant_colour(column), style.plain(joint), line="--")
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
     ax.set(xlabel=f"largest error ({report.unit})", ylabel="share of plants within", ylim=(0.0, 1.02))
     errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])

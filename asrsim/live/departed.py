@@ -48,7 +48,7 @@ def awake(prefix: bytes) -> bool:
     """Whether the process of a participant runs, of which Fast DDS puts the number into the prefix of its GUID (12 bytes)."""
     number = int.from_bytes(prefix[4:6], "little")
     for folder in Path("/proc").iterdir():
-        if folder.name.isdigit() and int(folder.name) % 2**16 == number:
+        if folder.name.isdecimal() and int(folder.name) % 2**16 == number:
             try:
                 state = (folder / "stat").read_text().rpartition(") ")[2]
             except OSError:  # it ended just now

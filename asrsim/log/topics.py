@@ -178,4 +178,4 @@ def _of(joints: Sequence[JointInfo], quantity: str) -> list[Column | None]:
 def _ros_path(name: str) -> str:
     """A ROS name: letters, digits and underscores, no part starting with a digit; a slash in front; empty for nothing."""
     parts = [re.sub(r"\W", "_", part, flags=re.ASCII) for part in name.split("/") if part]
-    return "".join(f"/_{part}" if part[0].isdigit() else f"/{part}" for part in parts)
+    return "".join(f"/_{part}" if part[0].isdecimal() else f"/{part}" for part in parts)

@@ -51,13 +51,16 @@ def load_undocumented() -> None:
 
 
 @contextmanager
-def styled() -> Iterator[None]:
-    """Our look, for making and writing figures; the user's settings come back afterwards."""
+def styled(*, mathematics: bool = True) -> Iterator[None]:
+    """Our look, for making and writing figures; the user's settings come back afterwards.
+
+    mathematics: whether text between dollars is a formula. Without it, names of users' files need not be escaped.
+    """
     import matplotlib
 
     from asrsim.plots.style import RC
 
-    settings: Any = RC
+    settings: Any = {**RC, "text.parse_math": mathematics}
     with matplotlib.rc_context(settings):
         yield
 

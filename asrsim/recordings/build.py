@@ -85,7 +85,7 @@ def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[
                 found |= dict.fromkeys(parts, one)
                 continue
         index = find_column(one.column, names)
-        if index is None or (one.column.lstrip("#").isdigit() and raw.format in ("csv", "sheet")):
+        if index is None or (one.column.lstrip("#").isdecimal() and raw.format in ("csv", "sheet")):
             # Numbers count the file's columns, of which the time is one; headerless names carry that number.
             label = f"column_{one.column.lstrip('#')}"
             index = names.index(label) if label in names else index
@@ -126,7 +126,7 @@ def _shown(names: Sequence[str]) -> tuple[str, ...]:
 
 def _spare(name: str) -> list[str]:
     """Words of a column's name beside those of quantities."""
-    return [word for word in tokens_of(split_header(name)[0]) if not word.isdigit() and word not in VOCABULARY]
+    return [word for word in tokens_of(split_header(name)[0]) if not word.isdecimal() and word not in VOCABULARY]
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:

@@ -170,7 +170,7 @@ def grouped(cells: Sequence[str], decimal: str) -> str | None:
     marked = [cell for cell in cells if (match := _THOUSANDS.fullmatch(cell)) is not None and match[1][0] != decimal]
     rest = set(cells) - set(marked)
     twice = [cell for cell in marked if len(re.sub(r"\d", "", cell.lstrip("+-"))) > 1]
-    if twice or (marked and any(cell.strip("+-").isdigit() for cell in rest) and all(map(_SMALL.fullmatch, rest - MISSING))):
+    if twice or (marked and any(cell.strip("+-").isdecimal() for cell in rest) and all(map(_SMALL.fullmatch, rest - MISSING))):
         return (twice or marked)[0]
     return None
 

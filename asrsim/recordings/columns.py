@@ -140,7 +140,7 @@ def _named(series: RawSeries, unit: Unit | None, known: Sequence[str]) -> Column
     """Of a series whose quantity the file names, and perhaps its joint."""
     joint = series.joint
     if joint is None:
-        number = next((int(word) for word in reversed(tokens_of(series.name)) if word.isdigit()), None)
+        number = next((int(word) for word in reversed(tokens_of(series.name)) if word.isdecimal()), None)
         joint = known[number] if number is not None and number < len(known) else None
     if joint is None:
         return _column(series, unit, None, None, "not used: no joint named")

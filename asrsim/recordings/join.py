@@ -36,7 +36,7 @@ def name_of(path: Path) -> str:
 
 def alone(path: Path, raw: Raw) -> Raw:
     """A file's only series, whose column is called `value` or so, named by the file."""
-    words = {word for word in tokens_of(raw.series[0].name) if not word.isdigit()}
+    words = {word for word in tokens_of(raw.series[0].name) if not word.isdecimal()}
     if len(raw.series) > 1 or raw.series[0].quantity or not words <= _SILENT:
         return raw
     return replace(raw, series=(by_file(path, raw.series[0]),))

@@ -275,7 +275,7 @@ def _times_of(table: Mapping[str, Array], prefix: str, maps: Sequence[ColumnMap]
 
 
 def _is_time(name: str, table: Mapping[str, Array]) -> bool:
-    words = [word for word in tokens_of(split_header(name)[0]) if not word.isdigit()]
+    words = [word for word in tokens_of(split_header(name)[0]) if not word.isdecimal()]
     if words and words[-1] in TIME_NAMES:
         return True
     if words and words[0] in ("t", "time") and len(words) > 1 and set(words) & VOCABULARY <= {"t"}:

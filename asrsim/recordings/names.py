@@ -128,9 +128,9 @@ def joint_numbers(names: Iterable[str]) -> set[int]:
     plain = _PLAIN if theta_is_motor(listed) else _PLAIN | {"theta", "th"}
     found = {int(match[1]) for name in names if (match := re.search(r"\[(\d+)\]$", name))}
     for words in listed:
-        found |= {int(number) for word, number in pairwise(words) if word in _AXIS and number.isdigit()}
-        rest = [word for word in words if not word.isdigit()]
-        numbers = [int(word) for word in words if word.isdigit()]
+        found |= {int(number) for word, number in pairwise(words) if word in _AXIS and number.isdecimal()}
+        rest = [word for word in words if not word.isdecimal()]
+        numbers = [int(word) for word in words if word.isdecimal()]
         if len(numbers) == 1 and rest and not set(rest) - plain - _AXIS - _CALM and not set(rest) <= _AXIS:
             found.add(numbers[0])
     return found
@@ -164,17 +164,17 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     if joint is not None and unit is not None and unit.si in ("V", "A") and exact in _ELECTRIC:
         return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
     words = tokens_of(rest)
-    numbers = [int(word) for word in words if word.isdigit()]
+    numbers = [int(word) for word in words if word.isdecimal()]
     head, _, last = rest.rpartition(".")
-    if len(numbers) > 1 and sum(word.isdigit() for word in tokens_of(last)) == 1 and not last.endswith("]"):
+    if len(numbers) > 1 and sum(word.isdecimal() for word in tokens_of(last)) == 1 and not last.endswith("]"):
         # trial_2.q1: the numbers before the last dot count something else.
         words = tokens_of(last)
-        numbers = [int(word) for word in words if word.isdigit()]
+        numbers = [int(word) for word in words if word.isdecimal()]
         # joint_2.reference_1: unless they count joints, and the last one is the quantity's own.
-        holders = [int(number) for word, number in pairwise(tokens_of(head)) if word in _AXIS and number.isdigit()]
+        holders = [int(number) for word, number in pairwise(tokens_of(head)) if word in _AXIS and number.isdecimal()]
     else:
         holders = []
-    plain = [word for word in words if not word.isdigit()]
+    plain = [word for word in words if not word.isdecimal()]
     if joint is not None and re.search(rf"(^|\.){re.escape(joint)}(\.data|\.values?)?$", name, re.IGNORECASE):
         # trial.elbow, elbow.Data: what holds the joint's series may be called anything, but is no other quantity.
         plain = [word for word in plain if word in VOCABULARY | _FOREIGN]
@@ -191,7 +191,7 @@ def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[i
     else:
         quantity = re.sub(r"_2(?=_|$)", "_1", quantity) if own_number is not None else quantity
     number = numbers[0] if len(numbers) == 1 and joint is None else None
-    pairs = tuple((word, int(two)) for word, two in pairwise(["", *words]) if two.isdigit()) if len(numbers) > 1 else ()
+    pairs = tuple((word, int(two)) for word, two in pairwise(["", *words]) if two.isdecimal()) if len(numbers) > 1 else ()
     spare = tuple(word for word in plain if word not in VOCABULARY)
     return Guess(
         quantity=quantity, number=number, numbers=pairs, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}"
@@ -282,6 +282,6 @@ def find_column(wanted: str, labels: Sequence[str]) -> int | None:
         for spelling in (wanted, wanted.lower()):
             if spelling in candidates:
                 return list(candidates).index(spelling)
-    if wanted.lstrip("#").isdigit() and 1 <= int(wanted.lstrip("#")) <= len(labels):
+    if wanted.lstrip("#").isdecimal() and 1 <= int(wanted.lstrip("#")) <= len(labels):
         return int(wanted.lstrip("#")) - 1
     return None

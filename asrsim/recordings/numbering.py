@@ -52,7 +52,7 @@ def settled(meanings: Mapping[int, Guess], known: Sequence[str]) -> dict[int, Gu
     result = dict(meanings)
     for i, meaning in several.items():
         numbers = [str(number) for _, number in meaning.numbers]
-        fitting = [joint for joint in known if [word for word in tokens_of(joint) if word.isdigit()] == numbers]
+        fitting = [joint for joint in known if [word for word in tokens_of(joint) if word.isdecimal()] == numbers]
         if len(fitting) == 1:
             result[i] = replace(meaning, joint=fitting[0], numbers=())
         elif len(before) == 1 and not any(word in VOCABULARY for word, _ in meaning.numbers[:-1]):

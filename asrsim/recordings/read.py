@@ -136,7 +136,7 @@ def _is_text(path: Path) -> bool:
     """Whether a .mat file is text, as MATLAB's `save -ascii` writes it."""
     with path.open("rb") as stream:
         start = stream.read(512)
-    return start.isascii() and b"\0" not in start and any(chr(one).isdigit() for one in start)
+    return start.isascii() and b"\0" not in start and any(chr(one).isdecimal() for one in start)
 
 
 def _is_own_log(path: Path) -> bool:

@@ -34,7 +34,7 @@ _ONE_DAY = 86_400.0
 def read_text(path: Path, maps: Sequence[ColumnMap]) -> Table:
     """The table of a text file; raises RecordingError where it has none, or its header does not fit."""
     table = read_table(path)
-    if table.layout.misfit and not any(one.column.lstrip("#").isdigit() for one in maps):
+    if table.layout.misfit and not any(one.column.lstrip("#").isdecimal() for one in maps):
         raise RecordingError(
             table.layout.misfit, file=path, line=table.layout.misfit_line, code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",

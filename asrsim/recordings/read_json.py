@@ -110,7 +110,7 @@ def _of(data: Any) -> list[Record]:
         return [flat(one) for one in data if isinstance(one, Mapping | list)]
     if not isinstance(data, Mapping):
         return []
-    if len(data) > 1 and all(str(name).isdigit() and isinstance(one, Mapping) for name, one in data.items()):
+    if len(data) > 1 and all(str(name).isdecimal() and isinstance(one, Mapping) for name, one in data.items()):
         return [flat(one) for one in data.values()]  # pandas writes records by their index
     lists = [value for value in _values(data) if isinstance(value, list) and value and isinstance(value[0], Mapping)]
     tables = [value for value in lists if not _are_series(value)]
@@ -208,7 +208,7 @@ def _values(data: Mapping[str, Any]) -> Iterable[Any]:
 def _columns(data: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, list[Any]]]:
     """Lists by their path; of lists of lists, one for each entry."""
     for key, value in data.items():
-        if isinstance(value, Mapping) and len(value) > 1 and all(str(name).isdigit() for name in value):
+        if isinstance(value, Mapping) and len(value) > 1 and all(str(name).isdecimal() for name in value):
             value = list(value.values())  # pandas writes a column by its index
         if isinstance(value, Mapping):
             yield from _columns(value, f"{prefix}{key}.")

@@ -168,7 +168,7 @@ def told_rate(remarks: str) -> str | None:
 
 def is_time(name: str, unit: Unit | None) -> bool:
     """Whether a column is named as a time, or by its unit is one."""
-    words = {word for word in tokens_of(name) if not word.isdigit()}
+    words = {word for word in tokens_of(name) if not word.isdecimal()}
     if unit is not None and unit.si != "s":
         return False
     if words == {"x", "value"}:  # LabVIEW

@@ -187,7 +187,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
     for inner in reversed([*_BRACKETED.finditer(text)]):
         last = inner.end() == len(text)
         name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
-        if inner["unit"].isdigit() and not (last and text[inner.start() - 1].isspace()):
+        if inner["unit"].isdecimal() and not (last and text[inner.start() - 1].isspace()):
             continue  # q[1] is the second of an array, q [1] without dimension
         unit = find_unit(inner["unit"]) or _several(inner["unit"])
         if name and unit is not None and (last or not _SINGLE.fullmatch(unit.symbol)):

@@ -51,4 +51,4 @@ def _diffuse(effect: Any) -> Colour | None:
 
 def _count(primitive: Any) -> int:
     text = primitive.get("count", "")
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 10 else 1
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < 10 else 1

@@ -12,7 +12,6 @@ from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.kinds import (
     NOT_NEGATIVE,
     NUMBER,
-    POSITIVE,
     Boolean,
     Choice,
     Integer,
@@ -38,7 +37,11 @@ class Effects:
 
     delay: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="dead time")
     rate: float | None = declare(
-        Optional(POSITIVE), default=None, unit="Hz", doc="values are held between ticks of this rate", shown="continuous"
+        Optional(Number(above=0.0, maximum=1e6)),
+        default=None,
+        unit="Hz",
+        doc="values are held between ticks of this rate",
+        shown="continuous",
     )
     quantum: float = declare(NOT_NEGATIVE, default=0.0, unit="signal's", doc="step of quantisation")
     noise: float = declare(

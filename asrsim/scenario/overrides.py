@@ -87,13 +87,13 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[
     if not path:
         return value
     head, rest = path[0], path[1:]
-    if node.value is None and head.isdigit():
+    if node.value is None and head.isdecimal():
         # An entry of a list that the file leaves to its default, such as gravity.2.
         declared = key_at(SCENARIO, above)
         if declared is not None and isinstance(declared.default, tuple):
             node = node_from_data(list(declared.default))
     if isinstance(node.value, list):
-        if not head.isdigit() or int(head) >= len(node.value):
+        if not head.isdecimal() or int(head) >= len(node.value):
             message = f"'{head}' is no index of a list of {len(node.value)} entries (they count from 0)"
             raise ScenarioError(message, key=key, code="override")
         items = list(node.value)

@@ -82,7 +82,7 @@ def _value(path: Path, topic: str, message: Any, field: str, steps: list[tuple[s
         entries = getattr(here, name)
         if index is not None:
             names = [str(entry) for entry in getattr(here, "name", ())]
-            place = int(index) if index.isdigit() else names.index(index) if index in names else -1
+            place = int(index) if index.isdecimal() else names.index(index) if index in names else -1
             if not 0 <= place < len(entries):
                 raise _fault(path, topic, f"'{name}' has no entry '{index}' of {len(entries)}", "field", tuple(names))
             entries = entries[place]

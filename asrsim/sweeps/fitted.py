@@ -75,6 +75,8 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
     if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
         other = mistaken(file, "fit.json of asrsim identify") if file is not None else None
         raise InputError([other]) if other is not None else wrong("lacks keys, mean or covariance")
+    if not isinstance(data["keys"], list | tuple) or not data["keys"]:
+        raise wrong(f"keys must be a list of names, not {ascii(data['keys'])[:40]}")
     keys = tuple(map(str, data["keys"]))
     try:
         mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)
@@ -99,7 +101,9 @@ def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
         raise wrong("bounds must be pairs of numbers or null, ties must have key, to and factor") from None
     if len(bounds) not in (0, n) or any(not low <= high for low, high in bounds):
         raise wrong(f"bounds must be {n} pairs, the least first")
-    told = {str(one.get("key")): one.get("verdict") for one in data.get("estimates", ()) if isinstance(one, Mapping)}
+    estimates = data.get("estimates")
+    listed = estimates if isinstance(estimates, list | tuple) else ()
+    told = {str(one.get("key")): one.get("verdict") for one in listed if isinstance(one, Mapping)}
     sure = [key for key, variance in zip(keys, np.diag(covariance), strict=True) if variance == 0.0]
     return Joint(
         keys=keys,

@@ -88,7 +88,7 @@ def read_rows(path: Path, schema: Any, **options: Any) -> Any:
         there = pq.read_schema(path)
         problem = "" if there.equals(schema) else "its columns are not those of the study"
     except (OSError, ValueError, pa.ArrowException) as error:
-        problem = f"cannot be read: {str(error).splitlines()[0]}"
+        problem = f"cannot be read: {(str(error).splitlines() or [type(error).__name__])[0]}"
     if problem:
         hint = "Take it away: its runs are then done again by --resume"
         raise InputError(problem, file=path, hint=hint, code="sweep-part")

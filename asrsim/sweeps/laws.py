@@ -112,7 +112,7 @@ def _from_text(text: str, key: str) -> Values | Distribution:
 
 def _range(key: str, text: str, parts: Sequence[str], *, logarithmic: bool) -> Values:
     low, high = _number(key, parts[0]), _number(key, parts[1])
-    count = int(parts[2]) if parts[2].strip().isdigit() else 0
+    count = int(parts[2]) if parts[2].strip().isdecimal() else 0
     if not 1 <= count <= MOST_VALUES:
         raise _wrong(key, "the count of a range must be a whole number of at least 1", text)
     if logarithmic and not (low > 0.0 and high > 0.0):

@@ -44,7 +44,7 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     """The page as text; drawn: results in its pictures, if not the first."""
     results = varying(study)
     shown = chosen_results(study, drawn)
-    with styled():
+    with styled(mathematics=False):
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
     title = f"{study.manifest['name']}: {len(study)} runs"
     css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")

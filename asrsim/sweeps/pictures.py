@@ -37,7 +37,7 @@ def draw_sweep(table: Table, *, results: Sequence[str] = (), formats: Sequence[s
     """Write the study's pictures into its folder; results: see :func:`chosen_results`. Raises OutputError, InputError."""
     chosen = chosen_results(table, results)
     paths: list[Path] = []
-    with styled():
+    with styled(mathematics=False):
         for name, figure in figures(table, chosen).items():
             paths += save_figure(figure, table.folder, name, formats)
     return paths

@@ -163,6 +163,8 @@ def make_study(
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
+    if samples and samples > MOST_RUNS:
+        raise InputError(f"must be at most {MOST_RUNS}", key="samples", value=samples, code="range")
     study = Study(
         scenario=Path(scenario),
         axes=axes,
