@@ -7,11 +7,12 @@ import json
 import struct
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
-from asrsim.errors import InputError, ScenarioError
+from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
 from asrsim.scenario.data import Effects, LinkDamping
 from asrsim.scenario.keys import KEYS
@@ -427,3 +428,39 @@ def test_keys_of_the_log_and_of_the_velocity_limit(tmp_path):
 def test_a_star_stands_for_joints_only(load, text) -> None:
     """Tables by joint take `*` for all; tables of other names would keep it as a name that nobody looks up."""
     assert any("'*'" in str(problem) or problem.key.endswith("*") for problem in faults(load, BASE + text + "\n"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: 1\nb: [1, 2\n",
+        "a: 'x\n",
+        "a: *b\n",
+        'a: "\\ud800"\n',
+        "a: 1\n\tb: 2\n",
+        "a: 1\nb:\n  - {x: 1.5, y: on}\n  - |\n    text\na: 2\n",
+    ],
+)
+def test_a_document_reads_the_same_with_and_without_libyaml(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def reading() -> object:
+        faults: list[Problem] = []
+        try:
+            node = parse_yaml(text, faults=faults)
+        except InputError as error:
+            return str(error)
+        return node.plain(), node.key_lines, faults
+
+    first = reading()
+    monkeypatch.setattr("yaml.__with_libyaml__", False)
+    assert reading() == first
+
+
+def test_50_000_waypoints_are_read_by_the_fast_parser(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise AssertionError("PyYAML's own parser takes half a minute for them")
+
+    if not yaml.__with_libyaml__:
+        pytest.skip("libyaml is missing")
+    monkeypatch.setattr("yaml.SafeLoader.__init__", refused)
+    node = parse_yaml("points:\n" + "".join(f"- [{0.001 * i:.3f}, 0.1]\n" for i in range(50_000)))
+    assert len(node.plain()["points"]) == 50_000
