@@ -96,6 +96,29 @@ def test_the_effort_limit_takes_its_share() -> None:
     assert fine < 0.6 * coarse
 
 
+def test_the_effort_limit_is_the_most_torque_that_moves_the_link() -> None:
+    """Of 2 N m that are asked for, 0.5 N m accelerate a free link: q = 0.5 t^2 / (2 I)."""
+    limits = '<limit lower="-300" upper="300" effort="0.5" velocity="1000"/>'
+    result = run(
+        chain(replace(BODY, actuator="sea", damping=0.0, limits=limits)),
+        mode=0,
+        duration=0.2,
+        gravity=0.0,
+        references={"link_torque": 2.0},
+    )
+    inertia = BODY.inertia + BODY.mass * BODY.reach**2
+    assert column(result, "link_position")[-1] == pytest.approx(0.5 * 0.2**2 / (2.0 * inertia), rel=1e-6)
+
+
+def test_the_energy_of_a_linear_spring_is_half_its_stiffness_times_the_square_of_its_deflection() -> None:
+    result = run(
+        chain(replace(BODY, actuator="sea")), mode=4, duration=0.2, references={"motor_1_torque": WAVE},
+        parameters={"spring_stiffness": 20.0},
+    )  # fmt: skip
+    deflection = column(result, "motor_1_position") - column(result, "link_position")
+    np.testing.assert_allclose(column(result, "spring_energy"), 10.0 * deflection**2, atol=1e-12)
+
+
 def test_a_jump_at_the_seam_of_two_blocks_is_seen() -> None:
     """Samples are made block by block; an input that jumps where one ends and the next begins belongs to both."""
     residuals = []

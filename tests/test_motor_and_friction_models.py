@@ -191,6 +191,12 @@ def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None
     assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
+def test_bristles_of_which_nothing_is_said_have_the_released_codes_1000_newton_metres_per_radian() -> None:
+    numbers = {"motor_1_friction_torque": 0.5, "motor_1_damping": 2.0, "spring_stiffness": 1e-12}
+    result = bench(4, {**FREE, **numbers}, references={"motor_1_torque": 0.2}, duration=0.5)
+    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / 1000.0, rel=1e-6)
+
+
 def test_a_motor_rubs_by_its_load() -> None:
     """Winding its spring up slowly it gives k theta (1 + c) + tau_c; letting it go k theta (1 - c) - tau_c."""
     parameters = {

@@ -46,6 +46,15 @@ class Spring:
         d = self.rate * np.asarray(deflection, dtype=np.float64)
         return np.asarray(self.scale * (np.sinh(d) if self.kind == "sinh" else np.sin(d) if self.kind == "sin" else d))
 
+    def energy(self, deflection: Array) -> Array:
+        """J over the undeflected joint's."""
+        d = self.rate * deflection
+        return np.asarray(
+            self.scale
+            / self.rate
+            * (np.cosh(d) - 1.0 if self.kind == "sinh" else 1.0 - np.cos(d) if self.kind == "sin" else 0.5 * d * d)
+        )
+
     def slope(self, deflection: float) -> float:
         """N m/rad."""
         d = self.rate * deflection

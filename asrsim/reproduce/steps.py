@@ -79,7 +79,21 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
             quantity="rest - predicted rest",
             measured=end - wanted.position,
             bound=near(0.0, RESIDUAL, "rad"),
-        )
+        ),
+        Claim(
+            origin="theory",
+            text=f"{label} logs the slope of its spring as its stiffness",
+            quantity="stiffness at rest",
+            measured=float(series.stiffness[-1]),
+            bound=near(wanted.spring, 1e-4 * wanted.spring, "N m/rad"),
+        ),
+        Claim(
+            origin="theory",
+            text=f"{label} logs the work of its spring as its energy",
+            quantity="change of the logged energy over that of the closed form",
+            measured=_energy_share(case, result),
+            bound=near(1.0, 1e-3),
+        ),
     ]
     sampled = result
     if omega_h > np.pi / 2:
@@ -117,6 +131,14 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
         str(result.run.resolution.substeps),
     )
     return claims, row
+
+
+def _energy_share(case: tuple[str, str], result: Result) -> float:
+    """Slope of the logged energy over the closed form's, while the motors hold still and the spring is within its limit."""
+    series, spring = result["joint_1"], SPRINGS[case]
+    deflection = STEP - series.link_position
+    use = (result.time > AT) & (np.abs(deflection) < spring.straight)
+    return float(np.polyfit(spring.energy(deflection[use]), series.spring_energy[use], 1)[0])
 
 
 def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[Claim]:
