@@ -12,12 +12,11 @@ import pytest
 from random_runs import random_run
 
 import asrsim
-from asrsim.engines import ENGINES
 from asrsim.samples import Samples, concatenate
 from asrsim.scenario import Scenario
 from asrsim.simulation.simulation import Simulation
+from validation.models import INSTALLED
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 WHOLE = (8192,)
 
 

@@ -12,13 +12,11 @@ from independent_ode import solve
 from random_runs import JointSpec, RandomRun, Wave
 
 import asrsim
-from asrsim.engines import ENGINES
 from asrsim.samples import Samples
 from asrsim.signals import Sinusoid
 from asrsim.simulation.run import simulate
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 INERTIA, MASS, REACH = 2e-3, 0.4, 0.1
 NEVER = Wave(offset=0.0, amplitude=0.0, frequency=1.0, at=np.inf, jump=0.0)
 """A reference that rests at 0."""

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.engines import ENGINES
 from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
@@ -19,9 +18,8 @@ from asrsim.simulation.divergence import EnergyGuard, blame, not_finite
 from asrsim.simulation.run import Run
 from asrsim.simulation.substep import RAW
 from validation.contacts import push, slide
-from validation.models import LOAD, SETTINGS, Body, chain, run
+from validation.models import INSTALLED, LOAD, SETTINGS, Body, chain, run
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 AWAS = replace(LOAD, actuator="awas_ii", damping=0.065)
 LIMITS = '<limit lower="-3" upper="3" effort="{effort}" velocity="100"/>'

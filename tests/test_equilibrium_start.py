@@ -13,14 +13,13 @@ from random_runs import random_run
 import asrsim
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
 from asrsim.actuators.modes import Mode
-from asrsim.engines import ENGINES
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.steppings import STEPPINGS
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
 ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
 HELD = tuple(mode for mode in MODES.values() if (mode.spring or mode.controller) and not mode.direct)
@@ -92,7 +91,7 @@ def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
 
 @pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+@pytest.mark.parametrize("engine", INSTALLED)
 def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float, engine: str) -> None:
     """References of .3 rad and stops at .2: where the springs alone would carry the links lies beyond."""
     stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
@@ -120,7 +119,7 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> No
     assert np.ptp(result.samples.values["link_position"], axis=0).max() < 1e-8
 
 
-@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+@pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
 def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, dict[str, float]], engine: str) -> None:
     robot = chain(*[Body(actuator="sea", **ARM)] * 2)
@@ -159,7 +158,7 @@ def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(w
         assert way * place[0] == pytest.approx(0.5, abs=1e-9)
 
 
-@pytest.mark.parametrize("engine", [name for name in ("mujoco", "bullet") if ENGINES.get(name).available])
+@pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("starts", [(0.0, 0.0), (0.9, -2.5), (np.pi, 0.0), (np.pi, np.pi)])
 def test_joints_without_actuator_hang_behind_one_that_has_one(starts: tuple[float, float], engine: str) -> None:
     bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from stopped_arm import StoppedArm
 
-from asrsim.engines import ENGINES
 from asrsim.scenario.data import World
 from asrsim.signals import Sinusoid
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 STEPS = (1e-3, 2.5e-4)
 
 

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from asrsim.engines import ENGINES
 from asrsim.signals import Step
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 HEAVY = chain(Body(actuator="sea", mass=1e6, reach=0.0, inertia=1e6))
 """A link that stands still, so that the motor pulls at a spring with a fixed end."""
 WINDING = {"motor_1_torque_constant": 3.0, "motor_1_resistance": 1.0, "motor_1_max_torque": 100.0}

@@ -12,14 +12,13 @@ from independent_ode import Truth, solve
 from random_runs import RandomRun, random_run
 
 import asrsim
-from asrsim.engines import ENGINES
 from asrsim.kinematics import model_of
 from asrsim.robot import load_robot
 from asrsim.samples import Samples
 from asrsim.simulation.run import simulate
+from validation.models import INSTALLED
 
 Array = np.ndarray
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 ROUNDING = 1e-9
 """rad (m): below it no order can be measured."""
 CHANCE = 0.01

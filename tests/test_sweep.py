@@ -17,7 +17,6 @@ from robots import write_plain_arm
 from test_edited_files import edits
 
 import asrsim
-from asrsim.engines import ENGINES
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
@@ -32,11 +31,11 @@ from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
 from asrsim.workers.local import Processes
+from validation.models import INSTALLED
 
 pytest.importorskip("pyarrow")
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "scenarios"
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 TWO_JOINTS = EXAMPLES / "step_2dof.yaml"
 SHORT = ["duration=0.05", "engine=mujoco"]
 

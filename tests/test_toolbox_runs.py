@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.engines import ENGINES
 from asrsim.signals import Sinusoid, Step
 from asrsim.simulation.run import simulate
-from validation.models import LOAD, Body, chain, column, run
+from validation.models import INSTALLED, LOAD, Body, chain, column, run
 
-INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 

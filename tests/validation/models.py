@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from asrsim.engines import ENGINES
 from asrsim.robot import Robot, load_robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant
@@ -24,6 +25,9 @@ PROPORTIONAL = 125.0
 FRICTION_STIFFNESS = 1000.0
 """N m/rad, of the Dahl friction (paper eq. 8), likewise."""
 """m/s^2, downwards in z."""
+
+INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
+"""Engines that this Python has."""
 
 
 @dataclass(frozen=True, kw_only=True)
