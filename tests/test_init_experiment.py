@@ -94,7 +94,7 @@ def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_comma
     task = read_task(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
         setup = set_up(task, stack)
-    assert set(task.free) <= {entry.parameter.key for entry in setup.layout.entries}
+    assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}
     text = (tmp_path / "s.yaml").read_text()
     assert told in text
 

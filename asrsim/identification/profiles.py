@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry
-from asrsim.identification.residuals import Residuals
+from asrsim.identification.problem import Problem, residuals
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 HALF, FINE = 3, 30
@@ -32,17 +32,17 @@ class Profile:
     """The same where the others follow as is best, simulated, and never above; None where nothing is known of them."""
 
 
-def profiles(residuals: Residuals, x: Array, found: Uncertainty) -> Iterator[Profile]:
+def profiles(problem: Problem, x: Array, found: Uncertainty) -> Iterator[Profile]:
     """Of every entry at the estimate x."""
-    best = residuals(x)
+    best = residuals(problem, x)
     least, unit = float(best @ best), max(found.variance, 1e-300)
 
     def misfit(there: Array) -> float:
-        left = residuals(there)
+        left = residuals(problem, there)
         return min((float(left @ left) - least) / unit, 1e6)
 
-    lower, upper = residuals.layout.bounds
-    for i, entry in enumerate(residuals.layout.entries):
+    lower, upper = problem.layout.bounds
+    for i, entry in enumerate(problem.layout.entries):
         variance = float(found.covariance[i, i])
         width = min(HALF * float(np.sqrt(variance)), WIDEST) if variance > 0.0 else UNTOLD
         moves = np.linspace(-width, width, 2 * FINE + 1)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations as combinations_of
 
 import numpy as np
 
-from asrsim.identification.intervals import Uncertainty
-from asrsim.identification.layout import Layout
-from asrsim.identification.residuals import Residuals
+from asrsim.identification.problem import Problem, residuals
 from asrsim.identification.told import UNKNOWN, Told, percent
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 NOTHING = 1.0
@@ -46,17 +46,15 @@ class Combination:
         return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
 
 
-def combinations(
-    layout: Layout, x: Array, found: Uncertainty, free: Sequence[int], residuals: Callable[[Array], Array] | None = None
-) -> list[Combination]:
+def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
     """What is known of the entries that lie together in unknown directions, one direction after the other.
 
-    free: entries that are not at a bound and have an effect; residuals: for how far the form of a combination holds.
+    free: entries that are not at a bound and have an effect.
     """
     if len(free) < 2:
         return []
-    told = Told(layout, x, found, free)
-    places = _swayed(told, x, residuals) if residuals is not None else []
+    told = Told(problem.layout, x, found, free)
+    places = _swayed(told, x, partial(residuals, problem))
     pairs: list[Combination] = []
     groups: list[set[int]] = []
     for direction in _sparse(told.directions):
@@ -94,13 +92,13 @@ def _joined(pairs: Sequence[Combination], first: int, second: int) -> bool:
     return second in reached
 
 
-def _swayed(told: Told, x: Array, residuals: Callable[[Array], Array]) -> list[Array]:
+def _swayed(told: Told, x: Array, left: Callable[[Array], Array]) -> list[Array]:
     """Values (n,) of vectors that fit as x does, some way along the unknown directions."""
-    base, found = residuals(x), []
+    base, found = left(x), []
     for direction, extent in zip(told.directions, told.extent.tolist(), strict=True):
         for sway in (-min(extent, SWAY), min(extent, SWAY)):
             there = told.moved(x, sway * direction / np.abs(direction).max())
-            found.append(told.layout.values(told.fitted(there, base, residuals)))
+            found.append(told.layout.values(told.fitted(there, base, left)))
     return found
 
 
@@ -182,18 +180,18 @@ def _whole(powers: Array) -> Array:
     return powers
 
 
-def settled(residuals: Residuals, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
+def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
     """x with what its recordings do not tell as it was at the start, where noise alone has moved that, and the rest found anew;
     x where that does not fit as well.
     """
-    told = Told(residuals.layout, x, found, free, NOTHING)
+    told = Told(problem.layout, x, found, free, NOTHING)
     if not len(told.directions):
         return x
     away = (start - x)[told.free] / told.units
     there = x.copy()
     there[told.free] += told.directions.T @ (told.directions @ away) * told.units
-    there = told.fitted(there, np.zeros(len(found.jacobian)), residuals, 5)
-    worse = float(np.sum(residuals(there) ** 2) - np.sum(residuals(x) ** 2))
+    there = told.fitted(there, np.zeros(len(found.jacobian)), partial(residuals, problem), 5)
+    worse = float(np.sum(residuals(problem, there) ** 2) - np.sum(residuals(problem, x) ** 2))
     return x if worse > CHANCE * found.variance else there
 
 
