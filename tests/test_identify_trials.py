@@ -144,3 +144,23 @@ def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_a
     own = identify(guess, recordings, free=free, own=[free[-1]], starts=1, workers=1)
     assert own.fits, own.misfit
     assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=0.01)
+
+
+def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tmp_path: Path) -> None:
+    """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
+
+    def arm(name: str, numbers: dict[str, object], references: str | None = None) -> Path:
+        scenario = write(tmp_path, name, numbers, references)
+        robot = tmp_path / f"{name}.urdf"
+        robot.write_text(robot.read_text().replace("<inertial>", '<inertial><origin xyz="0.06 0 0"/>'))
+        return scenario
+
+    recording = record(arm("true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = arm("guess", {**SEA, "izz": 0.012, "damping": 0.03, "tags": "<spring_k>5</spring_k>"})
+    found = identify(guess, [recording], free=["joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"])
+    one, other = found.combinations
+    assert one.text == "joint_1.spring_stiffness / (link_1.izz + 0.0018 kg m^2, the inertia about the joint)"
+    about = 0.009 + 0.5 * 0.06**2
+    assert one.value == pytest.approx(4.0 / about, rel=2.0 * one.margin)
+    assert one.margin < 0.002
+    assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)

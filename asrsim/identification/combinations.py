@@ -9,6 +9,7 @@ from itertools import combinations as combinations_of
 
 import numpy as np
 
+from asrsim.identification.layout import Entry
 from asrsim.identification.problem import Problem, residuals
 from asrsim.identification.told import UNKNOWN, Told, percent
 from asrsim.identification.uncertainty import Uncertainty
@@ -26,6 +27,8 @@ NEARLY = 0.02
 """By which a power may be off a whole number."""
 MOST, WHOLE = 4, 0.08
 """Times that a part of a sum is in it, at most, and share by which that may be off a whole number."""
+AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
+"""Moments of inertia about the axes; share by which a power may differ from that of an inertia about its joint."""
 SWAY = 0.7
 """Relative change along an unknown direction, at most, under which a combination is looked at again."""
 
@@ -66,7 +69,8 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
             if _joined(pairs, free[pivot], free[other]):
                 continue
             # Constant along the direction: d log(other) + power d log(pivot) = 0.
-            one = _pair(told, other, pivot, -float(direction[other] / direction[pivot]), places)
+            power = -float(direction[other] / direction[pivot])
+            one = _about_joint(problem, told, other, pivot, power, places) or _pair(told, other, pivot, power, places)
             if one is not None:
                 pairs.append(one)
         joined = [group for group in groups if group & set(parts)]
@@ -131,6 +135,43 @@ def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Arr
     if best[0] * factor > UNKNOWN or max(abs(best[1]), 1.0 / abs(best[1])) > HIGHEST:
         return None
     return Combination(text, value, best[0] * factor, (told.free[other], told.free[pivot]))
+
+
+def _about_joint(
+    problem: Problem, told: Told, first: int, second: int, power: float, places: Sequence[Array]
+) -> Combination | None:
+    """k / (izz + m r^2): what a motion tells of an inertia is that about the joint. first * second^power is constant."""
+    for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
+        entries = [problem.layout.entries[told.free[i]] for i in (other, inertia)]
+        beside = _beside(problem, entries[1])
+        size = float(told.values[told.free[inertia]])
+        if beside <= 0.0 or abs(exponent * (size + beside) / size + 1.0) > ABOUT:
+            continue
+        exponents = np.zeros(len(told.free))
+        exponents[other], exponents[inertia] = 1.0, -size / (size + beside)
+        value, *moved = (
+            float(there[told.free[other]] / (there[told.free[inertia]] + beside)) for there in (told.values, *places)
+        )
+        margin = float(np.hypot(told.margin(exponents), max((abs(one / value - 1.0) for one in moved), default=0.0)))
+        if margin < UNKNOWN:
+            text = f"{entries[0].name} / ({entries[1].name} + {beside:.3g} kg m^2, the inertia about the joint)"
+            return Combination(text, value, margin, (told.free[other], told.free[inertia]))
+    return None
+
+
+def _beside(problem: Problem, entry: Entry) -> float:
+    """m r^2 of the link whose moment of inertia about the joint's axis an entry is; 0 of others, and where m or r is free."""
+    link, _, name = entry.parameter.key.rpartition(".")
+    free = {one.parameter.key for one in problem.layout.entries}
+    if name not in AXES or free & {f"{link}.{what}" for what in ("mass", *"xyz")}:
+        return 0.0
+    robot = problem.tracks[0].door.robot
+    body = next((one for one in robot.links if one.name == link), None)
+    joint = next((one for one in robot.moving_joints if one.child == link and one.kind != "prismatic"), None)
+    if body is None or body.mass is None or joint is None or abs(joint.axis[AXES.index(name)]) < 0.99:
+        return 0.0
+    place = np.array(body.centre_of_mass)
+    return body.mass * float(place @ place - (place @ np.array(joint.axis)) ** 2)
 
 
 def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
