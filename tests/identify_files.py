@@ -84,7 +84,7 @@ class Model:
     ) -> None:
         time = np.linspace(0.0, 1.0, len(recorded))
         channel = Channel(
-            joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, given=True, quantum=quantum
+            joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, given=given, quantum=quantum
         )
         self.channels, self.onset, self.data = (channel,), 0.0, SimpleNamespace(held=False, name="a", duration=1.0, commands=())
         self._left, self._layout = left, layout
@@ -100,11 +100,11 @@ class Model:
 
 def modelled(
     left: Left, entries: int | list[Parameter], samples: int, *,
-    recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0,
+    recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0, given: bool = True,
 ) -> Problem:  # fmt: skip
     """A problem whose residuals are a function of the vector. entries: parameters, or a number of them, of size 1."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
     layout = make_layout(parameters, (), ["a"], [{}])
-    track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum)
+    track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum, given)
     return Problem((track,), layout, (Playing((1, 1)),), ((Weights(weight),),), (1.0,), Meter())

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_files import CHIRP, SEA, record, write
+from identify_files import CHIRP, SEA, modelled, record, write
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info
 from typer.testing import CliRunner
@@ -20,7 +20,6 @@ from asrsim import identify
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.identification import door, make_task, progress, read_task
-from asrsim.identification.combinations import _shown, _whole
 from asrsim.identification.data import Command
 from asrsim.identification.inverse import is_driven_by_torque
 from asrsim.identification.judge import ChannelFit, channel_fits, foreign, praise
@@ -33,7 +32,7 @@ from asrsim.identification.search import fits_noise, is_loud
 from asrsim.identification.setup import set_up
 from asrsim.identification.show import judgement
 from asrsim.identification.task import task_of
-from asrsim.identification.uncertainty import _weights
+from asrsim.identification.uncertainty import whitened
 from asrsim.identification.write import as_dict, torn_numbers, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot, with_overrides
@@ -77,7 +76,7 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
 
 def test_profiles_rise_as_the_intervals_say(fitted):
     for one, profile in zip(fitted.estimates, fitted.profiles, strict=True):
-        values, misfit = profile.followed
+        values, misfit = profile
         assert np.interp([one.low, one.high], values, misfit) == pytest.approx([3.9, 3.9], rel=0.15)
 
 
@@ -215,11 +214,6 @@ def test_a_held_out_part_in_which_nothing_moves_is_told_of(still):
         left = sign * values - values
         (found,) = channel_fits([track], [3.0], [[left]], [[left]], [None])
         assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
-
-
-def test_a_product_of_powers_has_whole_ones():
-    assert _whole(np.array([0.498, 1.0, -0.5])).tolist() == [1.0, 2.0, -1.0]
-    assert _whole(np.array([0.37, 1.0])).tolist() == [0.37, 1.0]
 
 
 def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
@@ -606,7 +600,7 @@ def test_outliers_are_no_noise_and_an_offset_of_all_is(memory, offset):
     generator = np.random.default_rng(5)
     left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
     left[generator.permutation(4000)[:20]] += 0.5
-    weights = _weights(SimpleNamespace(given=False, noise=1.0, quantum=0.0), left + offset)
+    ((weights,),) = whitened(modelled(lambda _: left + offset, 1, 4000, given=False), np.zeros(1))
     assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
 
 
@@ -626,17 +620,6 @@ def test_noise_is_told_from_fine_structure_and_an_autoregression_whitens_it():
     assert model[0] == pytest.approx(0.95, abs=0.05)
     left = whiten(coloured, model)
     assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.05
-
-
-def test_a_form_of_a_combination_has_the_interval_of_that_form():
-    # K / r^2 is twice as wide as r / K^0.5.
-    text, value, factor = _shown(("r", "K"), (0.015, 1e4), -0.5)
-    assert (text, factor) == ("K / r^2", 2.0)
-    assert value == pytest.approx(1e4 / 0.015**2)
-    assert _shown(("a", "b"), (2.0, 3.0), 1.0) == ("a * b", 6.0, 1.0)
-    text, value, _ = _shown(("a", "b"), (2.0, 3.0), 1.46)
-    assert text == "a * b^1.5"
-    assert value == pytest.approx(2.0 * 3.0**1.46)
 
 
 def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():

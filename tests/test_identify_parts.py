@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,17 +14,13 @@ from identify_files import CHIRP, SEA, record, write
 from asrsim.errors import InputError
 from asrsim.identification import identify, make_task
 from asrsim.identification.causes import jumps_or_bristles
-from asrsim.identification.combinations import _sparse
 from asrsim.identification.data import Channel
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.judge import ChannelFit, verdict
-from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import make_layout
 from asrsim.identification.noise import first_samples
 from asrsim.identification.problem import Weights
 from asrsim.identification.search import adopted
 from asrsim.identification.setup import Setup, set_up
-from asrsim.identification.told import Told
 from asrsim.identification.uncertainty import Uncertainty
 
 pytestmark = pytest.mark.once
@@ -165,16 +160,6 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path)
             )
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_sparse_directions_span_the_same_space(seed: int) -> None:
-    """Of k directions, each pivot belongs to one alone."""
-    found = np.random.default_rng(seed).normal(size=(3, 7))
-    rows = _sparse(found)
-    pivots = [int(np.argmax(np.isclose(rows[i], 1.0, rtol=0.0, atol=1e-12))) for i in range(3)]
-    np.testing.assert_allclose(rows[:, pivots], np.eye(3), atol=1e-12)
-    assert np.linalg.matrix_rank(np.vstack([found, rows]), tol=1e-9) == 3
-
-
 def test_what_one_recording_of_several_shows_is_a_reason() -> None:
     """Loud residuals, or a swing in them, of one recording are not outvoted by others."""
     numbers = {"key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 2.0, "held_before": 9.0, "held_after": 2.0}
@@ -206,23 +191,6 @@ def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_devi
     apart = np.repeat([1.0, -2.0, 1.0], 4)[:, None] * np.ones((1, 4))
     whole = replace(told, scores=apart, firsts=np.array([0, 4, 8]))
     assert whole.deviations(np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
-
-
-def test_entries_move_by_the_factor_that_is_asked_for() -> None:
-    kinds = {
-        "scale": Parameter(key="a.k", unit="N m", start=0.2, low=0.01, high=9.0, logarithmic=True),
-        "plain": Parameter(key="a.damping", unit="N m s/rad", start=0.3, low=0.0, high=5.0),
-        "offset": Parameter(key="a.offset", unit="rad", start=-0.4, low=-3.0, high=3.0),
-    }
-    layout = make_layout(tuple(kinds.values()), (), ("one",), ({},))
-    x = np.array([0.3, 0.6, -0.5])
-    scale, plain, offset = layout.values(x)
-    assert offset < -0.4
-    told = Told(layout, x, SimpleNamespace(jacobian=np.eye(3), variance=1.0), [0, 1, 2])
-    for change in (0.0, 0.4, -0.7):
-        there = layout.values(told.moved(x, np.full(3, change)))
-        # What is negative has no scale: it moves by a share of its size.
-        assert there == pytest.approx([scale * np.exp(change), plain * np.exp(change), offset - offset * change])
 
 
 def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -> None:
