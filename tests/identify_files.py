@@ -80,7 +80,7 @@ class Model:
     """In the place of a recording's simulation: residuals (m,) of one channel as a function of the vector (n,)."""
 
     def __init__(
-        self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float
+        self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float, given: bool
     ) -> None:
         time = np.linspace(0.0, 1.0, len(recorded))
         channel = Channel(

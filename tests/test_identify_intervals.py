@@ -141,8 +141,9 @@ def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_size
     found = uncertainty(problem, np.zeros(3), [False] * 3, foreseen=True)
     (one,) = combinations(problem, np.zeros(3), found, [0, 1, 2])
     assert sorted(one.keys) == [0, 1, 2]
-    parts = dict(part.partition("^")[::2] for part in one.text.split(" * "))
-    known = np.array([float(parts[name] or 1.0) for name in "abc"])
+    found = re.findall(r"(^| \* | / )([abc])(?:\^([\d.]+))?", one.text)
+    shown = {name: (-1.0 if sign == " / " else 1.0) * float(power or 1.0) for sign, name, power in found}
+    known = np.array([shown[name] for name in "abc"])
     assert np.cross(known, powers) == pytest.approx(0.0, abs=0.01)
     assert np.prod(np.array(values) ** known) == pytest.approx(one.value)
 

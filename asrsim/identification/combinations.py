@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations as combinations_of
 
 import numpy as np
 
@@ -23,8 +22,8 @@ NICE, NICER = 1.5, 2e-3
 """How many times wider, and by how much more, the interval of a simpler form may be."""
 HIGHEST = 8.0
 """Power in a combination, at most."""
-NEARLY = 0.02
-"""By which a power may be off a whole number."""
+NEARLY = 0.15
+"""By which a power may be off a whole number, if its interval is no wider."""
 MOST, WHOLE = 4, 0.08
 """Times that a part of a sum is in it, at most, and share by which that may be off a whole number."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
@@ -50,50 +49,69 @@ class Combination:
 
 
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """What is known of the entries that lie together in unknown directions, one direction after the other.
+    """What is known of the entries that lie together in unknown directions.
 
     free: entries that are not at a bound and have an effect.
     """
     if len(free) < 2:
         return []
     told = Told(problem.layout, x, found, free)
-    places = _swayed(told, x, partial(residuals, problem))
-    pairs: list[Combination] = []
-    groups: list[set[int]] = []
-    for direction in _sparse(told.directions):
-        parts = told.parts(direction)
-        if len(parts) < 2:
-            continue
-        for pivot, other in combinations_of(parts, 2):
-            # What pairs tell already, by way of others, is not told again.
-            if _joined(pairs, free[pivot], free[other]):
-                continue
-            # Constant along the direction: d log(other) + power d log(pivot) = 0.
-            power = -float(direction[other] / direction[pivot])
-            one = _about_joint(problem, told, other, pivot, power, places) or _pair(told, other, pivot, power, places)
-            if one is not None:
-                pairs.append(one)
-        joined = [group for group in groups if group & set(parts)]
-        groups = [group for group in groups if group not in joined] + [set(parts).union(*joined)]
-    result: list[Combination] = []
-    for group in groups:
-        result += (one for one in pairs if set(one.keys) <= {free[i] for i in group})
-        # Beyond pairs, products of more are told by one of each that hang together.
-        alone: list[int] = []
-        for i in sorted(group):
-            if not any(_joined(pairs, free[i], free[other]) for other in alone):
-                alone.append(i)
-        result += _products(told, alone, places)
+    rows, pivots = _sparse(told.directions)
+    parts = [told.parts(row) for row in rows]
+    places, result = _swayed(told, x, partial(residuals, problem)), []
+    for j in set(range(len(free))) - set(pivots):
+        exponents = np.eye(len(free))[j]
+        for row, pivot, mine in zip(rows, pivots, parts, strict=True):
+            # Along a direction its pivot changes by 1 and entry j by row[j]: what stays is their product to these powers.
+            exponents[pivot] = -row[j] if {j, pivot} <= set(mine) else 0.0
+        if np.count_nonzero(exponents) > 1 and (one := _form(problem, told, exponents, places)) is not None:
+            result.append(one)
     return result
 
 
-def _joined(pairs: Sequence[Combination], first: int, second: int) -> bool:
-    """Whether entries hang together by pairs."""
-    reached, grown = {first}, True
-    while grown:
-        more = {i for one in pairs if reached & set(one.keys) for i in one.keys} - reached
-        reached, grown = reached | more, bool(more)
-    return second in reached
+def _form(problem: Problem, told: Told, exponents: Array, places: Sequence[Array]) -> Combination | None:
+    """A product of powers in its simplest form: a ratio to an inertia about its joint, a sum, or whole powers."""
+    moving = np.flatnonzero(exponents)
+    if len(moving) == 2:
+        first, second = moving.tolist()
+        power = float(exponents[second] / exponents[first])
+        special = _about_joint(problem, told, first, second, power, places) or _sum(told, first, second, power, places)
+        if special is not None:
+            return special
+    if np.any(told.values[told.free][moving] <= 0.0):
+        return None
+    best = None
+    for powers in (exponents, *_whole(exponents)):
+        # The same combination: margins are compared at one power of the same entry.
+        size = float(np.abs(powers[moving]).min())
+        margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
+        if margin < UNKNOWN and (best is None or margin / size < NICE * best[0] + NICER):
+            best = margin / size, margin, powers
+    if best is None or float(np.abs(best[2]).max()) > HIGHEST * float(np.abs(best[2][moving]).min()):
+        return None
+    _, margin, powers = best
+    # What has the least power is no divisor.
+    least = moving[int(np.argmin(np.abs(powers[moving]) - 1e-9 * (powers[moving] > 0.0)))]
+    powers = powers * np.sign(powers[least])
+    named = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in moving]
+    text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
+    text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
+    value = float(np.exp(np.sum(powers[moving] * np.log(told.values[told.free][moving]))))
+    return Combination(text, value, margin, tuple(told.free[i] for i in moving))
+
+
+def _power(name: str, power: float) -> str:
+    return name if abs(power - 1.0) < 5e-3 else f"{name}^{power:.2g}"
+
+
+def _whole(exponents: Array) -> Iterator[Array]:
+    """The same in whole numbers, of small ones the nearest."""
+    least = float(np.abs(exponents[exponents != 0.0]).min())
+    for factor in (1.0, 2.0, 3.0, 4.0):
+        powers = factor * exponents / least
+        if float(np.abs(powers - np.round(powers)).max()) < NEARLY * factor:
+            yield np.round(powers)
+            return
 
 
 def _swayed(told: Told, x: Array, left: Callable[[Array], Array]) -> list[Array]:
@@ -112,29 +130,6 @@ def _sway(told: Told, exponents: Array, places: Sequence[Array]) -> float:
     here = told.values[told.free][moving]
     ratios = [there[told.free][moving] / here for there in places]
     return max((abs(float(exponents[moving] @ np.log(r))) for r in ratios if np.all(r > 0.0)), default=0.0)
-
-
-def _pair(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
-    """other * pivot^power, a simpler form of it, or a sum, if that is known."""
-    half = round(2.0 * power) / 2.0
-    best = None
-    for one in (power, half, 1.0 / (round(2.0 / power) / 2.0) if power and round(2.0 / power) else 0.0):
-        exponents = np.zeros(len(told.free))
-        exponents[other], exponents[pivot] = 1.0, one
-        margin = float(np.hypot(told.margin(exponents), _sway(told, exponents, places)))
-        # A simpler form may be a little wider.
-        if one != 0.0 and margin < UNKNOWN and (best is None or margin < NICE * best[0] + NICER):
-            best = margin, one
-    total = _sum(told, other, pivot, power, places)
-    if best is None or (total is not None and (best[1] != half or total.margin < best[0] / NICE - NICER)):
-        return total
-    names = [told.layout.entries[told.free[i]].name for i in (other, pivot)]
-    numbers = [float(told.values[told.free[i]]) for i in (other, pivot)]
-    text, value, factor = _shown(names, numbers, best[1])
-    # What is written the other way round is less sure; high powers are of what is nearly known alone.
-    if best[0] * factor > UNKNOWN or max(abs(best[1]), 1.0 / abs(best[1])) > HIGHEST:
-        return None
-    return Combination(text, value, best[0] * factor, (told.free[other], told.free[pivot]))
 
 
 def _about_joint(
@@ -178,47 +173,25 @@ def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Arra
     """other + n pivot, of one unit, n a small whole number, if that is known: its parts may change much while it stays."""
     first, second = (told.layout.entries[told.free[i]] for i in (other, pivot))
     a, b = (float(told.values[told.free[i]]) for i in (other, pivot))
-    # d a / a + power d b / b = 0: a + (power a / b) b is constant nearby.
-    times = round(power * a / b) if b else 0
-    total = a + times * b
-    if first.parameter.unit != second.parameter.unit or not 0 < abs(times) <= MOST or total <= 0.0:
+    # d a / a + power d b / b = 0: a + times b is constant nearby.
+    times = power * a / b if b else 0.0
+    signed, whole = min(a, b) <= 0.0, round(times)
+    if 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole):
+        times = float(whole)
+    elif not signed:
         return None
-    if abs(power * a / b - times) > WHOLE * abs(times):
+    total = a + times * b
+    if first.parameter.unit != second.parameter.unit or not times or (total <= 0.0 and not signed):
         return None
     exponents = np.zeros(len(told.free))
     exponents[other], exponents[pivot] = 1.0, times * b / a
-    sways = [float(there[told.free[other]] + times * there[told.free[pivot]]) / total - 1.0 for there in places]
-    margin = float(np.hypot(told.margin(exponents) * abs(a) / total, max(map(abs, sways), default=0.0)))
+    moved = [float(there[told.free[other]] + times * there[told.free[pivot]]) / total - 1.0 for there in places]
+    margin = float(np.hypot(told.margin(exponents) * abs(a / total), max(map(abs, moved), default=0.0)))
     if margin > UNKNOWN:
         return None
-    text = f"{first.name} {'+' if times > 0 else '-'} {'' if abs(times) == 1 else f'{abs(times)} '}{second.name}"
+    size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
+    text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
     return Combination(text, total, margin, (told.free[other], told.free[pivot]))
-
-
-def _products(told: Told, lost: Sequence[int], places: Sequence[Array]) -> Iterator[Combination]:
-    """What is known of more than two parameters together, where no pair of them is known; the others follow."""
-    values = told.values[[told.free[i] for i in lost]]
-    if len(lost) < 2 or np.any(values <= 0.0):
-        return
-    # Powers that move nothing unknown: what is orthogonal to the unknown directions, among these parameters.
-    _, size, vectors = np.linalg.svd(told.directions[:, list(lost)])
-    for vector in vectors[int(np.sum(size > 0.15)) :]:
-        powers = np.zeros(len(told.free))
-        powers[list(lost)] = _whole(vector / vector[int(np.argmax(np.abs(vector)))])
-        margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
-        if margin < UNKNOWN:
-            parts = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in lost if abs(powers[i]) > 0.005]
-            text = " * ".join(name if abs(p - 1.0) < 0.005 else f"{name}^{p:.2g}" for name, p in parts)
-            value = float(np.exp(np.sum(powers[list(lost)] * np.log(values))))
-            yield Combination(text, value, margin, tuple(told.free[i] for i in lost))
-
-
-def _whole(powers: Array) -> Array:
-    """The same in whole numbers, where small ones will do."""
-    for factor in (1.0, 2.0, 3.0, 4.0):
-        if float(np.max(np.abs(factor * powers - np.round(factor * powers)))) < NEARLY:
-            return np.round(factor * powers)
-    return powers
 
 
 def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
@@ -236,32 +209,14 @@ def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: 
     return x if worse > CHANCE * found.variance else there
 
 
-def _sparse(directions: Array) -> Array:
-    """The same space by directions with few parts: reduced to echelon form by largest parts."""
-    rows = directions.copy()
+def _sparse(directions: Array) -> tuple[Array, list[int]]:
+    """The same space by directions with few parts, reduced to echelon form by largest parts, and these: 1 in one row alone."""
+    rows, pivots = directions.copy(), []
     for i in range(len(rows)):
         pivot = int(np.argmax(np.abs(rows[i])))
+        pivots.append(pivot)
         rows[i] /= rows[i, pivot]
         for k in range(len(rows)):
             if k != i:
                 rows[k] -= rows[k, pivot] * rows[i]
-    return rows
-
-
-def _shown(names: Sequence[str], values: Sequence[float], power: float) -> tuple[str, float, float]:
-    """other * pivot^power as people write it, its value, and how many times wider its interval is than the product's."""
-    (other, pivot), (a, b) = names, values
-    if abs(power) < 1.0 and abs(2.0 / power - round(2.0 / power)) < 1e-9:
-        # r / k^0.5 is better known as k / r^2.
-        text, value, factor = _shown((pivot, other), (b, a), 1.0 / power)
-        return text, value, factor / abs(power)
-    half = round(2.0 * power) / 2.0
-    if abs(power - half) < 1e-9 and a > 0.0 and b > 0.0:
-        size = "" if abs(half) == 1.0 else f"^{abs(half):g}"
-        return f"{other} {'*' if half > 0.0 else '/'} {pivot}{size}", a * b**half, 1.0
-    if a > 0.0 and b > 0.0:
-        return f"{other} * {pivot}^{power:.2g}", a * b**power, 1.0
-    # What has a sign has no powers: a + (power a / b) b is constant nearby.
-    factor = power * a / b if b else 0.0
-    total = a + factor * b
-    return f"{other} {'+' if factor > 0.0 else '-'} {abs(factor):.3g} {pivot}", total, abs(a / total) if total else np.inf
+    return rows, pivots
