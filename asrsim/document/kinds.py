@@ -23,7 +23,10 @@ class Kind(ABC, Generic[T_co]):
 
     @abstractmethod
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T_co:
-        """The value; raises Rejected once its problems are recorded in `reading`."""
+        """The value; raises Rejected once its problems are recorded in `reading`.
+
+        Some kinds with parts give what could be read of them: a document is sound where `reading` has no problems.
+        """
 
     @abstractmethod
     def schema(self) -> Schema:
@@ -277,8 +280,9 @@ class Optional(Kind[T | None], Generic[T]):
 
 
 def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
-    """Read and go on: (value,), or None with the problem recorded."""
+    """Read and go on: (value,), or None with the problem and the path recorded."""
     try:
         return (kind.read(node, path, reading),)
     except Rejected:
+        reading.unread.append(path)
         return None
