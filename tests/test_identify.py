@@ -638,6 +638,13 @@ def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():
     assert swings(white + 1.8 * ringing * np.exp(-9.0 * time))
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.95])
+def test_short_records_of_noise_hardly_ever_seem_to_swing(memory):
+    generator = np.random.default_rng(1)
+    noise = lfilter([1.0], [1.0, -memory], generator.normal(size=(1000, 400)))[:, 200:]
+    assert sum(swings(one, 0.03) for one in noise) <= 5
+
+
 def test_what_is_off_is_no_noise_though_neighbours_do_not_correlate():
     white = np.random.default_rng(0).normal(size=2000)
     outliers = np.where(np.arange(2000) % 100 == 0, 50.0, 0.0)

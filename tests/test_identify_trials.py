@@ -121,6 +121,7 @@ def test_theta_beside_a_deflection_is_the_motor(tmp_path: Path, names: str, maps
     assert found.channels["theta"].quantity == "motor_1_position"
 
 
+@pytest.mark.slow
 def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_accepted_without_it(tmp_path: Path) -> None:
     """Four runs of one robot, whose encoder of the link was zeroed anew before each."""
     recordings = []

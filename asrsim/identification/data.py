@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.modes import Mode
+from asrsim.actuators import ACTUATORS, MODES, Mode
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.computed import computed_columns
 from asrsim.identification.door import COMPARABLE, EXTERNAL

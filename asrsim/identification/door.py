@@ -1,4 +1,4 @@
-"""The door to the simulation: the only place of this package that knows how a scenario is prepared and run."""
+"""The door to the simulation, its engines and actuators: the only place of this package that knows inner modules of theirs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.user import load_plugin_file
+from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines import ENGINES
+from asrsim.engines.bench import link_motion
 from asrsim.errors import AsrsimError, DivergenceError, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -21,7 +25,10 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recorder import DIRECT
 from asrsim.workers import Executor, in_order
 
-__all__ = ["COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Pool", "Substeps", "World"]
+__all__ = [
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Pool", "Substeps", "World", "electric_of",
+    "equilibrium_over_arrays", "link_motion", "load_plugin_file", "over_arrays",
+]  # fmt: skip
 
 COMPARABLE = (*DIRECT, *DERIVED)
 """Quantities that a simulation can give."""

@@ -11,11 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators.detailed_motor import electric_of
-from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
-from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
-from asrsim.identification.door import Drive
+from asrsim.identification.door import Drive, electric_of, equilibrium_over_arrays, link_motion, over_arrays
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import smoothed
 from asrsim.identification.problem import Problem

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from asrsim.errors import InputError
 from asrsim.identification.data import read_data
-from asrsim.identification.door import Pool
+from asrsim.identification.door import Pool, load_plugin_file
 from asrsim.identification.inverse import track_of
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
@@ -33,7 +33,6 @@ class Setup:
 
 def set_up(task: Task, stack: ExitStack, workers: int = 1) -> Setup:
     """Read and check everything; workers: processes for derivatives of long fits. Raises InputError with all that is wrong."""
-    from asrsim.actuators.user import load_plugin_file
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     for plugin in task.plugins:

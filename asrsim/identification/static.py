@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import RobotError
-from asrsim.identification.door import Substeps, World
+from asrsim.identification.door import Substeps, World, over_arrays
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
