@@ -165,3 +165,21 @@ def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tm
     assert one.value == pytest.approx(4.0 / about, rel=2.0 * one.margin)
     assert one.margin < 0.002
     assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)
+
+
+def test_trials_of_a_spring_whose_zero_moves_from_one_to_the_next_are_told_of(tmp_path: Path) -> None:
+    generator, time, trials = np.random.default_rng(0), np.arange(0.0, 4.0, 0.01), []
+    for number in range(5):
+        place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)
+        torque = 4.0 * place + generator.normal(scale=0.1) + 2e-3 * generator.normal(size=len(time))
+        trials.append(tmp_path / f"{number}.csv")
+        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
+        np.savetxt(trials[-1], np.column_stack([time, place, torque]), delimiter=",", header=header, comments="")
+    lab = write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>3</spring_k>"}, duration=4.0)
+    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench\nmotion: locked"))
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"], workers=1)
+    assert not shared.fits
+    assert any("--own joint_1.elastic_torque_1.offset" in text for text in shared.causes), shared.causes
+    own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"], workers=1)
+    assert own.fits, own.misfit
+    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)

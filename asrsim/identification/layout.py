@@ -77,9 +77,13 @@ class Layout:
             for entry, v in zip(self.entries, x, strict=True)
             if entry.track in (None, track)
         }
-        waiting = list(self.ties)
-        for _ in range(len(waiting)):
-            for tie in waiting:
+        return self.tied(found)
+
+    def tied(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values by key with those that are tied to them, over as many ties as it takes."""
+        found = dict(values)
+        for _ in self.ties:
+            for tie in self.ties:
                 if tie.to in found:
                     found[tie.key] = tie.factor * found[tie.to]
         return found

@@ -111,11 +111,7 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
         )
     }  # fmt: skip
     values = {one.key: one.value for one in result.estimates if one.key in kept}
-    for _ in result.layout.ties:
-        for tie in result.layout.ties:
-            if tie.to in values:
-                values[tie.key] = tie.factor * values[tie.to]
-    return values
+    return result.layout.tied(values)
 
 
 def write_fit(result: Result, folder: Path) -> Path:
