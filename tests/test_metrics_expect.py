@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.metrics.expect import ExpectationResult, check_expectation, compares
 from asrsim.samples import JointInfo, Samples
+from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
 
@@ -67,6 +71,40 @@ def test_bodies_and_contacts() -> None:
     )
     assert all(result.holds for result in results)
     assert [result.unit for result in results] == ["m", "m", "N", "N"]
+
+
+def test_a_component_of_a_contact_force_has_its_sign() -> None:
+    body = {"joint": None, "body": "box", "measure": "final", "tolerance": 1e-9}
+    forces = {".x": 3.0, "/hand.y": 4.0, ".z": 0.0}
+    results = evaluate([claim(quantity=f"contact_force{rest}", value=value, **body) for rest, value in forces.items()])
+    assert all(result.holds for result in results)
+    with pytest.raises(ScenarioError, match=r"no quantity 'contact_force\.w'"):
+        evaluate([claim(quantity="contact_force.w", value=0.0, **body)])
+
+
+def test_a_claim_compares_with_another_quantity_of_its_joint() -> None:
+    lag = np.sin(TIME), np.sin(TIME) - 0.25
+    samples = replace(SAMPLES, values={"link_position": lag[0][:, None], "motor_1_position": lag[1][:, None]})
+    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
+    same = claim(measure="bias", reference="motor_1_position", value=0.25, tolerance=1e-9)
+    check_claims([same], joints, file=None)
+    (result,) = claim_results([same], joints, lambda *_: samples)
+    assert result.holds
+    with pytest.raises(ScenarioError, match="'stiffness' is not recorded"):
+        check_claims([replace(same, reference="stiffness")], joints, file=None)
+    with pytest.raises(ScenarioError, match="no such quantity"):
+        replace(same, reference="elbow")
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'><link name='base'/></robot>")
+    same = {"joint": "*", "quantity": "link_position", "measure": "final", "value": 0}
+    claims = [{**same, "engine": "bullet", "tolerance": 0.1}, {**same, "engine": "mujoco", "tolerance": 0.2}]
+    scenario = make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=claims)
+    assert [one.tolerance for one in scenario.expect] == [0.1 if engine == "bullet" else 0.2]
+    with pytest.raises(ScenarioError, match="bulet"):
+        make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=[{**claims[0], "engine": "bulet"}])
 
 
 def test_options_reach_the_measure() -> None:

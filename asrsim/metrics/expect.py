@@ -33,7 +33,8 @@ BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 
 `error` is the distance in m of a Cartesian task's `tip` from its path.
 
-`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body.
+`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body. With `.x`, `.y` or `.z` behind it, the
+component along that axis of the world.
 """
 
 
@@ -54,7 +55,8 @@ class ExpectationResult:
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
         got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}"
-        against = f" against {Path(claim.against).name}" if claim.against else ""
+        other = Path(claim.against).name if claim.against else claim.reference
+        against = f" against {other}" if other else ""
         verdict = "holds" if self.holds else "does not hold"
         return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
 
@@ -90,6 +92,8 @@ def evaluate_expectation(
             expectation, f"'{expectation.quantity}' is not recorded for {expectation.joint or expectation.body}",
             choices=tuple(columns),
         )  # fmt: skip
+    if expectation.reference is not None:
+        reference = columns[expectation.reference]
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
         reference = columns["position_error"] + series
     try:
@@ -162,7 +166,7 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
     time = np.linspace(0.0, 1.0, 201)
     poses = MEASURES.get(expectation.measure).needs == "poses"
     series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
-    own = expectation.quantity == "link_position" or expectation.against is not None
+    own = expectation.quantity == "link_position" or expectation.against is not None or expectation.reference is not None
     if expectation.body is not None and poses != (expectation.quantity == "position"):
         series = np.tile(time[:, None], 7) if expectation.quantity == "position" else time
     try:
@@ -202,7 +206,9 @@ def _recording_problems(expectation: Expectation) -> list[Problem]:
 
 
 def _is_body_quantity(name: str) -> bool:
-    return name in BODY_QUANTITIES or (name.startswith("contact_force/") and name != "contact_force/")
+    force, dot, axis = name.partition(".")
+    known = force in BODY_QUANTITIES if not dot else force == "contact_force" and axis in AXES
+    return known or (name.startswith("contact_force/") and name != "contact_force/")
 
 
 def body_columns(samples: Samples, body: str) -> dict[str, Array]:
@@ -215,9 +221,12 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     if body == TIP and TIP_GOAL in samples.bodies and poses is not None:
         columns["error"] = np.linalg.norm(poses[:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1)
     forces = samples.forces_on(body)
-    columns |= {f"contact_force/{other}": np.linalg.norm(force, axis=1) for other, force in forces.items()}
+    vectors = {f"contact_force/{other}": force for other, force in forces.items()}
     if forces or poses is not None:
-        columns["contact_force"] = np.linalg.norm(sum(forces.values(), np.zeros((len(samples.time), 3))), axis=1)
+        vectors["contact_force"] = sum(forces.values(), np.zeros((len(samples.time), 3)))
+    for name, force in vectors.items():
+        columns[name] = np.linalg.norm(force, axis=1)
+        columns |= {f"{name}.{axis}": force[:, index] for axis, index in AXES.items()}
     return columns
 
 

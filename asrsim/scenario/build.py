@@ -45,7 +45,9 @@ def build_scenario(
         "name": name,
         "variant": variant,
         "motion": _motion(keys["motion"], keys.get("initial_positions", {})),
-        "expect": tuple(claim for claim in keys["expect"] if claim.variant in (None, variant)),
+        "expect": tuple(
+            claim for claim in keys["expect"] if claim.variant in (None, variant) and claim.engine in (None, keys["engine"])
+        ),
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
     attachments = dict(reading.attachments)

@@ -13,6 +13,7 @@ from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, Choice, File, Kind, Opti
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.scenario.choices import engines
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 
@@ -57,6 +58,16 @@ class Expectation:
     variant: str | None = declare(
         Optional(Text(noun="name of a variant")), default=None, doc="the variant of which it is claimed", shown="all"
     )
+    engine: str | None = declare(
+        Optional(Choice(engines)),
+        default=None,
+        doc="the engine with which it is claimed; each may have an accuracy of its own",
+        shown="all",
+    )
+    reference: str | None = declare(
+        Optional(Text(noun="name of a quantity")), default=None, shown="the joint's own",
+        doc="another quantity of the same joint to compare with, for measures of two series",
+    )  # fmt: skip
     against: Path | None = declare(
         Optional(ComparedFile(noun="recording", folder=True)), default=None,
         doc="a recording to compare with, for measures of a difference",
@@ -70,9 +81,12 @@ class Expectation:
         if (self.joint is None) == (self.body is None):
             raise ScenarioError("needs the key joint, or body", key="", code="expect")
         known = (*QUANTITIES, *DERIVED)
-        if self.joint is not None and self.quantity not in known:
-            hint = did_you_mean(self.quantity, known)
-            raise ScenarioError("no such quantity", key="quantity", choices=known, hint=hint, code="unknown-quantity")
+        for key, name in (("quantity", self.quantity), ("reference", self.reference)):
+            if self.joint is not None and name is not None and name not in known:
+                hint = did_you_mean(name, known)
+                raise ScenarioError("no such quantity", key=key, choices=known, hint=hint, code="unknown-quantity")
+        if self.reference is not None and (self.body is not None or self.against is not None):
+            raise ScenarioError("goes with a joint, and without `against`", key="reference", code="expect")
 
 
 CLAIMS = ListOf(of=block_of(Expectation, "claim", line_argument="line"))

@@ -30,8 +30,8 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
             problems += error.problems
         for joint in _joints_of(claim, joints):
             known = {*joint.quantities, *DERIVED_FUNCTIONS}
-            if claim.quantity not in known:
-                message = f"'{claim.quantity}' is not recorded for joint '{joint.name}'"
+            for name in {claim.quantity, claim.reference or claim.quantity} - known:
+                message = f"'{name}' is not recorded for joint '{joint.name}'"
                 choices = tuple(sorted(known))
                 problems.append(Problem(message, line=claim.line, key="expect", choices=choices, code="expect"))
         if claim.against is not None and not problems:
@@ -133,14 +133,16 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
 
 
 def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    wanted = {claim.quantity, *(source for name in _derived(claim) for source in DERIVED_SOURCES[name])}
+    wanted = {claim.quantity, claim.reference, *(source for name in _derived(claim) for source in DERIVED_SOURCES[name])}
     return tuple(name for name in joint.quantities if name in wanted), (joint.name,)
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:
     """Derived quantities that a claim needs: its own, and the error where it may compare with the joint's reference."""
-    compared = claim.quantity == "link_position" and claim.against is None and MEASURES.get(claim.measure).needs != "series"
-    return tuple(name for name in DERIVED_FUNCTIONS if name == claim.quantity or (compared and name == "position_error"))
+    own = claim.quantity == "link_position" and claim.against is None and claim.reference is None
+    compared = own and MEASURES.get(claim.measure).needs != "series"
+    asked = (claim.quantity, claim.reference)
+    return tuple(name for name in DERIVED_FUNCTIONS if name in asked or (compared and name == "position_error"))
 
 
 def _columns(claim: Expectation, samples: Samples, joint: JointInfo) -> dict[str, Array]:

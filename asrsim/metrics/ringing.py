@@ -52,3 +52,13 @@ def fit_ringing(time: Array, velocity: Array, *, start: float) -> Ringing:
     root = (a + cmath.sqrt(a * a - 4.0 * b)) / 2.0
     rate = cmath.log(root) / step
     return Ringing(natural=abs(rate), decay=-rate.real, samples=len(x))
+
+
+def natural_frequency(time: Array, values: Array) -> float:
+    """Frequency in Hz, without its damping, of the last small swings about 0 (of a velocity, say); samples must be even."""
+    return fit_ringing(time, values, start=-math.inf).frequency
+
+
+def decay_rate(time: Array, values: Array) -> float:
+    """Rate at which the last small swings about 0 (of a velocity, say) decay: c / (2 I) of a joint; samples must be even."""
+    return fit_ringing(time, values, start=-math.inf).decay
