@@ -157,3 +157,22 @@ def test_all_bad_claims_are_reported_together() -> None:
 def test_a_claim_that_no_run_can_meet_is_found_before_the_run(changes: dict) -> None:
     with pytest.raises(ScenarioError):
         check_expectation(claim(**changes))
+
+
+def test_a_number_that_many_claims_compare_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    monkeypatch.setattr("asrsim.metrics.expect.measure", lambda name, *_, **__: calls.append(name) or 0.8)
+    counts = []
+    for several in (10, 1000):
+        calls.clear()
+        names = ("maximum", "minimum", "mean", "steady_state")
+        results = evaluate([claim(measure=names[i % 4], value=0.8 * (i % 2)) for i in range(several)])
+        assert [result.holds for result in results] == [i % 2 == 1 for i in range(several)]
+        counts.append(len(calls))
+    assert counts[0] == counts[1]
+
+
+def test_claims_that_differ_in_an_option_are_measured_apart() -> None:
+    early, late = evaluate([claim(measure="maximum", options={"end": end}) for end in (0.1, 1.0)])
+    assert early.measured == pytest.approx(0.8 * (1 - np.exp(-1)), rel=1e-6)
+    assert late.measured == pytest.approx(0.8 * (1 - np.exp(-10)), rel=1e-6)

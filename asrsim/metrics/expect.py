@@ -105,9 +105,19 @@ def evaluate_expectation(
         series_unit = unit_of(expectation.quantity, prismatic=prismatic)
     else:
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
-    unit = found.unit_of(series_unit)
+    return judged(expectation, measured, found.unit_of(series_unit))
+
+
+def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationResult:
+    """The verdict on a claim once its number is measured."""
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
+
+
+def subject_of(expectation: Expectation) -> tuple[object, ...]:
+    """What a claim measures: claims of one subject differ in what they compare the number with, and share the number."""
+    claim = expectation
+    return claim.joint, claim.body, claim.quantity, claim.measure, claim.against, repr(sorted(claim.options.items(), key=repr))
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:
@@ -122,8 +132,11 @@ def compares(measured: float, comparison: str, value: float, tolerance: float) -
     return measured > value if comparison == ">" else measured >= value
 
 
-def check_expectation(expectation: Expectation) -> None:
-    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run."""
+def check_expectation(expectation: Expectation, *, measurable: set[tuple[object, ...]] | None = None) -> None:
+    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run.
+
+    measurable: subjects that were found measurable and are not tried again; the claim's is added.
+    """
     problems: list[Problem] = []
     if expectation.measure not in MEASURES:
         names = MEASURES.names()
@@ -140,12 +153,16 @@ def check_expectation(expectation: Expectation) -> None:
         message = f"a tolerance goes with '==' only: '{expectation.comparison}' holds or it does not"
         hint = "Put the margin into the value"
         problems.append(Problem(message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
-    problems += [] if problems else _unmeasurable(expectation)
+    subject = subject_of(expectation)
+    if not problems and (measurable is None or subject not in measurable):
+        problems = _unmeasurable(expectation)
     if problems:
         raise ScenarioError(
             [Problem(p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
              for p in problems]
         )  # fmt: skip
+    if measurable is not None:
+        measurable.add(subject)
 
 
 def _unmeasurable(expectation: Expectation) -> list[Problem]:
