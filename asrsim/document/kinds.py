@@ -216,7 +216,7 @@ class File(Kind[Path]):
         if not self.exists:
             return place
         try:
-            there = place.exists() if self.folder else place.is_file()
+            there = place.is_file() or (self.folder and place.is_dir())
         except OSError:
             there = False
         if not there:
