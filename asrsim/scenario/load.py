@@ -56,6 +56,9 @@ def read_scenarios(
         hint = "Of what load_scenario gives, which is one for each variant, choose one"
         raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
+    if not _is_text(str(path.absolute())):
+        hint = "Rename it: logs and summaries name the file, and are UTF-8"
+        raise ScenarioError("the name of the file, or of a folder above it, is no UTF-8", file=path, hint=hint, code="encoding")
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
@@ -169,3 +172,12 @@ def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:
     """Each problem once: variants share most of theirs."""
     return list({str(problem): problem for problem in problems}.values())
+
+
+def _is_text(name: str) -> bool:
+    """Whether a file's name can be written as UTF-8."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
