@@ -57,8 +57,8 @@ def read_scenarios(
         raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
     if not _is_text(str(path.absolute())):
-        hint = "Rename it: logs and summaries name the file, and are UTF-8"
-        raise ScenarioError("the name of the file, or of a folder above it, is no UTF-8", file=path, hint=hint, code="encoding")
+        message = "the name of the file, or of a folder above it, is no UTF-8"
+        raise ScenarioError(message, file=path, hint="Rename it: logs and summaries name the file", code="encoding")
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
