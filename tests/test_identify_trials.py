@@ -13,7 +13,6 @@ from identify_files import CHIRP, SEA, record, write
 from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.noise import beyond_steps, lag_correlation
-from asrsim.recordings import read_recording
 from asrsim.runs.from_recording import write_from_recording
 
 ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
@@ -111,14 +110,6 @@ def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> 
     result = identify(lab, [recorded], free=free, check=True)
     assert [one.text for one in result.combinations] == ["joint_1.controller_1_derivative + joint_1.motor_1_damping"]
     assert result.combinations[0].value == pytest.approx(3.1)
-
-
-@pytest.mark.parametrize(("names", "maps"), [("theta,deflection", ()), ("theta,alpha", ("alpha=-elbow.deflection",))])
-def test_theta_beside_a_deflection_is_the_motor(tmp_path: Path, names: str, maps: tuple[str, ...]) -> None:
-    time = np.arange(0.0, 1.0, 0.01)
-    recorded = table(tmp_path, f"time,{names}", time, np.sin(time), 0.1 * np.sin(time))
-    found = read_recording(recorded, mapping=list(maps), joints=["elbow"])
-    assert found.channels["theta"].quantity == "motor_1_position"
 
 
 @pytest.mark.slow

@@ -208,6 +208,8 @@ class File(Kind[Path]):
     """A folder will do too."""
     exists: bool = True
     """It must exist when the document is read."""
+    beside: str = ""
+    """Ending of a file that describes it where it stands beside it, `lab.csv.yaml`, and is needed, too."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -223,6 +225,9 @@ class File(Kind[Path]):
             raise reading.fault(node, path, f"there is no {self.noun} {place}", code="no-file", show=False)
         if self.attach:
             reading.attach(node, place)
+            described = place.with_name(place.name + self.beside)
+            if self.beside and described.is_file():
+                reading.attachments[f"{reading.renamed[id(node)]}{self.beside}"] = described
         return place
 
     def schema(self) -> Schema:

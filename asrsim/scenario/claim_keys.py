@@ -32,18 +32,6 @@ class AnyData(Kind[Any]):
         return "anything"
 
 
-class ComparedFile(File):
-    """A recording to compare with; what its columns mean may stand in a file beside it, which is needed too."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
-        from asrsim.recordings.mapping import find_mapping
-
-        place = super().read(node, path, reading)
-        if (mapping := find_mapping(place)) is not None:
-            reading.attachments[f"{reading.renamed[id(node)]}.yaml"] = mapping
-        return place
-
-
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
     """A claim about a run, as data: `quantity` of `joint` under `measure` compares with `value`."""
@@ -69,7 +57,7 @@ class Expectation:
         doc="another quantity of the same joint to compare with, for measures of two series",
     )  # fmt: skip
     against: Path | None = declare(
-        Optional(ComparedFile(noun="recording", folder=True)), default=None,
+        Optional(File(noun="recording", folder=True, beside=".yaml")), default=None,
         doc="a recording to compare with, for measures of a difference",
     )  # fmt: skip
     options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
