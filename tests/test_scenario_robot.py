@@ -80,6 +80,8 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
         ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
         ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
+        ("effects: {sensors: {vsa: {delay: 2.5e11}}}", 7, "effects.sensors.vsa.delay", "longer than 1000000 steps"),
+        ("effects: {commands: {vsa: {delay: 1e4}}}", 7, "effects.commands.vsa.delay", "longer than 1000000 steps"),
         ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
         ("desired: {x: 1}", 7, "desired.x", "no moving joint"),
         ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),

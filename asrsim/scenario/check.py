@@ -19,6 +19,8 @@ from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
 from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
 
+MOST_DELAY = 1_000_000
+"""Steps of a delay."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
 """Modes whose references are positions: the only ones that a Cartesian path can drive."""
 
@@ -235,6 +237,15 @@ def _idle_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 
+def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Delays of sensors and commands that need more memory than there is."""
+    for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
+        for name, effects in table.items():
+            if effects.delay > MOST_DELAY * scenario.step:
+                message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, all of which would be kept"
+                yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
+
+
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
     blocks = {block.joint: reference_names(block) for block in robot.actuators}
@@ -298,6 +309,7 @@ CHECKS: tuple[tuple[tuple[str, ...], Check], ...] = (
     ((), _initial),
     (("base", "engine"), _floating),
     ((), _ranges),
+    (("step",), _delays),
     (("task", "duration"), _task),
     (("stepping",), _released),
     (("duration", "step"), lambda scenario, _: signal_faults(scenario)),
