@@ -39,6 +39,8 @@ class Series:
     """(m,); NaN in gaps."""
     source: str
     """Column of the recording."""
+    reading: str
+    """How that was read, in words."""
     metrics: Mapping[str, float]
     """Measures of the difference (simulation against recording); NaN where undefined."""
     steps: Mapping[str, tuple[float, float]]
@@ -188,7 +190,7 @@ def _series(
     steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
-        metrics=metrics, steps=steps, findings=tuple(findings),
+        reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
 
 

@@ -119,6 +119,11 @@ class Column:
         return f"{self.joint}.{self.quantity}" if self.quantity else "-"
 
     @property
+    def reading(self) -> str:
+        """How it was read: its name in the file, what was done to its numbers, and why."""
+        return f"'{self.source}' ({'; '.join(filter(None, (self.conversion or self.unit, self.origin)))})"
+
+    @property
     def given(self) -> bool:
         """Whether the command line or a document says what it is."""
         return self.origin == "command line" or self.origin.endswith((".yaml", ".yml"))

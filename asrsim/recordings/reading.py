@@ -90,7 +90,7 @@ class TimeKeys:
             raise _error("unit", f"time cannot be in {self.unit}", choices=("s", "ms", "us", "ns"))
 
 
-_TIME = block_of(TimeKeys, "time", main="column")
+TIME = block_of(TimeKeys, "time", main="column")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ class Reading:
     file: str | None = declare(
         Optional(Text(noun="name of a file")), doc="the recording, where this document is given in its place", default=None
     )
-    time: TimeKeys = declare(_TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
+    time: TimeKeys = declare(TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
         Optional(Choice(tuple(SEPARATORS))), doc="text: what stands between cells", default=None, shown="found"
     )

@@ -126,8 +126,9 @@ def _alone(column: Column, raw: RawSeries) -> Iterator[Problem]:
     for mark in _MARKS:
         others = numbers[numbers != mark]
         if len(numbers) - len(others) > 1 and len(others) and np.max(np.abs(others)) < 0.02 * abs(mark):
-            said = f"{len(numbers) - len(others)} numbers are {mark:g}, far from all others: do they stand for a missing one?"
-            yield told("missing-mark", said, f"If so, state it in the document beside the file: `missing: {mark:g}`")
+            said = f"{len(numbers) - len(others)} numbers stand far from all others: do they mean a missing one?"
+            cure = f"If so, state it in the document beside the file: `missing: {mark:g}`"
+            yield Problem(said, key=column.source, value=mark, hint=cure, code="missing-mark")
     if len(glitches := time[_lone(values)]) and not str(column.quantity).startswith("reference"):
         said = f"{len(glitches)} single samples stand far from both neighbours (glitches?), at t = {_times(glitches)} s"
         yield told("glitch", said, "They are kept, and count in every comparison")
