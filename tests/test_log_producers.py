@@ -13,7 +13,7 @@ import asrsim
 from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
-from asrsim.reproduce.lab import Lab
+from asrsim.reproduce import Lab
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario

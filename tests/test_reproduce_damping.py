@@ -9,7 +9,7 @@ import pytest
 
 from asrsim import run
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce.statics import rest
+from paper.statics import rest
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"
 CASES = (("sea", "soft"), ("awas_ii", "soft"), ("bavs", "soft"), ("qbmove", "stiff"))

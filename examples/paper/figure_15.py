@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.learning.folder import LOG
-from asrsim.reproduce.claim import Claim, above, at_most, below, near
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.newton import IDENTIFIED, hanging, motion_claims
-from asrsim.reproduce.pictures import films, picture
+from asrsim.reproduce import Claim, Figure, Part, Table, above, at_most, below, near
+from paper.newton import IDENTIFIED, hanging, motion_claims
+from paper.pictures import films, picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
     from asrsim.learning.session import Session
-    from asrsim.reproduce.lab import Lab
+    from asrsim.reproduce import Lab
     from asrsim.samples import Samples
 
 SCENARIO = "ilc_2dof"
@@ -170,16 +169,13 @@ def _figure(session: Session) -> Drawing:
     return learning_figure(session.prepared.problem, session.result, session.prepared.settings)
 
 
-FIGURES.add(
-    "15",
-    Figure(
-        number=15,
-        title="Iterative learning control",
-        section="4.3",
-        paper="The equilibrium over time that takes a vertical arm along a minimum-jerk trajectory is learned in "
-        "simulation. After 11 iterations both joints are within 0.08 rad; played to the real arm, only the first joint leaves "
-        "that band for a while.",
-        parts=parts,
-        cost=12.0,
-    ),
+FIGURE = Figure(
+    number=15,
+    title="Iterative learning control",
+    section="4.3",
+    paper="The equilibrium over time that takes a vertical arm along a minimum-jerk trajectory is learned in "
+    "simulation. After 11 iterations both joints are within 0.08 rad; played to the real arm, only the first joint leaves "
+    "that band for a while.",
+    parts=parts,
+    cost=12.0,
 )
