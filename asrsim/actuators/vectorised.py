@@ -15,7 +15,8 @@ from asrsim.actuators.base import Actuator, saturate
 from asrsim.rebind import rebind
 
 Array = NDArray[np.float64]
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+GAUSS = tuple((0.5 * (node + 1.0), 0.5 * weight) for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True))
+"""Nodes and weights of Gauss's rule with twelve points on [0, 1]."""
 
 _ARRAY_MATH: dict[str, Any] = {
     name: getattr(np, name)
@@ -128,7 +129,7 @@ def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
     def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
         total = np.zeros_like(q)
         d_1, d_2 = theta_1 - q, theta_2 - q
-        for node, weight in zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True):
+        for node, weight in GAUSS:
             if actuator.adjuster:
                 torque_1, _ = torques(q, q + node * d_1, theta_2, parameters)
                 total += weight * torque_1 * d_1

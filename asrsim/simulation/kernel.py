@@ -1,0 +1,159 @@
+"""The loop: worlds, one after the other, each for a number of substeps; one source for plain Python and for compiled code.
+
+A substep: the joints read their sensors, move their motors and push their links; the engine moves the links; the ledger is
+settled. Where an input jumps, the kick is cut in pieces, each with the inputs of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asrsim.simulation.joint import advance, damping_of, friction_of, limit, push_of, read_sensors, remember_springs
+from asrsim.simulation.laws import engine_step
+from asrsim.simulation.layout import (
+    APPLIED, APPLIED_BEFORE, APPLIED_NEXT, BRAKE, CONTROLLERS, DAMPING, DRAG, DRIVE_BEFORE, DRIVE_NEXT, DRIVE_PIECE,
+    DRIVE_TORQUE, E_DAMPING, E_FRICTION, E_POSITION, E_TORQUE, E_VELOCITY, EXTERNAL, FREE_AFTER, FREE_BEFORE, HEALTHY, LAGGING,
+    LINK_IMPLICITNESS, MOTOR_PUSHES, MOTORS, NO_VALUE, NOW, OWN, P_BRAKE, P_EFFORT, P_LEVEL, PAST, PER_MOTOR, POSITION, PREVIOUS,
+    PUSH, PUSHES, RAN_AWAY, STAGGERED, STEP, TORQUE, VELOCITY,
+)  # fmt: skip
+from asrsim.simulation.ledger import count_limits, settle_accounts
+
+FASTEST = 1e4
+"""rad/s (m/s) that no spring or motor of a robot gives."""
+
+
+def run(
+    which: Any, count: int, every: int, last: int, done: Any, fault: Any, S: Any, P: Any, K: Any, z: Any, X: Any, U: Any,
+    W: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any,
+) -> None:  # fmt: skip
+    """Advance the worlds `which` by `count` substeps.
+
+    every, last: rows are recorded at multiples of `every` substeps up to `last`; done: substeps that each world has done, and
+    fault: (worlds, 2) its health, and the joint; S, P: (worlds, joints, ...) of :mod:`asrsim.simulation.layout`, K: (joints,
+    ...), z: the stepping's numbers; X: (worlds, ...) states of the engine; U: (worlds, count, joints, ...) inputs; W: (worlds,
+    count, w, 6) wrenches; cuts: (worlds, m, 3) substeps of this call in which an input jumps, and their first and last piece;
+    fractions, on_time: of the pieces, parts of a substep and whether the whole substep's time is at their start, pieces: their
+    inputs, (n, joints, ...); exchange: (joints, 5) with the engine, whose step is at the address `engine`; columns: of S that are
+    recorded, out: (worlds, rows, joints, columns) to where.
+    """
+    for w in which:
+        row = 0
+        cut = 0
+        s_all, p_all, x, u_all, wrenches = S[w], P[w], X[w], U[w], W[w]
+        for step in range(count):
+            if fault[w, 0] != HEALTHY:
+                break
+            substep = done[w]
+            jumped = cut < len(cuts[w]) and cuts[w][cut][0] == step
+            length = 1.0
+            if jumped:
+                first_piece, last_piece = cuts[w][cut][1], cuts[w][cut][2]
+                length = 0.0
+                for piece in range(first_piece, last_piece):
+                    length += fractions[piece]
+                cut += 1
+            for j in range(len(K)):
+                s, p, k, u = s_all[j], p_all[j], K[j], u_all[step][j]
+                v = z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+                if k[CONTROLLERS]:
+                    read_sensors(s, p, k, z, u)
+                if jumped:
+                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j)
+                else:
+                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE)
+                    s[BRAKE] = limit(s, p, v)
+                    s[PUSH] = push_of(s, p, u[EXTERNAL])
+                    torque = s[APPLIED] + s[PUSH]
+                s[DRAG] = damping_of(s, p, k)
+                exchange[j, E_TORQUE] = torque
+                exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                exchange[j, E_FRICTION] = friction_of(s, p, v)
+                if not abs(torque) < 1e300:
+                    fault[w, 0], fault[w, 1] = NO_VALUE, j
+                    break
+            if fault[w, 0] != HEALTHY:
+                break
+            engine_step(engine, record, x, exchange, wrenches[step], length if substep == 0 else 1.0)
+            asked = substep <= last and substep % every == 0
+            for j in range(len(K)):
+                s, p, k = s_all[j], p_all[j], K[j]
+                velocity = exchange[j, E_VELOCITY]
+                _feel_engine(s, p, z, velocity, jumped, substep == 0)
+                if p[P_LEVEL] > 0.0:
+                    remember_springs(s, p, k)
+                settle_accounts(s, p, k, z, substep == 0, jumped, asked)
+                if substep <= last:
+                    count_limits(s, p, k)
+                if asked:
+                    for c in range(len(columns)):
+                        out[w, row, j, c] = s[columns[c]]
+                # Before the start a staggered run moved as if its first kick had been a whole one.
+                s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
+                s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]
+                if not abs(velocity) <= FASTEST:
+                    fault[w, 0], fault[w, 1] = RAN_AWAY, j
+            if asked:
+                row += 1
+            done[w] = substep + 1
+
+
+def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
+    """What the link's new velocity tells of this kick: damping and brake act on the mean velocity over it."""
+    mean = s[LAGGING] + z[LINK_IMPLICITNESS] * (velocity - s[LAGGING])
+    brake = -s[BRAKE] * mean
+    s[DAMPING] = -s[DRAG] * mean
+    s[VELOCITY] = s[LAGGING] if first or z[STAGGERED] == 0.0 else 0.5 * (s[LAGGING] + velocity)
+    if jumped:
+        s[APPLIED_BEFORE] += brake * s[FREE_BEFORE]
+        s[APPLIED_NEXT] += brake * s[FREE_AFTER]
+        s[APPLIED_BEFORE + 2] = s[APPLIED_NEXT + 2] = s[DAMPING]
+        applied = s[APPLIED] + brake
+        s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT]) if s[BRAKE] != 0.0 else s[APPLIED]
+    else:
+        s[APPLIED] += brake
+
+
+def _in_pieces(
+    s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
+    j: int,
+) -> float:  # fmt: skip
+    """A joint's part of a substep whose kick is cut in pieces; returns the mean torque on the link in N m.
+
+    The means of what pushes over the half kicks before and after the whole substep's time go to their columns of s. length: of
+    all pieces; the first substep of a run has no piece before its time.
+    """
+    for c in range(PUSHES):
+        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
+    for i in range(k[MOTORS]):
+        m = OWN + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
+    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
+    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
+    mean = free = torque = applied = push = 0.0
+    for piece in range(first, last):
+        u = pieces[piece][j]
+        s[PUSH] = push_of(s, p, u[EXTERNAL])
+        if on_time[piece]:
+            # The whole substep's time: what is recorded is the state here, and nothing moves.
+            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
+            limit(s, p, v)
+            torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
+            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
+        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE)
+        brake = limit(s, p, v)
+        share = 2.0 * fractions[piece]
+        mean += fractions[piece] / length * (s[APPLIED] + s[PUSH])
+        s[side] += share * s[APPLIED]
+        s[side + 1] += share * s[TORQUE]
+        s[side + 3] += share * s[PUSH]
+        for i in range(k[MOTORS]):
+            m = OWN + i * PER_MOTOR
+            for c in range(MOTOR_PUSHES):
+                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
+        if brake == p[P_BRAKE]:
+            s[free_side] += share
+            free += fractions[piece]
+    s[TORQUE], s[APPLIED], s[PUSH] = torque, applied, push
+    s[BRAKE] = p[P_BRAKE] * min(free / length, 1.0)
+    return mean
