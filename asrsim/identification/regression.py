@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.electric import electric_of
 from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError

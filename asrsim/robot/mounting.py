@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.electric import electric_of
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.electric import missing_constants
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.robot import Robot

@@ -18,7 +18,7 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.laws import spring_law
 from asrsim.simulation.layout import (
     ANCHOR, CONTROLLED, D_COULOMB, D_DAMPING, D_DERIVATIVE, D_HIGH, D_HOLD, D_INERTIA, D_INTEGRAL, D_LIMIT, D_LOW, D_PROPORTIONAL,
-    DIRECT, DRIVE_TORQUE, DRIVES, DYNAMIC, FRICTION, GOALS, INTEGRAL, KICK_POSITION, KIND, LAGGING, LAW, LOAD, MEAN_VELOCITY,
+    DIRECT, DRIVE_TORQUE, DRIVES, DYNAMIC, FRICTION, GOALS, HELD, INTEGRAL, KICK_POSITION, KIND, LAGGING, LAW, LOAD, MEAN_VELOCITY,
     MOTOR_INTEGRAL, MOTOR_POSITION, MOTOR_VELOCITY, OWN, P_DERIVATIVE, P_INTEGRAL, P_PROPORTIONAL, PER_DRIVE, PER_MOTOR, POSITION,
     SPRING_LAW, SPRUNG, THETAS, TORQUE, TORQUES,
 )  # fmt: skip
@@ -90,5 +90,6 @@ def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: 
     if position > p[d + D_HIGH] or position < p[d + D_LOW]:
         position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
         velocity, push = 0.0, math.nan
+        s[m + HELD] = 1.0
     s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + MEAN_VELOCITY] = position, velocity, velocity
     s[m + DRIVE_TORQUE], s[m + FRICTION] = push, friction
