@@ -45,7 +45,7 @@ def run(
                 break
             substep = done[w]
             jumped = cut < len(cuts[w]) and cuts[w][cut][0] == step
-            length = 1.0
+            length, first_piece, last_piece = 1.0, 0, 0
             if jumped:
                 first_piece, last_piece = cuts[w][cut][1], cuts[w][cut][2]
                 length = 0.0
