@@ -70,36 +70,47 @@ def compile_function(
 
 @dataclass(frozen=True)
 class PackedFunction:
-    """A compiled function that takes a record by its address, and a number."""
+    """A compiled function of a record in memory, a state, an exchange, wrenches and a number; arrays are given by addresses."""
 
-    symbol: str
-    """The name under which compiled code of this process finds it."""
-    call: Callable[[int, int], None]
+    address: int
+    call: Callable[[int, int, int, int, float], None]
     """From Python, without the interpreter's lock."""
     owner: Any
 
 
 def compile_packed(
-    function: Any, record: Any, *, names: Mapping[str, Any] | None = None, version: str = "", inline: tuple[str, ...] = ()
+    function: Any,
+    record: Any,
+    sizes: Callable[[Any], tuple[int, int, int]],
+    *,
+    names: Mapping[str, Any] | None = None,
+    version: str = "",
+    inline: tuple[str, ...] = (),
 ) -> PackedFunction:
-    """`function(record, number)` compiled for records of these types in memory, of any sizes; see :mod:`asrsim.packed`.
-    Other arguments as in :func:`compile_function`."""
+    """`function(record, state, exchange, wrenches, fraction)` compiled for records of these types in memory, of any sizes; see
+    :mod:`asrsim.packed` and :class:`asrsim.engines.base.Native`.
+
+    sizes: of a record, how many numbers a state has, and how many rows the other two. Other arguments as in
+    :func:`compile_function`.
+    """
     import ctypes
 
     import numba
-    from llvmlite import binding
 
-    from asrsim.packed import reader
+    from asrsim.packed import reader, table_reader
 
     kind = type_of(record)
+    kinds: Any = numba.types
 
     def compiled(copy: types.FunctionType, cached: bool) -> PackedFunction:
-        callback: Any = numba.cfunc(numba.types.void(numba.types.intp, numba.types.intp), cache=cached)(copy)
-        binding.add_symbol(copy.__name__, callback.address)
-        call = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t, ctypes.c_ssize_t)(callback.address)
-        return PackedFunction(copy.__name__, call, callback)
+        word = kinds.intp
+        signature = kinds.void(word, word, word, word, kinds.float64)
+        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        words = ctypes.c_ssize_t
+        call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
+        return PackedFunction(callback.address, call, callback)
 
-    given = {**(names or {}), "_unpacked": reader(kind), "_function": function}
+    given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
     return _through_cache(compiled, _at_address, given, f"{version}\n{kind}", inline)
 
 
@@ -107,11 +118,36 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("bound by compile_packed")
 
 
-_unpacked = _function = _unbound
+_unpacked = _function = _sizes = _table = _unbound
 
 
-def _at_address(address: int, number: int) -> None:
-    _function(_unpacked(address), number)
+def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction: float) -> None:
+    record = _unpacked(address)
+    size, joints, pushes = _sizes(record)
+    _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
+
+
+@cache
+def caller() -> Any:
+    """What compiled code may call: call(address, record, state, exchange, wrenches, fraction) of a
+    :class:`asrsim.engines.base.Native`; the address of the function, and those of what it is given, are integers."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+    word, number = ir.IntType(64), ir.DoubleType()
+    kind = ir.FunctionType(ir.VoidType(), [word, word, word, word, number])
+
+    def call_step(typing: Any, address: Any, record: Any, state: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
+            return context.get_dummy_value()
+
+        whole = kinds.intp
+        return kinds.void(whole, whole, whole, whole, whole, kinds.float64), generate
+
+    return intrinsic(call_step)
 
 
 @cache
