@@ -109,6 +109,16 @@ def test_what_reads_logs_does_not_know_the_simulation(folder):
         assert not known, f"{path.relative_to(ROOT)} imports {known}"
 
 
+def test_identification_reaches_the_simulation_through_its_door_alone():
+    inner = ("asrsim.simulation", "asrsim.engines", "asrsim.actuators.vectorised", "asrsim.actuators.detailed_motor")
+    users = {
+        path.stem
+        for path in (PACKAGE / "identification").glob("*.py")
+        if any(name.startswith(inner) for name in imported(path, everywhere=True))
+    }
+    assert users == {"door"}
+
+
 def test_the_library_does_not_know_its_command_line():
     for name, path in MODULES.items():
         used = {other for other in imported(path, everywhere=True) if other.startswith("asrsim.cli")}

@@ -87,7 +87,7 @@ def test_errors_of_every_file_and_exit_code_1(runner: CliRunner, good: Path, tmp
     assert result.exit_code == 1
     assert f"{bad}:5" in result.stdout
     assert "no such file" in result.stdout
-    assert "3 files: 2 errors, 2 warnings" in result.stdout  # the bad file's misspelt tag is said too
+    assert "3 files: 2 errors, 3 warnings" in result.stdout  # the bad file's misspelt tag and its own mode are told too
     assert json.loads(runner.invoke(app, ["check", "--json", str(bad)]).stdout)["ok"] is False
 
 

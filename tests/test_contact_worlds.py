@@ -92,6 +92,29 @@ def test_the_ground_is_where_it_is_said_to_be(tmp_path: Path, engine: str, heigh
     assert asrsim.run(scenario).bodies["ball"][-1, 2] == pytest.approx(height + 0.1, abs=2e-3)
 
 
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_path: Path, engine: str) -> None:
+    """A ball on a slide pushes a box over the ground, stops at its limit, and the box slides on and comes to rest."""
+    ball = "<collision><geometry><sphere radius='0.02'/></geometry></collision>"
+    (tmp_path / "slide.urdf").write_text(f"""<robot name="slide"><link name="base"/><link name="ball"><inertial>
+<mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>{ball}</link>
+<joint name="push" type="prismatic"><parent link="base"/><child link="ball"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="0.05" effort="1000" velocity="100"/></joint></robot>""")
+    mass, gravity = 2.0, np.array([0.0, 0.0, -9.81])
+    box = {"shape": "box", "size": [0.2, 0.2, 0.2], "mass": mass, "friction": 0.23, "position": [0.1201, 0.0, 0.1]}
+    scenario = asrsim.make_scenario(
+        tmp_path / "slide.urdf", engine=engine, duration=0.7, compiled=False, base={"position": [0, 0, 0.1]},
+        gravity=gravity.tolist(), external_torques={"push": 7.2}, world={"ground": {}, "objects": {"box": box}},
+    )  # fmt: skip
+    run = asrsim.run(scenario)
+    place = run.bodies["box"][:, :3]
+    acceleration = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / 1e-3**2
+    force = run.contacts["box/ground"][2:] + run.contacts["box/robot"][2:]
+    np.testing.assert_allclose(force, mass * (acceleration - gravity), rtol=0.0, atol=0.01)
+    assert 0.05 < place[-1, 0] - place[0, 0] < 0.1
+    assert np.abs(acceleration[-20:]).max() < 0.01
+
+
 def test_a_bounce_that_no_engine_has_right_is_refused_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
     ball = {"shape": "sphere", "size": 0.05, "mass": 0.1, "restitution": 0.5}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,11 +15,22 @@ from asrsim.errors import InputError
 from asrsim.extras import install, library
 from asrsim.live.transport import available
 from asrsim.notebook import as_xarray
+from asrsim.recordings.arrays import read_matlab
+from asrsim.recordings.reading import Reading
 from asrsim.render.files import write_mp4
 from asrsim.workers.cluster import Cluster
 
 ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+
+
+def read_hdf5() -> object:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "lab.mat"
+        path.write_bytes(b"\x89HDF")
+        return read_matlab(path, Reading())
+
+
 USES: dict[str, tuple[str, Callable[[], object]]] = {
     "video": ("imageio_ffmpeg", lambda: write_mp4(None, Path("film.mp4"))),
     "sweep": ("pyarrow", lambda: asrsim.sweep(SCENARIO, {"parameters.joint_1.spring_k_1": [0.02]}, variants=["soft"])),
@@ -26,6 +38,7 @@ USES: dict[str, tuple[str, Callable[[], object]]] = {
     "ros": ("rclpy", lambda: available(["ros"])),
     "foxglove": ("foxglove", lambda: available(["foxglove"])),
     "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
+    "hdf5": ("h5py", read_hdf5),
     "notebook": ("xarray", lambda: as_xarray(None)),
 }
 """Extra -> the module that it brings, and what needs that."""

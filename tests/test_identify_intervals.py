@@ -4,100 +4,68 @@ from __future__ import annotations
 
 import math
 import re
+from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from identify_files import CHIRP, SEA, record, write
+from identify_files import CHIRP, SEA, modelled, record, write
 from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 from asrsim import identify
-from asrsim.identification.bristles import _stiffnesses
-from asrsim.identification.intervals import uncertainty, with_faint_directions
+from asrsim.identification.causes import bristles
+from asrsim.identification.combinations import combinations
+from asrsim.identification.extensions import Extension, extended
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
-from asrsim.identification.limits import BITES, REACHED, RELEASES, _starts
 from asrsim.identification.noise import quantum_of
-from asrsim.identification.nulls import combinations
+from asrsim.identification.problem import Meter, Problem, jacobian, residuals
 from asrsim.identification.profiles import profiles
-from asrsim.identification.residuals import FAR, Counter, Part, Residuals, Weights
+from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 
 
+def linear(slopes: np.ndarray, left: float | np.ndarray = 0.0, corner: float | np.ndarray = 0.0) -> Problem:
+    """Residuals A x + b + |C x|."""
+    n = slopes.shape[1]
+    bent = np.zeros(slopes.shape) + corner
+    return modelled(lambda x: slopes @ x + left + np.abs(bent @ x), n, len(slopes))
+
+
 def test_a_null_is_one_though_a_column_was_taken_across_a_corner():
     time = np.linspace(0.0, 1.0, 200)
-    told = np.stack([np.sin(7.0 * time), time], axis=1) * 1e4
+    shown = np.stack([np.sin(7.0 * time), time], axis=1) * 1e4
     # Two entries that show in their sum only, and one that shows by itself.
-    true = np.column_stack([told[:, 0], told[:, 0], told[:, 1]])
-    residuals = _Linear(true)
+    true = np.column_stack([shown[:, 0], shown[:, 0], shown[:, 1]])
     wrong = true.copy()
     wrong[:, 0] *= 1.02
     wrong[:, 1] += 40.0 * np.cos(30.0 * time)
-
-    mended = with_faint_directions(residuals, np.zeros(3), wrong)
+    mended = with_faint_directions(linear(true), np.zeros(3), wrong)
     null = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
     assert np.linalg.norm(wrong @ null) > 100.0
     assert np.linalg.norm(mended @ null) < 1e-3
-    # What is told stays so.
     assert np.linalg.norm(mended[:, 2]) == pytest.approx(np.linalg.norm(true[:, 2]), rel=1e-3)
-
-
-class _Linear:
-    tracks = (None,)
-    jacobian = Residuals.jacobian
-
-    def __init__(self, slopes, corner=None) -> None:
-        n = slopes.shape[1]
-        self.layout = SimpleNamespace(bounds=(np.full(n, -9.0), np.full(n, 9.0)), touched=lambda _: range(1))
-        self.slopes = slopes
-        self.corner = np.zeros(slopes.shape) if corner is None else corner
-
-    def __call__(self, x):
-        return self.slopes @ x + np.abs(self.corner @ x)
-
-    def _places(self):
-        return [0, len(self.slopes)]
-
-    def _of_tracks(self, places):
-        return [self(x) for x, _ in places]
-
-    def parts(self):
-        return [Part(slice(0, len(self.slopes)), 0, SimpleNamespace(quantum=0.0), Weights(1.0))]
-
-    def blocks(self, count):
-        return np.arange(len(self.slopes)) * count // len(self.slopes)
 
 
 @pytest.mark.parametrize("central", [False, True])
 def test_differences_are_never_taken_beyond_bounds(central: bool):
     """Wherever the vector lies: at either bound, nearer to one than a step, or at both."""
     step, tried = 1e-3, []
-    model = _Linear(np.random.default_rng(0).normal(size=(50, 6)))
+    slopes = np.random.default_rng(0).normal(size=(50, 6))
     low, high = np.array([0.0, -1.0, 0.0, -1.0, 0.5 - step, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 0.5, 1.0])
-    model.layout.bounds, x = (low, high), np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.5, 0.1])
-    model._of_tracks = lambda places: [tried.append(place) or model(place) + place.sum() ** 2 for place, _ in places]
-    at = model(x) + x.sum() ** 2
-    slopes = model.jacobian(x, step, base=at, central=central)
-    assert np.all((np.array(tried) >= low) & (np.array(tried) <= high))
-    np.testing.assert_allclose(slopes, model.slopes + 2.0 * x.sum(), atol=1.01 * step)
+    parameters = [
+        Parameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b) for key, a, b in zip("abcdef", low, high, strict=True)
+    ]
+    problem = modelled(lambda x: tried.append(x) or slopes @ x + x.sum() ** 2, parameters, 50)
+    x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.5, 0.1])
+    found = jacobian(problem, x, step, central=central)
+    assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
+    np.testing.assert_allclose(found, slopes + 2.0 * x.sum(), atol=1.01 * step)
     # From both sides a parabola's slope is exact.
-    exact = np.abs(slopes[:, 5] - model.slopes[:, 5] - 2.0 * x.sum()).max() < 1e-9
-    assert exact == central
-
-
-class _Left(_Linear):
-    """At the estimate these residuals are left."""
-
-    def __init__(self, slopes, left) -> None:
-        super().__init__(slopes)
-        self.left = left
-
-    def __call__(self, x):
-        return super().__call__(x) + self.left
+    assert (np.abs(found[:, 5] - slopes[:, 5] - 2.0 * x.sum()).max() < 1e-9) == central
 
 
 def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
@@ -107,7 +75,7 @@ def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
     noise = generator.normal(size=60)
     left = 0.3 * (noise - slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0])
     inverse = np.linalg.inv(slopes.T @ slopes)
-    found = uncertainty(_Left(slopes, left), np.zeros(4), [False] * 4)
+    found = uncertainty(linear(slopes, left), np.zeros(4), [False] * 4)
     assert found.variance == pytest.approx(float(left @ left) / (60 - 4))
     assert found.deviation == pytest.approx(np.sqrt(found.variance * np.diag(inverse)), rel=1e-5)
     assert found.quantile == pytest.approx(np.full(4, stdtrit(60 - 4, 0.975)))
@@ -124,18 +92,12 @@ def test_95_percent_intervals_of_a_linear_model_hold_the_truth_under_any_noise(m
         noise = lfilter([1.0], [1.0, -memory], generator.normal(size=2000))[500:]
         shown = truth + (noise if not quantum else 0.2 * noise)
         if quantum:
-            zero = quantum * generator.uniform(-0.5, 0.5)
-            shown = quantum * np.round((shown + zero) / quantum)
+            shown = quantum * np.round((shown + quantum * generator.uniform(-0.5, 0.5)) / quantum)
         size = quantum / math.sqrt(12.0) if quantum else math.sqrt(1.0 / (1.0 - memory**2))
-        recorded = SimpleNamespace(values=shown, quantum=quantum, time=time)
-        track = SimpleNamespace(
-            channels=[recorded], onset=0.0, predict=lambda table, until, draw: [truth + slopes @ list(table.values())]
-        )  # fmt: skip
-        parameters = [Parameter(key=key, unit="m", start=0.0) for key in "abcd"]
-        residuals = Residuals([track], make_layout(parameters, (), ["lab"], [{}]), [[Weights(size)]], [1.0], Counter())
-        jacobian = residuals.jacobian(np.zeros(4))
-        x = -np.linalg.lstsq(jacobian, residuals(np.zeros(4)), rcond=None)[0]
-        found = uncertainty(residuals, x, [False] * 4)
+        left = partial(lambda x, shown: truth + slopes @ x - shown, shown=shown)
+        problem = modelled(left, 4, 1500, recorded=shown, quantum=quantum, weight=size)
+        x = -np.linalg.lstsq(jacobian(problem, np.zeros(4)), residuals(problem, np.zeros(4)), rcond=None)[0]
+        found = uncertainty(problem, x, [False] * 4)
         hits.append(np.abs(x) <= found.deviation * found.quantile)
     assert 0.90 <= np.mean(hits) <= 0.98
 
@@ -148,52 +110,50 @@ def test_blocks_that_pull_apart_widen_what_they_tell(met: bool):
     slopes[::2, 0] = slopes[1::2, 1] = 1.0
     apart = np.repeat(np.tile([1.0, -1.0], 5), 40)
     left = np.where(np.arange(400) % 2 == 0, 0.4 * apart, 0.3)
-    found = uncertainty(_Left(slopes, left), np.zeros(2), [False, met])
+    found = uncertainty(linear(slopes, left), np.zeros(2), [False, met])
     of_blocks = 20 * 0.4 / 200 * math.sqrt(10 * 10 / 9)
     assert found.deviation[0] == pytest.approx(of_blocks, rel=1e-5)
     assert found.quantile[0] == pytest.approx(2.262157, rel=1e-5)
     ordinary = math.sqrt(float(left @ left) / (400 - 2) / 200)
     assert found.deviation[1] == pytest.approx(ordinary if met else 20 * 0.3 / 200 * math.sqrt(10 * 10 / 9), rel=1e-5)
+    # Each tenth alone moves the first number by 0.4: so wide are intervals of a model that is accepted all the same.
+    assert found.of_a_block.deviation[0] == pytest.approx(0.4, rel=1e-5)
 
 
 @pytest.mark.parametrize("central", [False, True])
 def test_a_step_into_a_motion_that_is_not_sane_tells_no_slope(central: bool):
-    model = _Linear(np.random.default_rng(0).normal(size=(50, 3)))
-    model._of_tracks = lambda places: [np.full(50, FAR) if x[1] > 0.0 else model(x) for x, _ in places]
-    slopes = model.jacobian(np.zeros(3), 1e-3, base=model(np.zeros(3)), central=central)
-    np.testing.assert_allclose(slopes[:, [0, 2]], model.slopes[:, [0, 2]], atol=1e-9)
+    slopes = np.random.default_rng(0).normal(size=(50, 3))
+    found = jacobian(modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50), np.zeros(3), 1e-3, central=central)
+    np.testing.assert_allclose(found[:, [0, 2]], slopes[:, [0, 2]], atol=1e-9)
     # Of both sides one is left, which is half of the slope; of one side nothing is.
-    np.testing.assert_allclose(slopes[:, 1], 0.5 * model.slopes[:, 1] if central else 0.0, atol=1e-9)
-
-
-def test_a_share_of_a_recording_counts_from_where_its_motion_begins():
-    tracks = [SimpleNamespace(onset=onset) for onset in (0.0, 2.0)]
-    residuals = Residuals(tracks, SimpleNamespace(), [], [4.0, 6.0], Counter())
-    residuals.share = 0.25
-    assert [residuals.until(track) for track in range(2)] == [1.0, 3.0]
+    np.testing.assert_allclose(found[:, 1], 0.5 * slopes[:, 1] if central else 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
 @pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0)])
-def test_a_product_of_three_that_alone_is_told_is_found_whatever_its_parts_sizes(values, powers):
-    parameters = [Parameter(key=key, unit="", start=v, low=0.0, logarithmic=True) for key, v in zip("abc", values, strict=True)]
-    layout = make_layout(parameters, (), ["lab"], [{}])
-    model = _Linear(1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), powers))
-    model.layout = layout
-    found = uncertainty(model, np.zeros(3), [False] * 3, foreseen=True)
-    (one,) = combinations(layout, np.zeros(3), found, [0, 1, 2])
+def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_sizes(values, powers):
+    parameters = [
+        Parameter(key=key, unit="", start=v, low=1e-9 * v, high=1e9 * v, logarithmic=True)
+        for key, v in zip("abc", values, strict=True)
+    ]
+    slopes = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), powers)
+    problem = modelled(lambda x: slopes @ x, parameters, 200)
+    found = uncertainty(problem, np.zeros(3), [False] * 3, foreseen=True)
+    (one,) = combinations(problem, np.zeros(3), found, [0, 1, 2])
     assert sorted(one.keys) == [0, 1, 2]
-    parts = dict(part.partition("^")[::2] for part in one.text.split(" * "))
-    told = np.array([float(parts[name] or 1.0) for name in "abc"])
-    assert np.cross(told, powers) == pytest.approx(0.0, abs=0.01)
-    assert np.prod(np.array(values) ** told) == pytest.approx(one.value)
+    found = re.findall(r"(^| \* | / )([abc])(?:\^([\d.]+))?", one.text)
+    shown = {name: (-1.0 if sign == " / " else 1.0) * float(power or 1.0) for sign, name, power in found}
+    known = np.array([shown[name] for name in "abc"])
+    assert np.cross(known, powers) == pytest.approx(0.0, abs=0.01)
+    assert np.prod(np.array(values) ** known) == pytest.approx(one.value)
 
 
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():
     """Two entries of which only the difference is told, at a corner that lies in their difference."""
     time = np.linspace(0.0, 1.0, 200)
-    told = 1e3 * np.outer(np.sin(7.0 * time), [1.0, -1.0])
-    found = uncertainty(_Linear(told, 30.0 * np.outer(time, [1.0, -1.0])), np.zeros(2), [False, False], foreseen=True)
+    shown = 1e3 * np.outer(np.sin(7.0 * time), [1.0, -1.0])
+    problem = linear(shown, corner=30.0 * np.outer(time, [1.0, -1.0]))
+    found = uncertainty(problem, np.zeros(2), [False, False], foreseen=True)
     assert np.all(np.isnan(found.deviation) | (found.deviation > 1e3))
 
 
@@ -201,27 +161,49 @@ def test_where_a_joint_sticks_nothing_is_known_that_is_not():
 def test_what_is_at_its_bound_leaves_others_as_open_as_it_is_itself(met: bool):
     generator = np.random.default_rng(0)
     slopes = generator.normal(size=(200, 2)) @ [[1.0, 0.9], [0.0, 0.4]]
-    found = uncertainty(_Linear(slopes), np.zeros(2), [met, False], foreseen=True)
+    found = uncertainty(linear(slopes), np.zeros(2), [met, False], foreseen=True)
     assert found.deviation[1] == pytest.approx(np.sqrt(np.linalg.inv(slopes.T @ slopes)[1, 1]), rel=1e-3)
     assert found.deviation[1] > 2.0 / np.linalg.norm(slopes[:, 1])
 
 
 @pytest.mark.parametrize("bent", [0.0, 3e3])
-def test_a_profile_whose_others_follow_is_never_above_that_whose_others_stay(bent: float):
+def test_a_profile_is_never_above_that_whose_others_stay(bent: float):
     """Though blocks widen the deviations, one more than another, or slopes hold only near the estimate."""
     slopes = np.random.default_rng(0).normal(size=(200, 3)) @ [[1.0, 0.9, 0.5], [0.0, 0.4, -0.3], [0.0, 0.0, 0.2]]
-    found = uncertainty(_Linear(slopes), np.zeros(3), [False] * 3, foreseen=True)
+    found = uncertainty(linear(slopes), np.zeros(3), [False] * 3, foreseen=True)
     found = found.with_deviation(found.deviation * [1.0, 8.0, 3.0], found.quantile)
+    away = np.cos(np.arange(200))
+    problem = modelled(lambda x: slopes @ x + bent * (x @ [1.0, 2.0, -1.0]) ** 2 * away, 3, 200)
+    for i, (values, misfit) in enumerate(profiles(problem, np.zeros(3), found)):
+        stay = [float(np.sum(residuals(problem, (value - 1.0) * np.eye(3)[i]) ** 2)) for value in values]
+        assert np.all(misfit <= np.minimum(np.array(stay) / found.variance, 1e6) * (1.0 + 1e-9) + 1e-9)
 
-    class Bent(_Linear):
-        def __call__(self, x):
-            return super().__call__(x) + bent * (x @ [1.0, 2.0, -1.0]) ** 2 * np.cos(np.arange(200))
 
-    residuals = Bent(slopes)
-    residuals.layout.entries = [SimpleNamespace(value=lambda place: place)] * 3
-    for one in profiles(residuals, np.zeros(3), found):
-        there, followed = one.followed
-        assert np.all(followed <= np.interp(there, *one.alone) * (1.0 + 1e-9) + 1e-9)
+@pytest.mark.parametrize("seed", range(3))
+def test_an_extension_promises_what_it_would_explain(seed: int) -> None:
+    """Of residuals that are linear: its own number in the least squares of all, and the share of the error that goes."""
+    generator = np.random.default_rng(seed)
+    matrix, x = generator.normal(size=(40, 4)), generator.normal(size=3)
+    begin = 9.0 * matrix[:, 3] + 0.1 * generator.normal(size=40)
+    wider = modelled(lambda x: matrix @ x + begin, 4, 40)
+    problem = modelled(lambda x: matrix[:, :3] @ x + begin, 3, 40)
+    found = extended(problem, x, lambda *_: [Extension(problem=wider)], most=1, enough=lambda _: False)
+    assert [one.problem for one in found.chosen] == [wider]
+    np.testing.assert_allclose(found.x, np.linalg.lstsq(matrix, -begin, rcond=None)[0], atol=1e-4)
+    # What explains nothing is not adopted.
+    noise = modelled(lambda x: matrix[:, :3] @ x[:3] + begin, 4, 40)
+    assert extended(problem, x, lambda *_: [Extension(problem=noise)], most=1, enough=lambda _: False).chosen == ()
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.98])
+def test_noise_however_coloured_asks_for_no_extension(memory: float) -> None:
+    generator, time = np.random.default_rng(3), np.linspace(0.0, 1.0, 2000)
+    slopes = np.stack([np.sin(9.0 * time), time, np.cos(40.0 * time), np.sin(25.0 * time)], axis=1)
+    for _ in range(40):
+        left = lfilter([1.0], [1.0, -memory], generator.normal(size=2500))[500:]
+        problem, wider = linear(slopes[:, :3], left), linear(slopes, left)
+        propose = partial(lambda *_, wider: [Extension(problem=wider)], wider=wider)
+        assert extended(problem, np.zeros(3), propose, most=1, enough=lambda _: False).chosen == ()
 
 
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])
@@ -312,21 +294,6 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
         assert one.value == pytest.approx(value, rel=near)
         assert abs(one.value - value) < 0.75 * (one.high - one.low)
-
-
-@pytest.mark.parametrize("limit", [0.3, 0.9995, 1.0, 1.5, math.inf])
-@pytest.mark.parametrize("low", [-1.0, -0.2, 0.2])
-def test_other_limits_are_tried_where_the_motion_would_run_into_them(limit: float, low: float) -> None:
-    """On either side alike; one that the motion has reached is lifted, too."""
-    stops = _starts(limit, (low, 1.0), 1.0)
-    assert stops == [-stop for stop in _starts(-limit, (-1.0, -low), -1.0)]
-    lifted, bites = [stop for stop in stops if stop > 1.0], [stop for stop in stops if stop <= 1.0]
-    assert lifted == ([limit + 1.0 - low] if limit <= 1.0 + (1.0 - REACHED) * (1.0 - low) else [])
-    np.testing.assert_allclose((np.array(bites) - low) / (1.0 - low), BITES)
-    # Of what has two sides, its size counts.
-    sizes = _starts(limit, (0.0, 1.0), None)
-    assert sizes == [*([RELEASES * limit] if REACHED * limit <= 1.0 else []), *BITES]
-    assert _starts(limit, (low, low), 1.0) == []
 
 
 LIMITED = {
@@ -448,13 +415,21 @@ def test_motors_whose_friction_is_one_number_have_bristles_of_one_stiffness(tied
     motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]
     # Each is tied to the one before it.
     ties = [Tie(key=f"{motors[n + 1]}_friction_torque", to=f"{motors[n]}_friction_torque") for n in range(tied)]
-    found = list(_stiffnesses(make_layout([], ties, ["lab"], [{}]), robot))
-    assert [one.key for one, _ in found] == [f"{motors[n]}_friction_stiffness" for n in (0, *range(tied + 1, 4))]
-    assert [(tie.key, tie.to) for tie in found[0][1]] == [
-        (f"{motors[n + 1]}_friction_stiffness", f"{motors[0]}_friction_stiffness") for n in range(tied)
-    ]
-    assert not any(more for _, more in found[1:])
+    found = _freed(robot, ties=ties)
+    assert list(found) == [f"{motors[n]}_friction_stiffness" for n in (0, *range(tied + 1, 4))]
+    tied_to, *others = found.values()
+    assert tied_to == [f"{motors[n + 1]}_friction_stiffness" for n in range(tied)]
+    assert not any(others)
     given = with_overrides(robot, parameters={"joint_1": {"motor_1_friction_stiffness": 800.0}})
     free = Parameter(key="joint_2.motor_2_friction_stiffness", unit="N m/rad", start=900.0, logarithmic=True)
-    rest = [one.key for one, _ in _stiffnesses(make_layout([free], (), ["lab"], [{}]), given)]
-    assert rest == [f"{motor}_friction_stiffness" for motor in motors[1:3]]
+    assert list(_freed(given, free=[free])) == [f"{motor}_friction_stiffness" for motor in motors[1:3]]
+
+
+def _freed(robot, free=(), ties=()):
+    """Key of a stiffness that would be free -> keys that would be tied to it."""
+    problem = Problem((), make_layout(free, ties, ["lab"], [{}]), (), (), (), Meter())
+    layouts = [one.problem.layout for one in bristles(problem, robot)]
+    return {
+        layout.entries[-1].parameter.key: [tie.key for tie in layout.ties if tie.to == layout.entries[-1].parameter.key]
+        for layout in layouts
+    }

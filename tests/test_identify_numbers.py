@@ -1,13 +1,10 @@
-"""Numbers of `asrsim identify` that need no recording: noise, promises of causes, what torques are linear in."""
+"""Numbers of `asrsim identify` that need no recording: noise, what torques are linear in."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from asrsim.identification.causes import _looked, _promises
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import make_layout
 from asrsim.identification.noise import CLIPPED, beyond_steps, fine_noise, lag_correlation, size_of
@@ -38,42 +35,6 @@ def test_the_size_of_residuals_counts_outliers_little_and_neighbours_once() -> N
         beyond, borne = beyond_steps(np.full(50, zero), np.linspace(0.0, 1.0, 50), 0.01)
         np.testing.assert_allclose(beyond, left, atol=1e-12)
         assert 0.0 <= borne < 1.0
-
-
-class Line:
-    """Residuals A x + b, in place of those of recordings; a layout's own numbers: columns of A."""
-
-    def __init__(self, matrix: np.ndarray, begin: np.ndarray, jump: np.ndarray | float) -> None:
-        """jump: what a cause makes of the residuals at its start."""
-        self.matrix, self.begin, self.jump = matrix, begin, jump
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        return self.matrix[:, : len(x)] @ x + self.begin
-
-    def jacobian(self, x: np.ndarray, *, base: np.ndarray) -> np.ndarray:
-        assert base.tolist() == self(x).tolist()
-        return self.matrix[:, : len(x)]
-
-    def under(self, layout: object) -> Line:
-        return Line(self.matrix, self.begin + self.jump, 0.0)
-
-
-@pytest.mark.parametrize("jump", [False, True])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_cause_promises_what_it_would_explain(jump: bool, seed: int) -> None:
-    """Of residuals that are linear: its own number in the least squares of all, and the share of the error that goes."""
-    generator = np.random.default_rng(seed)
-    matrix, begin, x = generator.normal(size=(40, 4)), generator.normal(size=40), generator.normal(size=3)
-    line = Line(matrix, begin, 0.7 * matrix[:, 3] if jump else 0.0)
-    (promise,) = _promises(line, SimpleNamespace(layout=None, jump=jump), [_looked(line, x)])
-    whole, left, *_ = np.linalg.lstsq(matrix, -begin, rcond=None)
-    _, without, *_ = np.linalg.lstsq(matrix[:, :3], -begin, rcond=None)
-    assert promise.share == pytest.approx(1.0 - left[0] / without[0])
-    assert promise.move == pytest.approx(whole[3] / (0.7 if jump else 1.0))
-    assert (promise.known is None) == jump
-    if promise.known:
-        np.testing.assert_allclose(promise.known[2], matrix, rtol=1e-6)
-    assert promise.near.tolist() == [*x.tolist(), 0.0]
 
 
 def test_numbers_in_which_torques_are_linear_are_found_at_once_and_stay_within_bounds() -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,23 +13,15 @@ from identify_files import CHIRP, SEA, record, write
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, make_task
-from asrsim.identification.bristles import with_bristles
+from asrsim.identification.causes import jumps_or_bristles
 from asrsim.identification.data import Channel
-from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.judge import ChannelFit, verdict
-from asrsim.identification.keys import Parameter, parameters_of
-from asrsim.identification.layout import make_layout
-from asrsim.identification.limits import limits
-from asrsim.identification.nulls import _sparse
-from asrsim.identification.residuals import Counter, Residuals, Weights
-from asrsim.identification.series import first_samples
-from asrsim.identification.settling import widened
+from asrsim.identification.noise import first_samples
+from asrsim.identification.problem import Weights
+from asrsim.identification.search import adopted
 from asrsim.identification.setup import Setup, set_up
-from asrsim.identification.solver import cost_of
-from asrsim.identification.told import Told
-from asrsim.scenario import checked_robot, load_scenario
-from asrsim.simulation.prepare import prepare
+from asrsim.identification.uncertainty import Uncertainty
 
 pytestmark = pytest.mark.once
 
@@ -43,7 +33,7 @@ def test_the_start_of_a_link_is_that_of_its_first_15_samples() -> None:
     channel = Channel(
         joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
     )
-    found = first_samples(channel)
+    found = first_samples(channel, 0.05)
     assert found is not None
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
@@ -103,7 +93,7 @@ def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_pa
         columns["joint_1.external_torque [N m]"] = pushed
     with ExitStack() as stack:
         setup = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, ["joint_1.damping", "joint_1.friction"])
-        (track,) = setup.tracks
+        (track,) = setup.problem.tracks
         assert isinstance(track, InverseTrack)
         (channel,) = track.channels
         # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
@@ -111,83 +101,14 @@ def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_pa
         assert 0.1 < channel.time[0] < 0.12
         assert 2.88 < channel.time[-1] < 2.9
         values = {f"joint_1.{name}": value for name, value in (numbers | LAWS[law]).items()}
-        (found,) = track.predict(values)
+        (found,) = track.predict(values, track.playing)
         off = np.abs(found - channel.values) / np.ptp(channel.values)
         assert np.median(off) < 2e-5
         # Friction that grows with a torque is as sharp as that where it changes its sign.
         assert off.max() < (0.015 if law == "load" else 2e-4)
-        (early,) = track.predict(values, 1.0)
+        (early,) = track.predict(values, track.playing, 1.0)
         assert early.tolist() == found[channel.time <= 1.0 + 1e-9].tolist()
-        assert track.shaken(values) is not None
-        assert track.predict(values)[0].tolist() == found.tolist()
-
-
-REACHED = {
-    "torque": (-2.0, 1.5),
-    "velocity": (-3.0, 4.0),
-    "position": (-0.2, 0.6),
-    "current": (0.0, 0.0),
-    "voltage": (0.0, 0.0),
-}
-"""Of what a motor reaches."""
-
-
-@pytest.mark.parametrize(
-    "fixed", [(), ("joint_1.motor_1_max_torque",), ("joint_1.motor_2_max_torque",), ("joint_1.max_deflection",)]
-)
-@pytest.mark.parametrize("second", [2.0, 3.0])
-def test_limits_that_are_tried_are_those_near_what_the_motion_reaches(
-    tmp_path: Path, fixed: tuple[str, ...], second: float
-) -> None:
-    """Those of both motors together where they are one number; none of what is free, or of what does not move."""
-    tags = "<mot_1_tauMax>2.0</mot_1_tauMax><mot_1_minPos>-0.2</mot_1_minPos><mot_1_maxPos>0.9</mot_1_maxPos>"
-    tags += f"<mot_2_tauMax>{second}</mot_2_tauMax>"
-    path = write(tmp_path, "lab", {**SEA, "actuator": "qbmove", "mode": 6, "tags": tags})
-    scenario = load_scenario(path)[0]
-    prepared = prepare(scenario, checked_robot(scenario)[0])
-
-    def series(values: dict[str, float], wanted: list[tuple[int, str]]) -> np.ndarray:
-        found = [np.linspace(*REACHED[name.split("_")[2]], 9) if "motor" in name else np.full(9, 0.1) for _, name in wanted]
-        return np.array(found)[0] if len(found) == 1 else np.array(found)
-
-    track = SimpleNamespace(prepared=prepared, series=series)
-    known = parameters_of(prepared.robot, (), {})
-    layout = make_layout([known[key] for key in fixed], (), ["a"], [{}])
-    found: dict[str, list[tuple[float, bool]]] = {}
-    for text, parameter, ties in limits(SimpleNamespace(tracks=[track]), layout, np.zeros(len(fixed))):
-        what = parameter.key.partition("motor_")[2][2:]
-        assert text == (f"a limit of the motors of joint_1, {what}" if what else "a limit of the deflection of joint_1")
-        assert [(tie.key, tie.to) for tie in ties] == [(f"joint_1.motor_2_{what}", parameter.key)] * len(ties)
-        if "position" in what:
-            assert (parameter.low, parameter.high, parameter.logarithmic) == (-np.inf, np.inf, False)
-        else:
-            assert (parameter.low, parameter.high) == pytest.approx((1e-3 * parameter.start, 1e3 * parameter.start))
-            assert parameter.logarithmic
-        found.setdefault(parameter.key.removeprefix("joint_1."), []).append((parameter.start, bool(ties)))
-    # Shares of the way that it goes, from its other end; and the limit further off, where the motion has run into it.
-    below, above = [0.0, 0.36, 0.52], [0.4, 0.04, -0.12]
-    alike = second == 2.0 and not fixed
-    wanted = {
-        "motor_1_max_torque": [(start, alike) for start in (4.0, 1.5, 0.6, 0.2)],
-        "motor_1_max_velocity": [(start, True) for start in (3.0, 1.2, 0.4)],
-        "motor_1_min_position": [(start, False) for start in (-1.0, *below)],
-        "motor_1_max_position": [(start, False) for start in above],
-        "motor_2_max_torque": [(start, False) for start in ((4.0,) if second == 2.0 else ()) + (1.5, 0.6, 0.2)],
-        "motor_2_min_position": [(start, False) for start in below],
-        "motor_2_max_position": [(start, False) for start in above],
-        "max_deflection": [(start, False) for start in (0.375, 0.15, 0.05)],
-    }
-    if alike or (fixed == ("joint_1.max_deflection",) and second == 2.0):
-        wanted["motor_1_max_torque"] = [(start, True) for start, _ in wanted["motor_1_max_torque"]]
-        del wanted["motor_2_max_torque"]
-    for key in fixed:
-        del wanted[key.removeprefix("joint_1.")]
-    assert found.keys() == wanted.keys()
-    for key, starts in wanted.items():
-        np.testing.assert_allclose(found[key], starts, rtol=1e-9)
-    # A motion that is not sane reaches no limit.
-    track.series = lambda values, wanted: None
-    assert not list(limits(SimpleNamespace(tracks=[track]), layout, np.zeros(len(fixed))))
+        assert track.shaken(values, track.playing) is not None
 
 
 TIME = 0.4
@@ -197,70 +118,22 @@ STICKS = (
 )
 
 
-@pytest.fixture(scope="module", params=[300.0, 1000.0])
-def sticking(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[tuple[float, Setup, Residuals]]:
-    """A motor that sticks, on bristles that the model takes for the law's own of 1000 N m/rad."""
-    folder = tmp_path_factory.mktemp("sticks")
+@pytest.mark.parametrize("truth", [300.0, 1000.0])
+def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, truth: float) -> None:
+    """Of a motor that sticks, where the model takes them for the law's own of 1000 N m/rad."""
     drive = f"{{reference_1: {{sinusoid: {{amplitude: 0.25, frequency: {1.0 / TIME}}}}}}}"
     numbers = {**SEA, "mode": 5, "tags": STICKS}
-    stiffer = {**numbers, "tags": f"{STICKS}<mot_fricStiff>{request.param}</mot_fricStiff>"}
-    true, lab = write(folder, "true", stiffer, drive, TIME), write(folder, "lab", numbers, duration=TIME)
-    for path in (true, lab):
-        path.write_text(path.read_text() + "compiled: false\n")
-    record(true, folder / "a.csv", ("link_position", "motor_1_position"), noise=1e-6)
+    stiffer = {**numbers, "tags": f"{STICKS}<mot_fricStiff>{truth}</mot_fricStiff>"}
+    true, lab = write(tmp_path, "true", stiffer, drive, TIME), write(tmp_path, "lab", numbers, duration=TIME)
+    record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"), noise=1e-6)
     with ExitStack() as stack:
-        setup = set_up(make_task(lab, [folder / "a.csv"], free=["joint_1.damping"]), stack)
-        weights = [[Weights(channel.noise) for channel in setup.tracks[0].channels]]
-        yield request.param, setup, Residuals(setup.tracks, setup.layout, weights, setup.ends, Counter())
-
-
-def test_bristles_are_freed_where_a_recording_asks_for_them(sticking: tuple[float, Setup, Residuals]) -> None:
-    truth, setup, residuals = sticking
-    before = [track.prepared.resolution for track in setup.tracks]
-    layout, x = with_bristles(residuals, np.zeros(1), setup.robot)
-    wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
-    assert [entry.name for entry in layout.entries] == ["joint_1.damping", *wanted]
-    assert layout.values(x) == pytest.approx([SEA["damping"], truth][: len(x)])
-    assert residuals.layout is setup.layout
-    assert [track.prepared.resolution for track in setup.tracks] == before
-
-
-def test_what_a_recording_asks_for_is_fitted_beside_the_rest(sticking: tuple[float, Setup, Residuals]) -> None:
-    truth, setup, residuals = sticking
-    x = np.zeros(1)
-    best = SimpleNamespace(x=x, cost=cost_of(residuals(x), "huber"))
-    narrow, cost = setup.layout, best.cost
-    try:
-        assert widened(residuals, best, setup) == (truth != 1000.0)
-        assert residuals.layout is setup.layout
-        if truth != 1000.0:
-            assert setup.layout.values(best.x) == pytest.approx([SEA["damping"], truth], rel=0.05)
-            assert best.cost == cost_of(residuals(best.x), "huber") < 0.5 * cost
-        else:
-            assert setup.layout is narrow
-            assert (best.x is x, best.cost) == (True, cost)
-    finally:
-        setup.layout = residuals.layout = narrow
-
-
-def test_residuals_that_take_anothers_state_are_the_same(sticking: tuple[float, Setup, Residuals]) -> None:
-    _, setup, residuals = sticking
-    other = Residuals(setup.tracks, setup.layout, [], [0.0], Counter())
-    resolution = setup.tracks[0].prepared.resolution
-    residuals.share = 0.5
-    told = residuals.state()
-    half = residuals(np.zeros(1))
-    try:
-        setup.tracks[0].resolve(2, 5)
-        assert not np.array_equal(residuals(np.zeros(1)), half)
-        other.take(told)
-        np.testing.assert_array_equal(other(np.zeros(1)), half)
-    finally:
-        residuals.share = 1.0
-        setup.tracks[0].resolve(resolution.substeps, resolution.motor_substeps)
-    assert len(half) < 0.6 * len(residuals(np.zeros(1)))
+        setup = set_up(make_task(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
+        weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
+        problem = replace(setup.problem, weights=weights)
+        found = adopted(problem, np.zeros(1), setup.task, jumps_or_bristles(setup.robot))
+        wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
+        assert [entry.name for entry in found.problem.layout.entries] == ["joint_1.damping", *wanted]
+        assert found.problem.layout.values(found.x) == pytest.approx([SEA["damping"], truth][: len(found.x)], rel=0.05)
 
 
 def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path) -> None:
@@ -279,20 +152,12 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path)
     ):
         with ExitStack() as stack:
             setup = setup_of(stack, tmp_path, columns, {"mode": 6}, [free])
-            (track,) = setup.tracks
-            assert track.positions == [pytest.approx(link, abs=1e-3)]
+            (track,) = setup.problem.tracks
+            assert track.positions == pytest.approx((link,), abs=1e-3)
             assert track.motors == motors
-            assert ("joint_1.initial_position" in [entry.parameter.key for entry in setup.layout.entries]) == (link == 0.3)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_sparse_directions_span_the_same_space(seed: int) -> None:
-    """Of k directions, each pivot belongs to one alone."""
-    found = np.random.default_rng(seed).normal(size=(3, 7))
-    rows = _sparse(found)
-    pivots = [int(np.argmax(np.isclose(rows[i], 1.0, rtol=0.0, atol=1e-12))) for i in range(3)]
-    np.testing.assert_allclose(rows[:, pivots], np.eye(3), atol=1e-12)
-    assert np.linalg.matrix_rank(np.vstack([found, rows]), tol=1e-9) == 3
+            assert ("joint_1.initial_position" in [entry.parameter.key for entry in setup.problem.layout.entries]) == (
+                link == 0.3
+            )
 
 
 def test_what_one_recording_of_several_shows_is_a_reason() -> None:
@@ -326,23 +191,6 @@ def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_devi
     apart = np.repeat([1.0, -2.0, 1.0], 4)[:, None] * np.ones((1, 4))
     whole = replace(told, scores=apart, firsts=np.array([0, 4, 8]))
     assert whole.deviations(np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
-
-
-def test_entries_move_by_the_factor_that_is_asked_for() -> None:
-    kinds = {
-        "scale": Parameter(key="a.k", unit="N m", start=0.2, low=0.01, high=9.0, logarithmic=True),
-        "plain": Parameter(key="a.damping", unit="N m s/rad", start=0.3, low=0.0, high=5.0),
-        "offset": Parameter(key="a.offset", unit="rad", start=-0.4, low=-3.0, high=3.0),
-    }
-    layout = make_layout(tuple(kinds.values()), (), ("one",), ({},))
-    x = np.array([0.3, 0.6, -0.5])
-    scale, plain, offset = layout.values(x)
-    assert offset < -0.4
-    told = Told(layout, x, SimpleNamespace(jacobian=np.eye(3), variance=1.0), [0, 1, 2])
-    for change in (0.0, 0.4, -0.7):
-        there = layout.values(told.moved(x, np.full(3, change)))
-        # What is negative has no scale: it moves by a share of its size.
-        assert there == pytest.approx([scale * np.exp(change), plain * np.exp(change), offset - offset * change])
 
 
 def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -> None:

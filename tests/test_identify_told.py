@@ -54,8 +54,8 @@ def channel(key: str, **changes: Any) -> SimpleNamespace:
 def result(**changes: Any) -> Any:
     count = len(changes.get("estimates", ()))
     usual = {
-        "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "misfit": (),
-        "causes": (), "correlation": np.eye(count),
+        "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "accepted": False,
+        "misfit": (), "causes": (), "correlation": np.eye(count),
     }  # fmt: skip
     return SimpleNamespace(**{**usual, **changes})
 
@@ -144,6 +144,7 @@ ENDINGS = {
         "no robot is written, since the model",
     ),
     "all the same": ({"misfit": ("too large",)}, ("--all",), 2, {"fit.json", "robot", "picture", "page"}, ""),
+    "accepted": ({"misfit": ("too large",), "accepted": True}, ("--accept",), 2, {"fit.json", "robot", "picture", "page"}, ""),
     "interrupted": ({"status": "interrupted"}, (), 130, {"fit.json"}, ""),
     "out of time": ({"status": "unfinished"}, (), 2, {"fit.json"}, ""),
     "interrupted, all": ({"status": "interrupted"}, ("--all",), 130, {"fit.json"}, ""),

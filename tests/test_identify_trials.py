@@ -13,7 +13,6 @@ from identify_files import CHIRP, SEA, record, write
 from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.noise import beyond_steps, lag_correlation
-from asrsim.recordings import read_recording
 from asrsim.runs.from_recording import write_from_recording
 
 ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
@@ -113,9 +112,65 @@ def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> 
     assert result.combinations[0].value == pytest.approx(3.1)
 
 
-@pytest.mark.parametrize(("names", "maps"), [("theta,deflection", ()), ("theta,alpha", ("alpha=-elbow.deflection",))])
-def test_theta_beside_a_deflection_is_the_motor(tmp_path: Path, names: str, maps: tuple[str, ...]) -> None:
-    time = np.arange(0.0, 1.0, 0.01)
-    recorded = table(tmp_path, f"time,{names}", time, np.sin(time), 0.1 * np.sin(time))
-    found = read_recording(recorded, mapping=list(maps), joints=["elbow"])
-    assert found.channels["theta"].quantity == "motor_1_position"
+@pytest.mark.slow
+def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_accepted_without_it(tmp_path: Path) -> None:
+    """Four runs of one robot, whose encoder of the link was zeroed anew before each."""
+    recordings = []
+    for number, zero in enumerate((0.0, 0.03, -0.02, 0.05)):
+        drive = f"{{chirp: {{amplitude: {0.2 + 0.05 * number}, from: 0.5, to: 5, duration: 2}}}}"
+        true = write(tmp_path, f"true_{number}", SEA, f"{{equilibrium_position: {drive}}}")
+        recordings.append(
+            record(true, tmp_path / f"{number}.csv", ("link_position", "elastic_torque_1"), offset=zero, seed=number)
+        )
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03, "tags": "<spring_k>3.5</spring_k>"})
+    free = ["joint_1.damping", "joint_1.spring_stiffness", "joint_1.link_position.offset"]
+    plain, accepted = (identify(guess, recordings, free=free, starts=1, workers=1, accept=way) for way in (False, True))
+    assert not plain.fits
+    assert any("in each recording" in text and "--own joint_1.link_position.offset" in text for text in plain.causes), (
+        plain.causes
+    )
+    assert (plain.accepted, accepted.accepted) == (False, True)
+    assert [one.value for one in accepted.estimates] == [one.value for one in plain.estimates]
+    narrow, wide = (one.find("joint_1.damping") for one in (plain, accepted))
+    assert wide.high - wide.low > 2.0 * (narrow.high - narrow.low)
+    own = identify(guess, recordings, free=free, own=[free[-1]], starts=1, workers=1)
+    assert own.fits, own.misfit
+    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=0.01)
+
+
+def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tmp_path: Path) -> None:
+    """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
+
+    def arm(name: str, numbers: dict[str, object], references: str | None = None) -> Path:
+        scenario = write(tmp_path, name, numbers, references)
+        robot = tmp_path / f"{name}.urdf"
+        robot.write_text(robot.read_text().replace("<inertial>", '<inertial><origin xyz="0.06 0 0"/>'))
+        return scenario
+
+    recording = record(arm("true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = arm("guess", {**SEA, "izz": 0.012, "damping": 0.03, "tags": "<spring_k>5</spring_k>"})
+    found = identify(guess, [recording], free=["joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"])
+    one, other = found.combinations
+    assert one.text == "joint_1.spring_stiffness / (link_1.izz + 0.0018 kg m^2, the inertia about the joint)"
+    about = 0.009 + 0.5 * 0.06**2
+    assert one.value == pytest.approx(4.0 / about, rel=2.0 * one.margin)
+    assert one.margin < 0.002
+    assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)
+
+
+def test_trials_of_a_spring_whose_zero_moves_from_one_to_the_next_are_told_of(tmp_path: Path) -> None:
+    generator, time, trials = np.random.default_rng(0), np.arange(0.0, 4.0, 0.01), []
+    for number in range(5):
+        place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)
+        torque = 4.0 * place + generator.normal(scale=0.1) + 2e-3 * generator.normal(size=len(time))
+        trials.append(tmp_path / f"{number}.csv")
+        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
+        np.savetxt(trials[-1], np.column_stack([time, place, torque]), delimiter=",", header=header, comments="")
+    lab = write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>3</spring_k>"}, duration=4.0)
+    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench\nmotion: locked"))
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"], workers=1)
+    assert not shared.fits
+    assert any("--own joint_1.elastic_torque_1.offset" in text for text in shared.causes), shared.causes
+    own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"], workers=1)
+    assert own.fits, own.misfit
+    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)

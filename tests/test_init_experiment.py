@@ -94,7 +94,7 @@ def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_comma
     task = read_task(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
         setup = set_up(task, stack)
-    assert set(task.free) <= {entry.parameter.key for entry in setup.layout.entries}
+    assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}
     text = (tmp_path / "s.yaml").read_text()
     assert told in text
 
@@ -261,8 +261,7 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     (tmp_path / "map.yaml").write_text(
-        "alpha: joint_1.link_position [deg] - 0.01\nbeta: {joint: joint_1, quantity: reference_1, unit: deg}\n"
-        "window: [0.1, 0.6]\n"
+        "map:\n  alpha: joint_1.link_position [deg] - 0.01\n  beta: joint_1.reference_1 [deg]\nwindow: [0.1, 0.6]\n"
     )
     command = ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--map", "map.yaml", "--out", "s.yaml"]
     done = CliRunner().invoke(app, command)
@@ -338,7 +337,7 @@ def test_a_simulation_s_own_log_claims_no_rounding(tmp_path: Path) -> None:
 def test_comments_show_mapping_and_guesses(tmp_path: Path) -> None:
     make(tmp_path, lab(tmp_path))
     text = (tmp_path / "s.yaml").read_text()
-    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +guessed: 'q1' reads as link_position", text)
+    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +by its name: 'q1' names link_position", text)
     assert "not used: current" in text
 
 
@@ -449,9 +448,7 @@ def test_a_torque_that_does_not_go_with_the_deflection_is_the_motors(
     deflection = 0.1 * np.sin(9 * TIME)
     torque = np.sign(np.sin(23 * TIME)) if driven else 5.0 * deflection + 0.02 * np.cos(90 * TIME)
     table = np.column_stack([TIME, SMOOTH + deflection, SMOOTH, torque])
-    np.savetxt(
-        tmp_path / "lab.csv", table, delimiter=",", header="time,hub [rad],tip [rad],tau [N m]", comments="", fmt="%.12g"
-    )
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,hub [rad],q [rad],tau [N m]", comments="", fmt="%.12g")
     made, scenario = make(tmp_path, tmp_path / "lab.csv")
     assert scenario.modes == {"joint_1": mode}
     assert set(scenario.references["joint_1"]) == {command}

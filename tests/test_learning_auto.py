@@ -32,7 +32,7 @@ from asrsim.learning.presets import scores
 from asrsim.learning.session import run_session
 from asrsim.learning.trial import Trial
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
-from asrsim.signals.csv_series import read_csv_series
+from asrsim.signals.recorded import read_column
 from asrsim.simulation.run import simulate
 
 pytestmark = pytest.mark.once
@@ -280,7 +280,7 @@ def record(path, plant, robot, inputs, generator, late=0.0):
 
 
 def inputs_in(path, plant):
-    return np.column_stack([read_csv_series(path, joint, None)[1] for joint in plant.joints])
+    return np.column_stack([read_column(path, joint, None)[1] for joint in plant.joints])
 
 
 def test_learning_goes_on_with_recordings_of_the_robot(tmp_path):

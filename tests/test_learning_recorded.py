@@ -46,7 +46,7 @@ DEGREES = (180.0 / np.pi, 180.0 / np.pi)
     ("header", "how"),
     [
         ("t_s,q1_deg,q2_deg", {"scale": DEGREES}),
-        ("Zeit;Winkel 1 [Grad];Winkel 2 [Grad]", {"scale": DEGREES, "mark": ",", "apart": ";"}),
+        ("Zeit;Joint 1 [Grad];Joint 2 [Grad]", {"scale": DEGREES, "mark": ",", "apart": ";"}),
         ("time [s],joint_1.link_position [rad],joint_2.link_position [rad]", {"rate": 60.0}),
         ("time [s],joint_1 [rad],joint_2 [rad]", {"gap": (1.0, 1.08)}),
     ],

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from asrsim.errors import InputError
 from asrsim.metrics import MEASURES, MetricRow, measure, summarise, write_metrics_json
@@ -304,3 +305,36 @@ def test_a_short_end_that_fits_better_is_no_lag() -> None:
     assert found.seconds == pytest.approx(0.0, abs=0.01)
     assert not found.ambiguous
     assert 0.6 < found.correlation < 0.85
+
+
+def test_response_of_a_resonator_is_its_closed_form():
+    """x'' + 2 z w x' + w^2 x = w^2 u: peak 1 / (2 z sqrt(1 - z^2)) at w sqrt(1 - 2 z^2), gain 1 far below."""
+    damping, natural, time = 0.3, 3.0, np.arange(0.0, 40.0, 0.002)
+    system = signal.lti([(2 * np.pi * natural) ** 2], [1.0, 4 * np.pi * natural * damping, (2 * np.pi * natural) ** 2])
+    given = signal.chirp(time, 0.2, 40.0, 10.0)
+    _, output, _ = signal.lsim(system, given, time)
+    band = {"low": 0.5, "high": 8.0}
+    names = "largest_gain", "resonance", "bandwidth", "coherence"
+    found = {name: measure(name, time, output, given, **band) for name in names}
+    root = np.sqrt(1 - 2 * damping**2)
+    assert found["largest_gain"] == pytest.approx(1 / (2 * damping * np.sqrt(1 - damping**2)), rel=0.01)
+    assert found["resonance"] == pytest.approx(natural * root, rel=0.02)
+    low = abs(1 / (1 - (0.5 / natural) ** 2 + 2j * damping * 0.5 / natural))
+    ratio = root**2 + np.sqrt(root**4 - 1 + 2 / low**2)
+    assert found["bandwidth"] == pytest.approx(natural * np.sqrt(ratio), rel=0.01)
+    assert 0.99 < found["coherence"] <= 1.0
+    expected = abs(1 / (1 - (5.0 / natural) ** 2 + 2j * damping * 5.0 / natural))
+    assert measure("gain", time, output, given, hertz=5.0, **band) == pytest.approx(expected, rel=0.01)
+    assert np.isnan(measure("gain", time, np.zeros_like(time), given, hertz=5.0, **band))
+
+
+@pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])
+def test_last_swings_of_a_velocity_tell_natural_frequency_and_decay(decay):
+    """Even where it hardly swings: natural frequency 40 Hz, damping ratio up to 0.8."""
+    time = np.arange(4001) * 1e-3
+    omega = np.sqrt((2 * np.pi * 40.0) ** 2 - decay**2)
+    velocity = np.where(time > 0.1, np.exp(-decay * (time - 0.1)) * np.sin(omega * (time - 0.1)), 0.0)
+    assert measure("natural_frequency", time, velocity, start=0.1) == pytest.approx(40.0, rel=1e-6)
+    assert measure("decay_rate", time, velocity, start=0.1) == pytest.approx(decay, rel=1e-5)
+    still = np.eye(1, 100, 50)[0]
+    assert np.isnan(measure("natural_frequency", time[:100], still))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.metrics.expect import ExpectationResult, check_expectation, compares
 from asrsim.samples import JointInfo, Samples
+from asrsim.scenario import make_scenario
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
 
@@ -69,6 +73,40 @@ def test_bodies_and_contacts() -> None:
     assert [result.unit for result in results] == ["m", "m", "N", "N"]
 
 
+def test_a_component_of_a_contact_force_has_its_sign() -> None:
+    body = {"joint": None, "body": "box", "measure": "final", "tolerance": 1e-9}
+    forces = {".x": 3.0, "/hand.y": 4.0, ".z": 0.0}
+    results = evaluate([claim(quantity=f"contact_force{rest}", value=value, **body) for rest, value in forces.items()])
+    assert all(result.holds for result in results)
+    with pytest.raises(ScenarioError, match=r"no quantity 'contact_force\.w'"):
+        evaluate([claim(quantity="contact_force.w", value=0.0, **body)])
+
+
+def test_a_claim_compares_with_another_quantity_of_its_joint() -> None:
+    lag = np.sin(TIME), np.sin(TIME) - 0.25
+    samples = replace(SAMPLES, values={"link_position": lag[0][:, None], "motor_1_position": lag[1][:, None]})
+    joints = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
+    same = claim(measure="bias", reference="motor_1_position", value=0.25, tolerance=1e-9)
+    check_claims([same], joints, file=None)
+    (result,) = claim_results([same], joints, lambda *_: samples)
+    assert result.holds
+    with pytest.raises(ScenarioError, match="'stiffness' is not recorded"):
+        check_claims([replace(same, reference="stiffness")], joints, file=None)
+    with pytest.raises(ScenarioError, match="no such quantity"):
+        replace(same, reference="elbow")
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'><link name='base'/></robot>")
+    same = {"joint": "*", "quantity": "link_position", "measure": "final", "value": 0}
+    claims = [{**same, "engine": "bullet", "tolerance": 0.1}, {**same, "engine": "mujoco", "tolerance": 0.2}]
+    scenario = make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=claims)
+    assert [one.tolerance for one in scenario.expect] == [0.1 if engine == "bullet" else 0.2]
+    with pytest.raises(ScenarioError, match="bulet"):
+        make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=[{**claims[0], "engine": "bulet"}])
+
+
 def test_options_reach_the_measure() -> None:
     (result,) = evaluate(
         [claim(measure="settling", value=0.1 * np.log(20), tolerance=1e-4, options={"band": 0.05})],
@@ -119,3 +157,22 @@ def test_all_bad_claims_are_reported_together() -> None:
 def test_a_claim_that_no_run_can_meet_is_found_before_the_run(changes: dict) -> None:
     with pytest.raises(ScenarioError):
         check_expectation(claim(**changes))
+
+
+def test_a_number_that_many_claims_compare_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[str] = []
+    monkeypatch.setattr("asrsim.metrics.expect.measure", lambda name, *_, **__: calls.append(name) or 0.8)
+    counts = []
+    for several in (10, 1000):
+        calls.clear()
+        names = ("maximum", "minimum", "mean", "steady_state")
+        results = evaluate([claim(measure=names[i % 4], value=0.8 * (i % 2)) for i in range(several)])
+        assert [result.holds for result in results] == [i % 2 == 1 for i in range(several)]
+        counts.append(len(calls))
+    assert counts[0] == counts[1]
+
+
+def test_claims_that_differ_in_an_option_are_measured_apart() -> None:
+    early, late = evaluate([claim(measure="maximum", options={"end": end}) for end in (0.1, 1.0)])
+    assert early.measured == pytest.approx(0.8 * (1 - np.exp(-1)), rel=1e-6)
+    assert late.measured == pytest.approx(0.8 * (1 - np.exp(-10)), rel=1e-6)

@@ -29,7 +29,7 @@ SUSPECTED = {
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times .*: are both in the units that are assumed, of one side of the gear"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
     "a turned axis": ("q1,dq1", (Q, -V), "goes down where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
-    "a motor's": ("q1,theta_m1,dtheta_m1", (Q, Q, V * DEGREES), "dtheta_m1: is 57.3 times the slope of 'theta_m1'"),
+    "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
     "a command in degrees": ("q1,q1_ref", (Q, FOLLOWED * DEGREES), "q1_ref: is 57.3 times as large as 'q1', which follows it"),
     "a followed one in degrees": ("q1,q1_ref", (Q * DEGREES, FOLLOWED), "q1_ref: is 0.0175 times as large as 'q1'"),
 }

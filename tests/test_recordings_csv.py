@@ -9,8 +9,6 @@ import pytest
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import guess_rows, read_recording
-from asrsim.recordings.header import comment_header
-from asrsim.recordings.units import split_header
 
 pytestmark = pytest.mark.once
 
@@ -243,23 +241,6 @@ def test_a_mapping_overrides_names_and_units(tmp_path: Path) -> None:
     assert recording.channels["gamma"].quantity is None
 
 
-def test_a_mapping_file_beside_the_recording(tmp_path: Path) -> None:
-    path = write(tmp_path / "lab.csv", ["clock,alpha,beta", *rows(time_scale=1e3)])
-    (tmp_path / "lab.csv.yaml").write_text(
-        "time: {column: clock, unit: ms}\n"
-        "columns:\n"
-        "  alpha: joint_1.link_position\n"
-        "  beta: {joint: joint_2, quantity: link_position, unit: deg, scale: -1, offset: 0.1}\n"
-    )
-    recording = read_recording(path)
-    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
-    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-9)
-    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, 0.1 - Q2 / DEGREES, atol=1e-9)
-    # The command line wins over the file.
-    over = read_recording(path, mapping=["beta=joint_2.link_position"])
-    np.testing.assert_allclose(over.column("joint_2", "link_position").values, Q2, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("mapping", "words"),
     [
@@ -279,72 +260,11 @@ def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], w
         read_recording(path, mapping=mapping)
 
 
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        (["q", "dq", "tau"], ["link_position", "link_velocity", "link_torque"]),
-        (["position", "velocity", "effort", "current"], ["link_position", "link_velocity", "link_torque", None]),
-        (["q_ref", "q", "theta_eq"], ["reference_1", "link_position", "equilibrium_position"]),
-        (["qdes", "qdot", "q_cmd_vel"], ["reference_1", "link_velocity", None]),
-        (["q", "theta_1", "theta_2"], ["link_position", "motor_1_position", "motor_2_position"]),
-        (["theta"], ["link_position"]),
-        (["motor_2_velocity", "link_position"], ["motor_2_velocity", "link_position"]),
-        (["tau_ext", "torque_el2", "stiffness", "preset"],
-         ["external_torque", "elastic_torque_2", "stiffness", "reference_2"]),
-        (["pwm", "temperature", "ee_pos_x", "voltage"], [None, None, None, None]),
-        (["deflection_rad", "position_error_rad"], ["deflection", "position_error"]),
-        (["position_V"], [None]),
-        (["tau_ref [N m]", "tau_cmd", "q"], ["reference_1", None, "link_position"]),
-        (["tau_cmd [N m]", "q_cmd", "tau [N m]"], [None, "reference_1", "link_torque"]),
-        (["tau_d [N·m]", "torque [N-m]", "ref (N m)"], [None, "link_torque", "reference_1"]),
-    ],
-)  # fmt: skip
-def test_guesses_by_name(tmp_path: Path, names: list[str], expected: list[str | None]) -> None:
-    lines = [",".join(["time", *names]), *[",".join([f"{t}", *[f"{t * t + i}" for i in range(len(names))]]) for t in TIME]]
-    recording = read_recording(write(tmp_path / "lab.csv", lines))
-    assert [recording.channels[name].quantity for name in names] == expected
-
-
-@pytest.mark.parametrize(
-    ("names", "joints", "expected"),
-    [
-        (["q1", "q2"], ["shoulder", "elbow"], ["shoulder", "elbow"]),
-        (["q0", "q1"], ["shoulder", "elbow"], ["shoulder", "elbow"]),
-        (["q1", "q2"], ["j2", "j1"], ["j1", "j2"]),
-        (["elbow_pos", "shoulder_pos"], ["shoulder", "elbow"], ["elbow", "shoulder"]),
-        (["Elbow [deg]", "shoulder_vel"], ["shoulder", "elbow"], ["elbow", "shoulder"]),
-        (["position"], ["elbow"], ["elbow"]),
-        (["position"], ["shoulder", "elbow"], [None]),
-        (["theta1", "theta2", "tau_m2"], None, ["joint_1", "joint_2", "joint_2"]),
-        (["hip_pos", "knee_pos_ref"], ["left_knee_joint", "left_hip_joint"], ["left_hip_joint", "left_knee_joint"]),
-        (["hip_pos_meas", "knee_pos_meas"], None, ["hip", "knee"]),
-        (["filtered_pos", "filtered_vel"], None, ["joint_1", "joint_1"]),
-        # Another robot's file: the joint's number stands before the dot, the quantity's own behind it.
-        (["joint_1.reference_1", "joint_1.reference_2", "joint_2.motor_2_position"], ["a1", "a2"], ["a1", "a1", "a2"]),
-        (["trial_2.q1", "joint_2.q2"], None, ["joint_1", "joint_2"]),
-    ],
-)
-def test_guesses_of_joints(tmp_path: Path, names: list[str], joints: list[str] | None, expected: list[str | None]) -> None:
-    lines = [",".join(["time", *names]), *[",".join([f"{t}", *[f"{t * t + i}" for i in range(len(names))]]) for t in TIME]]
-    recording = read_recording(write(tmp_path / "lab.csv", lines), joints=joints)
-    assert [recording.channels[name].joint for name in names] == expected
-
-
-@pytest.mark.parametrize("letter", ["S", "M", "D"])
-def test_a_single_letter_is_a_unit_in_its_own_case_only(letter: str) -> None:
-    assert split_header(f"torque_{letter}") == (f"torque_{letter}", None)
-
-
-@pytest.mark.parametrize(("line", "names"), [("# t, a, 3", ["t", "a", "3"]), ("# 0.1, 0.2, bad", None), ("# two words", None)])
-def test_a_comment_is_a_header_where_it_names_the_columns(line: str, names: list[str] | None) -> None:
-    assert comment_header(line, ",", 3, ".") == names
-
-
 def test_guesses_are_shown(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path / "lab.csv", ["time,q1_deg,current", *rows(scale=DEGREES)]))
     first, second = guess_rows(recording)
     assert (first.column, first.meaning, first.unit) == ("q1_deg", "joint_1.link_position", "rad")
-    assert first.origin.startswith("guessed")
+    assert first.origin.startswith("by its name")
     assert first.conversion == "deg -> rad, x 0.0174533"
     assert second.meaning == "-"
 
@@ -464,3 +384,46 @@ def test_stamps_that_differ_by_nothing_are_one(tmp_path: Path) -> None:
     recording = read_recording(write(tmp_path / "a.csv", lines), joints=["elbow"])
     assert recording.time[:3] == pytest.approx([0.0, 0.01, 0.02])
     assert "duplicate" in " ".join(sorted(codes(recording.findings)))
+
+
+@pytest.mark.parametrize("missing", [1, 2, 5])
+def test_every_missing_sample_is_counted_and_a_step_of_1_6_is_jitter(tmp_path: Path, missing: int) -> None:
+    time = np.delete(np.arange(100) * 0.01, range(40, 40 + missing))
+    found = read_recording(write(tmp_path / "gap.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
+    assert f"{missing} samples are missing in 1 gaps" in finding(found, "dropped-samples").message
+    time = np.arange(100) * 0.01 + 0.006 * (np.arange(100) >= 50)
+    found = read_recording(write(tmp_path / "step.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
+    assert codes(found) == {"jitter"}
+
+
+@pytest.mark.parametrize("later", [2.5, -0.75])
+def test_two_dates_in_a_table_keep_what_lies_between_them(tmp_path: Path, later: float) -> None:
+    def stamps(zero: float) -> list[str]:
+        return [f"2024-05-06T10:00:{zero + 30 + t:09.6f}" for t in TIME]
+
+    rows = [f"{a},{q},{b},{p}" for a, q, b, p in zip(stamps(0), Q1, stamps(later), Q2, strict=True)]
+    recording = read_recording(write(tmp_path / "lab.csv", ["time,q1,time,q2", *rows]))
+    first, second = (recording.column(f"joint_{i}", "link_position").time for i in (1, 2))
+    np.testing.assert_allclose(second - first, later, atol=1e-6)
+
+
+def test_a_header_in_a_comment_line_with_tabs_is_read_as_labview_writes_it(tmp_path: Path) -> None:
+    lines = ["%Time (s)\tHubangle (rad)\tStrain (V)", *[f"{t:.6f}\t{a:.9f}\t0.1" for t, a in zip(TIME, Q1, strict=True)]]
+    recording = read_recording(write(tmp_path / "lab.txt", lines))
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_1", "motor_1_position").values, Q1, atol=1e-8)
+
+
+@pytest.mark.parametrize("step", [1e-7, 3e9])
+def test_a_time_whose_unit_no_usual_rate_tells_is_asked_about(tmp_path: Path, step: float) -> None:
+    path = write(tmp_path / "lab.csv", ["time,q1", *[f"{738000 + i * step:.9f},{i}" for i in range(50)]])
+    with pytest.raises(RecordingError, match="unit is not clear"):
+        read_recording(path)
+
+
+def test_joints_that_a_table_of_joint_states_names_are_theirs(tmp_path: Path) -> None:
+    header = "%time,field.name0,field.name1,field.position0,field.position1"
+    rows = [f"{1.7e18 + t * 1e9:.0f},elbow,shoulder,{a},{b}" for t, a, b in zip(TIME, Q1, Q2, strict=True)]
+    recording = read_recording(write(tmp_path / "lab.csv", [header, *rows]), joints=["shoulder", "elbow"])
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
+    np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q2)

@@ -56,9 +56,6 @@ SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
     "ROS 1": lambda i, t: {"header": {"stamp": parts(t, "secs", "nsecs"), "seq": i}, **of(i)},
     "Foxglove": lambda i, t: {"timestamp": parts(t, "sec", "nsec"), **of(i)},
     "a stamp without a header": lambda i, t: {"stamp": parts(t, "sec", "nanosec"), **of(i)},
-    "a unit in its name": lambda i, t: {"timestamp_us": (t - ZERO) // 1000, **of(i)},
-    "seconds since 1970": lambda i, t: {"timestamp": t / 1e9, **of(i)},
-    "nanoseconds since 1970": lambda i, t: {"time": t, **of(i)},
 }
 
 
@@ -67,14 +64,12 @@ def test_messages_that_say_when_they_were_sent_were_measured_then(tmp_path: Path
     check(written(tmp_path / "a.mcap", SENT[name]))
 
 
-def test_a_time_of_unknown_unit_is_asked_about_where_it_goes_otherwise(tmp_path: Path) -> None:
-    def message(i: int, _: int) -> dict[str, Any]:
-        return {"t": TIME[i], "timeout_s": 3.0, **of(i)}
-
-    slow, same = (written(tmp_path / f"{factor}.mcap", message, factor) for factor in (1.5, 1.0))
-    assert [one.key for one in slow.findings if one.code == "two-time-bases"] == ["/state/t"]
-    np.testing.assert_allclose(slow.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
-    assert not [one for one in same.findings if one.code == "two-time-bases"]
+def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    found = written(path, lambda i, _: {"t": 1000 * TIME[i], **of(i)})
+    assert [one.key for one in found.findings if one.code == "two-time-bases"] == ["/state/t"]
+    np.testing.assert_allclose(found.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
+    check(read_recording(path, joints=NAMES, mapping=["/state/t=time [ms]"]))
 
 
 def test_names_hold_in_any_order(tmp_path: Path) -> None:
@@ -112,16 +107,3 @@ def test_arrays_of_two_lengths_are_of_two_publishers(tmp_path: Path) -> None:
     assert {name: len(one.time) for name, one in recording.channels.items()} == {
         "/state/q[0]": 20, "/state/q[1]": 20, "/state/q[0]#2": 20, "/state/q[1]#2": 20, "/state/q[2]": 20
     }  # fmt: skip
-
-
-def test_what_a_controller_measures_stands_before_what_it_gives_out(tmp_path: Path) -> None:
-    def message(i: int, t: int) -> dict[str, Any]:
-        states = [
-            {"name": name, "output": 5.0, "command": 7.0, "feedback": Q[j, i], "set_point": DQ[j, i]}
-            for j, name in enumerate(NAMES)
-        ]
-        return {"stamp": parts(t, "sec", "nanosec"), "dof_states": states}
-
-    recording = written(tmp_path / "a.mcap", message)
-    check(recording)
-    check(recording, "reference_1", DQ)

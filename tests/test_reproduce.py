@@ -18,7 +18,6 @@ from asrsim.reproduce import FIGURES, Claim, Figure, Part, Picture, Table, stati
 from asrsim.reproduce.claim import near
 from asrsim.reproduce.friction import held_by_friction
 from asrsim.reproduce.law import swings
-from asrsim.reproduce.ringing import fit_ringing
 from asrsim.reproduce.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
@@ -109,22 +108,6 @@ def test_losses_are_read_from_a_motion_that_has_them():
     got = losses(case, np.array(found), step)
     assert got.damping == pytest.approx(damping, rel=0.06)
     assert got.friction == pytest.approx(friction, rel=0.06)
-
-
-@pytest.mark.parametrize("decay", [2.0, 30.0, 200.0])
-def test_the_fit_of_a_damped_oscillation_is_exact(decay):
-    """Even where it hardly swings: natural frequency 40 Hz, damping ratio up to 0.8."""
-    natural, time = 2 * np.pi * 40.0, np.arange(4001) * 1e-3
-    omega = np.sqrt(natural**2 - decay**2)
-    velocity = np.where(time > 0.1, np.exp(-decay * (time - 0.1)) * np.sin(omega * (time - 0.1)), 0.0)
-    found = fit_ringing(time, velocity, start=0.1)
-    assert found.frequency == pytest.approx(40.0, rel=1e-6)
-    assert found.decay == pytest.approx(decay, rel=1e-5)
-
-
-def test_what_does_not_ring_has_no_frequency():
-    found = fit_ringing(np.arange(100) * 1e-3, np.eye(1, 100, 50)[0], start=0.0)
-    assert math.isnan(found.frequency)
 
 
 def test_swings_are_counted_beyond_their_floor():

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from asrsim import run
-from asrsim.reproduce.ringing import fit_ringing
+from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce.statics import rest
 
 SCENARIOS = Path(__file__).parents[1] / "examples" / "scenarios"

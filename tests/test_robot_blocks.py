@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.errors import RobotError
-from asrsim.robot import Robot, load_robot
+from asrsim.errors import InputError
+from asrsim.robot import Robot, load_robot, with_overrides
 from asrsim.robot.numbers import read_number
 from asrsim.robot.tags import parameter_tags
 
@@ -55,8 +55,8 @@ def codes(robot: Robot) -> set[str]:
 
 
 def errors(read: Callable[[str], Robot], blocks: str) -> dict[str, object]:
-    with pytest.raises(RobotError) as caught:
-        read(blocks)
+    with pytest.raises(InputError) as caught:
+        with_overrides(read(blocks))
     return {problem.code: problem for problem in caught.value.problems}
 
 

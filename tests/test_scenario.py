@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import struct
 
 import pytest
@@ -464,3 +465,13 @@ def test_50_000_waypoints_are_read_by_the_fast_parser(monkeypatch: pytest.Monkey
     monkeypatch.setattr("yaml.SafeLoader.__init__", refused)
     node = parse_yaml("points:\n" + "".join(f"- [{0.001 * i:.3f}, 0.1]\n" for i in range(50_000)))
     assert len(node.plain()["points"]) == 50_000
+
+
+def test_a_file_whose_name_is_no_utf_8_is_refused_since_logs_could_not_name_it(tmp_path):
+    path = tmp_path / os.fsdecode(b"n\xe9.yaml")
+    try:
+        path.write_text("robot: arm.urdf\nduration: 1\n")
+    except OSError:
+        pytest.skip("this file system has no such names")
+    with pytest.raises(ScenarioError, match=r"is no UTF-8.* Rename it"):
+        load_scenario(path)

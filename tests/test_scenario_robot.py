@@ -80,6 +80,8 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
         ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
         ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
+        ("effects: {sensors: {vsa: {delay: 2.5e11}}}", 7, "effects.sensors.vsa.delay", "longer than 1000000 steps"),
+        ("effects: {commands: {vsa: {delay: 1e4}}}", 7, "effects.commands.vsa.delay", "longer than 1000000 steps"),
         ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
         ("desired: {x: 1}", 7, "desired.x", "no moving joint"),
         ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),
@@ -117,11 +119,18 @@ def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line
         ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
         ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
         ("{vsa: {equilibrium_position: {sum: [1e308, 1e308]}}}", "not finite"),
+        ("{vsa: {equilibrium_position: {step: {to: -1e300}}}}", "is larger than 1e+12, which no robot has"),
     ],
 )
 def test_references_that_cannot_be(load, references, message):
     errors, _ = check_against_robot(load(f"references: {references}\n"), arm())
     assert any(message in str(error) and error.line == 3 for error in errors), errors
+
+
+@pytest.mark.parametrize("keys", ["ilc: {trajectory: {vsa: 1e8}, tolerance: 1}", "desired: {vsa: {step: {to: -1e300}}}"])
+def test_a_wanted_position_beyond_all_joints_is_an_error(load, keys):
+    errors, _ = check_against_robot(load(GOOD + keys + "\n"), arm())
+    assert any("is larger than 1e+06, where no joint goes" in str(error) and error.line == 7 for error in errors), errors
 
 
 def test_references_that_are_missing_or_do_nothing_are_warnings(load):
@@ -327,3 +336,10 @@ def test_what_is_known_of_joints_stays_and_a_new_actuator_is_judged_anew(tmp_pat
     )
     found = {(one.code, (one.key or "").partition(".")[0]) for one in apply_to_robot(scenario, robot).warnings}
     assert {("mimic-joint", first), ("own-mode", second)} <= found
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="the system has no devices")
+def test_a_device_is_no_file_to_compare_with(load):
+    claim = "{joint: vsa, quantity: link_position, measure: rmse, comparison: '<', value: 1, against: /dev/zero}"
+    with pytest.raises(ScenarioError, match="there is no recording /dev/zero"):
+        load(GOOD + f"expect: [{claim}]\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,46 +10,12 @@ from conftest import Tiny
 
 from asrsim.learning.law import zero_phase
 from asrsim.learning.perturb import _heavier
-from asrsim.recordings.stamps import one_zero
-from asrsim.recordings.timebase import _spacing
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from asrsim.simulation.certify import certify
 from asrsim.simulation.run import simulate
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-SECOND = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class Stamps:
-    """What `one_zero` looks at of a table."""
-
-    values: np.ndarray
-    zeros: dict[int, int]
-
-
-@pytest.mark.parametrize("later", [2.5, -0.75])
-def test_stamps_of_two_columns_come_onto_the_first_one_s_zero(later: float) -> None:
-    zero = 1_700_000_000 * SECOND
-    table = Stamps(np.array([[0.0, 0.0, 7.0], [0.1, 0.1, 8.0]]), {0: zero, 1: zero + round(later * SECOND)})
-    found, start = one_zero(table)  # type: ignore[arg-type]
-    assert start == pytest.approx(1.7e9)
-    np.testing.assert_allclose(found.values, [[0.0, later, 7.0], [0.1, 0.1 + later, 8.0]])
-    assert table.values[0, 1] == 0.0  # the table itself is left alone
-
-
-@pytest.mark.parametrize("missing", [1, 2, 5])
-def test_a_single_missing_sample_is_a_gap_and_jitter_is_none(missing: int) -> None:
-    time = np.delete(np.arange(100) * 0.01, range(40, 40 + missing))
-    (found,) = _spacing(time, np.arange(len(time)), path=Path("lab.csv"), name="time", numbered=True)
-    assert found.code == "dropped-samples"
-    assert f"{missing} samples are missing in 1 gaps" in found.message
-    jittered = np.arange(100) * 0.01
-    jittered[50:] += 0.006  # a step of 1.6 is no missing sample
-    assert [
-        finding.code for finding in _spacing(jittered, np.arange(100), path=Path("lab.csv"), name="time", numbered=True)
-    ] == ["jitter"]
 
 
 @pytest.mark.parametrize("cutoff", [0.5, 2.0])

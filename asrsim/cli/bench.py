@@ -78,7 +78,7 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
     """Times (n,) in s and the motion of each joint of a motion CSV; raises RecordingError with every problem found."""
     import numpy as np
 
-    from asrsim.signals.csv_series import read_csv_series, series_names
+    from asrsim.signals.recorded import read_column, series_names
     from asrsim.simulation.bench import Motion
 
     names = series_names(path)
@@ -87,7 +87,7 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
     problems: list[Problem] = []
     for name in names:
         try:
-            time, found[name] = read_csv_series(path, name, "time")
+            time, found[name] = read_column(path, name, "time")
         except RecordingError as error:
             problems += [problem for problem in error.problems if problem not in problems]
     if problems:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
-from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, load_robot, step_figures, step_findings
+from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, read_robot, step_figures, step_findings
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
@@ -71,16 +71,22 @@ def robot_report(
     package_paths: Mapping[str, Path] | None = None,
 ) -> FileReport:
     """Findings in a URDF or xacro file, at a step in s: its own, and those of a run that leaves its references at rest."""
-    from asrsim.scenario.load import scenario_from_data
+    from asrsim.scenario import check_against_robot, scenario_from_data
 
     try:
-        robot = load_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
-        warnings = robot.warnings + engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
+        robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     except InputError as error:
         return FileReport(path=path, kind="robot", errors=error.problems, warnings=error.warnings)
     files = {name: str(folder) for name, folder in (package_paths or {}).items()}
     keys = {"robot": {"file": str(path), "arguments": xacro_arguments or {}, "packages": files}, "step": step, "duration": step}
-    errors = _unbuildable(scenario_from_data(keys), robot, path)
+    scenario = scenario_from_data(keys)
+    errors = tuple(check_against_robot(scenario, robot)[0])
+    if robot.faults:
+        return FileReport(path=path, kind="robot", errors=errors, warnings=robot.warnings)
+    errors = errors or _unbuildable(scenario, robot, path)
+    warnings = robot.warnings
+    if not errors:
+        warnings += engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
     figures = step_figures(robot, step=step) if robot.moving_joints else ()
     return FileReport(
         path=path, kind="robot", robot=robot, step=step, figures=figures, errors=errors,
@@ -90,36 +96,36 @@ def robot_report(
 
 def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
     """Findings in a scenario file, all its variants, and in the robots that they name; the table is the first variant's."""
-    from asrsim.scenario import apply_to_robot, check_against_robot, load_scenario
+    from asrsim.scenario import apply_to_robot, check_against_robot, read_scenarios
+    from asrsim.scenario.check import robot_of
 
     try:
-        scenarios = load_scenario(path)
+        scenarios, errors = read_scenarios(path)
     except AsrsimError as error:
         return FileReport(path=path, kind="scenario", errors=problems_of(error, path))
-    errors: list[Problem] = []
     warnings: list[Problem] = []
     robots: list[Robot] = []
     for scenario in scenarios:
+        robot = None
         try:
-            robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+            if not any(key == "robot" for key, *_ in scenario.unread):
+                robot = robot_of(scenario)
         except AsrsimError as error:
             errors.extend(problems_of(error, path))
-            continue
         wrong, notes = check_against_robot(scenario, robot, propose=True)
         errors.extend(wrong)
-        known = robot.warnings
-        if not wrong:
-            robots.append(apply_to_robot(scenario, robot))
-            known = robots[-1].warnings
-        warnings.extend((*known, *notes))
-        if not wrong:
-            warnings.extend(step_findings(robots[-1], step=step or scenario.step))
-            if step is not None:
-                scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))
-            built = _unbuildable(scenario, robot, path)
-            errors.extend(built)
-            if not built:
-                warnings.extend(engine_urdf(robot, package_paths=scenario.package_paths)[1])
+        if robot is None or wrong or scenario.unread:
+            warnings.extend((*(robot.warnings if robot else ()), *notes))
+            continue
+        robots.append(apply_to_robot(scenario, robot))
+        warnings.extend((*robots[-1].warnings, *notes))
+        warnings.extend(step_findings(robots[-1], step=step or scenario.step))
+        if step is not None:
+            scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))
+        built = _unbuildable(scenario, robot, path)
+        errors.extend(built)
+        if not built:
+            warnings.extend(engine_urdf(robot, package_paths=scenario.package_paths)[1])
     first = robots[0] if robots else None
     used_step = step or scenarios[0].step
     return FileReport(

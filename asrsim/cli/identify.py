@@ -76,6 +76,14 @@ def identify(
     everything: Annotated[
         bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
     ] = False,
+    accept: Annotated[
+        bool,
+        typer.Option(
+            "--accept",
+            help="Write the robot of a model that does not fit but explains 90 %, with intervals as wide as estimates from "
+            "a tenth of the recording differ.",
+        ),
+    ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
     seconds: Annotated[
@@ -123,8 +131,9 @@ def identify(
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(
-            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, workers=workers, seconds=seconds
-        )
+            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, accept=accept, workers=workers,
+            seconds=seconds,
+        )  # fmt: skip
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
             from asrsim.cli.console import say_json
@@ -138,7 +147,7 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, workers: int | None,
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, accept: bool, workers: int | None,
     seconds: float | None,
 ) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
@@ -153,7 +162,7 @@ def _run(
     ):
         result = identify(
             task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled,
-            workers=workers, seconds=seconds,
+            accept=accept, workers=workers, seconds=seconds,
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED
@@ -161,17 +170,19 @@ def _run(
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report: bool) -> tuple[list[Path], list[str]]:
+    from asrsim.identification.result import ACCEPTABLE
     from asrsim.identification.write import write_fit, write_robot
     from asrsim.runs.lock import owned
 
     with owned(folder):
         files = [write_fit(result, folder)]
         said: list[str] = []
-        if result.status == "complete" and (result.fits or everything):
+        if result.status == "complete" and (result.fits or result.accepted or everything):
             written, said = write_robot(result, folder, everything=everything)
             files += written
         elif result.status == "complete":
-            said.append("no robot is written, since the model does not fit; --all writes it all the same")
+            ways = "--accept or --all writes" if result.explained >= ACCEPTABLE else "--all writes"
+            said.append(f"no robot is written, since the model does not fit; {ways} it all the same")
         if plot and result.status == "complete":
             from asrsim.identification.pictures import draw
 

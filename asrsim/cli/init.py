@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,8 +16,12 @@ if TYPE_CHECKING:
 
 
 def init(
-    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file of the robot.")],
-    out: Annotated[Path, into_file("The scenario file to write.", ".yaml", ".yml")] = Path("scenario.yaml"),
+    robot: Annotated[
+        Path | None, typer.Argument(metavar="[ROBOT]", help="URDF or xacro file of the robot.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; of a recording alone FILE.yaml")
+    ] = None,
     mode: Annotated[
         int | None, typer.Option("--mode", min=0, max=8, help="Operation mode of all joints instead of the robot file's.")
     ] = None,
@@ -32,7 +37,12 @@ def init(
     ] = None,
     experiment: Annotated[
         Path | None,
-        typer.Option("--experiment", "-e", metavar="FILE", help="Play this recording's commands, compare with its motion."),
+        typer.Option(
+            "--experiment",
+            "-e",
+            metavar="FILE",
+            help="Play this recording's commands, compare with its motion; without ROBOT, propose how it is read.",
+        ),
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
@@ -43,13 +53,19 @@ def init(
     package: Packages = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
 ) -> None:
-    """Write a commented starter scenario for a robot, or one from a recording of it.
+    """Write a commented starter scenario for a robot, or one from a recording of it; or propose how a recording is read.
 
     Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
 
     Example: asrsim init examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml
+
+    Example: asrsim init --experiment examples/recordings/two_joints.csv --out two_joints.csv.yaml
     """
     load_plugins(plugin)
+    if robot is None:
+        _propose(experiment, out, mapping or (), rate, overwrite=overwrite, quiet=quiet)
+        return
+    out = out or Path("scenario.yaml")
     packages = folders(package, "--package")
     arguments = pairs(argument, "--arg")
     given = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
@@ -76,6 +92,24 @@ def init(
 
         say_problems(notes, "warning")
         say(f"wrote {', '.join(map(str, written))}; run it: {command_line('run', out, plugin)}")
+
+
+def _propose(
+    experiment: Path | None, out: Path | None, mapping: Sequence[str], rate: float | None, *, overwrite: bool, quiet: bool
+) -> None:
+    """The document that says how a recording is read."""
+    if experiment is None:
+        raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
+    from asrsim.recordings.propose import propose
+
+    written, recording = propose(experiment, out, mapping=mapping, rate=rate, force=overwrite)
+    if not quiet:
+        from asrsim.cli.console import say, say_problems
+        from asrsim.cli.recording_table import say_columns
+
+        say_columns(recording)
+        say_problems(recording.findings, "note")
+        say(f"wrote {written}: check it; every command that reads {experiment.name} obeys it")
 
 
 def _print(made: Written, scenario: Path, plugins: list[Path] | None) -> None:

@@ -11,7 +11,7 @@ from asrsim.document.composite import merge_items
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
-from asrsim.errors import InputError, did_you_mean
+from asrsim.errors import InputError, did_you_mean, nearest
 
 T = TypeVar("T")
 
@@ -140,6 +140,8 @@ class Block(Kind[T], Generic[T]):
     """Key that a value which is no mapping fills (`robot: arm.urdf`); empty: none."""
     line_argument: str = ""
     """Argument of `build` that takes the block's line; empty: none."""
+    partial: bool = False
+    """Keys with a fault are left out of what is built, or take their default; else the whole is rejected."""
     read_before: tuple[str, ...] = ()
     """Further keys that the mapping may have, which somebody else reads: messages offer them beside the block's own."""
 
@@ -158,16 +160,19 @@ class Block(Kind[T], Generic[T]):
                     reading.fault(
                         node, path, f"the key '{key.name}' is missing", hint=key.doc or None, code="missing-key", show=False
                     )
+                    reading.unread.append((*path, key.name))
                     good = False
                 elif not key.spread:
                     arguments[key.argument] = key.default
                 continue
             found = attempt(key.kind, item, (*path, key.name), reading)
-            if found is None:
-                good = False
-            else:
+            if found is not None:
                 arguments.update(found[0] if key.spread else {key.argument: found[0]})
-        if not good:
+                continue
+            good = False
+            if not (key.required or key.spread):
+                arguments[key.argument] = key.default
+        if not (good or self.partial):
             raise Rejected
         if self.line_argument:
             arguments[self.line_argument] = node.line
@@ -183,16 +188,18 @@ class Block(Kind[T], Generic[T]):
         good = True
         for name, item in node.value.items() if isinstance(node.value, dict) else ():
             if name not in self.names:
+                known = (*self.names, *self.read_before)
                 reading.fault(
                     item,
                     (*path, name),
                     "unknown key",
                     line=node.key_line(name),
-                    choices=(*self.names, *self.read_before),
-                    hint=did_you_mean(name, (*self.names, *self.read_before)),
+                    choices=known,
+                    hint=did_you_mean(name, known),
                     code="unknown-key",
                     show=False,
                 )
+                reading.unread.append((*path, nearest(name, known) or name))
                 good = False
         return good
 

@@ -59,7 +59,7 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class MapOf(Kind[dict[str, T]], Generic[T]):
-    """A mapping from free names (joints, mostly) to values of one kind."""
+    """A mapping from free names (joints, mostly) to values of one kind. Entries with a fault are left out of what it reads."""
 
     of: Kind[T]
     noun: str = "joint"
@@ -79,10 +79,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
             raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)
-        read = {name: result[0] for name, result in results.items() if result is not None}
-        if len(read) < len(results):
-            raise Rejected
-        return read
+        return {name: result[0] for name, result in results.items() if result is not None}
 
     def schema(self) -> Schema:
         schema: Schema = {"type": ["object", "null"], "additionalProperties": self.of.schema()}

@@ -23,7 +23,10 @@ class Kind(ABC, Generic[T_co]):
 
     @abstractmethod
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T_co:
-        """The value; raises Rejected once its problems are recorded in `reading`."""
+        """The value; raises Rejected once its problems are recorded in `reading`.
+
+        Some kinds with parts give what could be read of them: a document is sound where `reading` has no problems.
+        """
 
     @abstractmethod
     def schema(self) -> Schema:
@@ -205,6 +208,8 @@ class File(Kind[Path]):
     """A folder will do too."""
     exists: bool = True
     """It must exist when the document is read."""
+    beside: str = ""
+    """Ending of a file that describes it where it stands beside it, `lab.csv.yaml`, and is needed, too."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -213,13 +218,16 @@ class File(Kind[Path]):
         if not self.exists:
             return place
         try:
-            there = place.exists() if self.folder else place.is_file()
+            there = place.is_file() or (self.folder and place.is_dir())
         except OSError:
             there = False
         if not there:
             raise reading.fault(node, path, f"there is no {self.noun} {place}", code="no-file", show=False)
         if self.attach:
             reading.attach(node, place)
+            described = place.with_name(place.name + self.beside)
+            if self.beside and described.is_file():
+                reading.attachments[f"{reading.renamed[id(node)]}{self.beside}"] = described
         return place
 
     def schema(self) -> Schema:
@@ -277,8 +285,9 @@ class Optional(Kind[T | None], Generic[T]):
 
 
 def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
-    """Read and go on: (value,), or None with the problem recorded."""
+    """Read and go on: (value,), or None with the problem and the path recorded."""
     try:
         return (kind.read(node, path, reading),)
     except Rejected:
+        reading.unread.append(path)
         return None

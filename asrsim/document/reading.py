@@ -28,6 +28,8 @@ class Reading:
     warnings: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
     """Files named so far, by a unique short name; those in a folder as `folder/file`."""
+    unread: list[KeyPath] = field(default_factory=list)
+    """Paths of the values that have a fault: what is read goes without them."""
     renamed: dict[int, object] = field(default_factory=dict)
     """id of a node with a file name -> its name among the attachments."""
 

@@ -23,6 +23,8 @@ REACH = 2.0
 """Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
 TOLERANCE = 1e-12
 """Improvement of its cost, scaled, at which MuJoCo's solver ends."""
+SEARCH = 1000
+"""Iterations of a line search of MuJoCo's solver; its default, 50, ended 1 % of a sliding box's steps far from the solution."""
 
 
 class MujocoContacts:
@@ -37,7 +39,7 @@ class MujocoContacts:
         self._owner = [names.get(index, ROBOT) for index in range(model.ngeom)]
         self._ground = world.ground
         model.dof_invweight0[:] *= LIGHTER
-        model.opt.tolerance = TOLERANCE
+        model.opt.tolerance, model.opt.ls_iterations = TOLERANCE, SEARCH
 
     def start(self, room: Room) -> None:
         """Constraints for the step of a run: their time constants are multiples of it."""

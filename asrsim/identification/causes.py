@@ -1,77 +1,268 @@
-"""What a model that does not fit may lack: delays, zeros, other signs, springs of joints, limits of motors, ties that are none,
-other laws of springs, hysteresis.
-"""
+"""Extensions that are proposed: what recordings may ask for during a fit, and what a model that does not fit may lack."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from asrsim.identification.between import ASKED
-from asrsim.identification.intervals import Uncertainty, noise_of
-from asrsim.identification.keys import LATEST, Parameter, parameters_of
-from asrsim.identification.layout import Layout
-from asrsim.identification.limits import limits
-from asrsim.identification.missing_laws import amplitude, hysteresis
-from asrsim.identification.residuals import Residuals
-from asrsim.identification.solver import Known, solve
+from asrsim.actuators import ACTUATORS
+from asrsim.identification.extensions import ASKED, Extended, Extension, Propose, extended, freed, least_moves
+from asrsim.identification.keys import JUMP, LATEST, Parameter, parameters_of
+from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
 from asrsim.identification.task import Tie
 from asrsim.identification.told import percent
+from asrsim.identification.track import Track
+from asrsim.identification.uncertainty import Uncertainty, noise_of
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
 
+FACTORS = (0.03, 0.3, 3.0, 30.0)
+"""Of the law's own stiffness of bristles: from friction that gives way to one that hardly does."""
+MUCH = 0.5
+"""Share of what is more than noise that jumps or bristles may leave of a model that is far off."""
+STAIRS = 0.9
+"""Share of the mean square that a command played as stairs may leave."""
 EXPLAINED = 0.9
-"""Share of the error beyond the noise, squared, that a cause must explain to be suspected: others would, too, in part."""
+"""Share of the error beyond the noise, squared, that suspected causes explain together: others would, too, in part."""
 FURTHER = 0.8
-"""Share of the mean square error that is left, at most, where a second cause is looked for beside a first."""
+"""Share of the mean square error that a cause may leave."""
+CAUSES, ROUNDS = 3, 15
+"""Causes that are suspected together, and steps of a search with one free, at most."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Ends of quantities whose sensors may have another zero."""
-CONTROLLER = ("proportional", "derivative")
-"""Gains that may be others than the robot's file says."""
-HOPE = 0.02
-"""Share of the error, squared, that a cause must explain by slopes to be tried beside the rest."""
-TRIED = 4
-"""Causes that are tried at a time, at most, those that promise most: of a model that is all wrong, nothing explains it."""
-ROUNDS = 15
-"""Steps with a cause free, at most."""
 FOLLOWED = 0.5
 """Share of a channel's variance below which a fit hardly follows it."""
-CAUSES = 3
-"""That are suspected together, at most."""
-TIE_STEP, DIFFERENT = 1e-3, 0.05
-"""Of a difference along a number that is tied, in the vector's units, and share by which two differ that are said to."""
+DIFFERENT = 0.05
+"""Share by which two tied numbers differ that are said to."""
+BITES, RELEASES, REACHED = (0.75, 0.3, 0.1), 2.0, 0.999
+"""Shares of what the motion reaches, and of a limit that it reaches, at which another limit is tried; share of a limit from
+which on the motion has run into it.
+"""
+SIZES = {"max_torque": "torque", "max_velocity": "velocity", "max_current": "current", "max_voltage": "voltage"}
+"""Last part of a motor's limit -> the motor's quantity that it bounds on both sides."""
+PLACES = {"min_position": -1.0, "max_position": 1.0}
+"""The same of a motor's stop -> the side on which it bounds the position."""
+DEFLECTION = "max_deflection"
+"""A spring's limit."""
+LAGS, TREND, PARTS = 0.3, 0.6, 12
+"""Share of a torque's errors, squared, from which on they go with the direction of its change; rank correlation of a spring's
+estimates in so many parts of the record with the deflection, beyond which it depends on it.
+"""
 
 
-def missing_causes(residuals: Residuals, x: Array, start: Array) -> list[str]:
-    """For people. residuals: weighted by the channels' noise; x: the estimate; start: where it began."""
-    suspected = _suspected(residuals, x, start) or list(_nobody_gave(residuals))
-    return [*suspected, *amplitude(residuals, x), *hysteresis(residuals, x)]
+# -- what recordings may ask for during a fit -----------------------------------------------------------------------------
 
 
-def ties_that_are_none(residuals: Residuals, x: Array, found: Uncertainty) -> list[str]:
-    """Ties of which the recordings show that the two numbers differ: by more than chance, and by more than a few percent."""
-    faults = []
-    for cause, tie in _ties(residuals.layout, x):
-        trial = residuals.under(cause.layout)
-        base = residuals(x)
-        slope = (trial(np.append(x, TIE_STEP)) - trial(np.append(x, -TIE_STEP))) / (2.0 * TIE_STEP)
-        both = np.column_stack([found.jacobian, slope])
-        noise, _ = noise_of(residuals, base, both)
-        inverse = np.linalg.pinv(both.T @ both)
-        move = float(-(inverse @ (both.T @ base))[-1])
-        deviation = float(np.sqrt((inverse @ noise @ inverse)[-1, -1]))
-        entry = cause.layout.entries[-1]
-        share = abs(entry.value(move) / entry.value(0.0) - 1.0) if entry.value(0.0) else 0.0
-        if move**2 > ASKED * deviation**2 and share > DIFFERENT:
-            faults.append(f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(share)}")
-    return faults
+def jumps(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Times of large jumps that came between two samples: a recording shows them at the later one."""
+    free = {(entry.parameter.key, entry.track) for entry in problem.layout.entries}
+    several = len(problem.tracks) > 1
+    entries = [
+        Entry(one, number, f"{one.key} ({problem.tracks[number].data.name})" if several else one.key, one.start)
+        for number in problem.fitted
+        for one in jumps_of(problem.tracks[number], problem.held)
+        if (one.key, number) not in free
+    ]
+    if entries:
+        wider = problem.under(replace(problem.layout, entries=(*problem.layout.entries, *entries)))
+        yield Extension(text="times of jumps", problem=wider, separable=True, excess=MUCH)
 
 
-def _nobody_gave(residuals: Residuals) -> Iterator[str]:
+def jumps_of(track: Track, held: frozenset[str]) -> Iterator[Parameter]:
+    """Seconds by which each large jump may come before its sample."""
+    for command in track.data.commands:
+        curve = (command.as_stairs if command.key in held else command).curve
+        for number, piece in enumerate(curve.large, start=1):
+            width = float(curve.time[piece] - curve.time[piece - 1])
+            yield Parameter(key=f"{command.key}.{JUMP}{number}", unit="s", start=0.0, low=0.0, high=width, own=True)
+
+
+def with_early_jumps(problem: Problem, x: Array) -> Problem:
+    """With jumps of recordings that are only predicted where these ask for them: when they came is nothing of the model's."""
+    playing = [*problem.playing]
+    for number in range(len(problem.fitted), len(problem.tracks)):
+        track = problem.tracks[number]
+        found, table = list(jumps_of(track, problem.held)), problem.layout.table(x, number)
+        tables = [table, *({**table, jump.key: 0.5 * jump.high} for jump in found)] if found else []
+        left = [
+            None if one is None
+            else np.concatenate([(a - c.values) / c.floor for a, c in zip(one, track.channels, strict=True)])
+            for one in track.predictions(tables, playing[number])
+        ]  # fmt: skip
+        if left and left[0] is not None and float(np.mean(left[0] ** 2)) > 1.0:
+            slopes = np.stack([0.0 * left[0] if one is None else one - left[0] for one in left[1:]], axis=1)
+            playing[number] = replace(playing[number], early=_early(found, left[0], slopes))
+    return replace(problem, playing=tuple(playing))
+
+
+def _early(found: Sequence[Parameter], base: Array, slopes: Array) -> dict[str, float]:
+    """s by which jumps come early that a recording asks for. base: (m,) errors; slopes: (m, k) of half an interval."""
+    shares = least_moves(slopes, base, np.zeros(len(found)), np.full(len(found), 2.0))
+    after = base + slopes @ shares
+    asked = shares**2 * np.sum(slopes**2, axis=0) > ASKED * max(float(np.mean(after**2)), 1.0)
+    if float(base @ base - after @ after) <= MUCH * (float(base @ base) - len(base)):
+        return {}
+    return {jump.key: 0.5 * jump.high * share for jump, share, one in zip(found, shares.tolist(), asked, strict=True) if one}
+
+
+def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
+    """Commands whose samples are held until the next, as a digital controller does."""
+    keys = dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands if not c.hold)
+    for key in keys:
+        if key not in problem.held:
+            held = problem.played(problem.held | {key})
+            yield Extension(text=f"{key} as stairs", problem=held, finite=True, share=STAIRS)
+
+
+def bristles(problem: Problem, robot: Robot) -> Iterator[Extension]:
+    """Stiffness of bristles of motors' friction that nobody gave; of motors whose friction is one number, it is one, too."""
+    layout = problem.layout
+    known, tied = parameters_of(robot, (), {}), {tie.key: tie.to for tie in layout.ties}
+    taken = {*tied, *(entry.parameter.key for entry in layout.entries)}
+    groups: dict[str, list[str]] = {}
+    for block in robot.actuators:
+        for i in range(1, ACTUATORS.get(block.actuator).motors + 1):
+            name = f"motor_{i}_friction_stiffness"
+            root = f"{block.joint}.motor_{i}_friction_torque"
+            while root in tied:
+                root = tied[root]
+            if block.parameters[name].origin == "default" and f"{block.joint}.{name}" not in taken:
+                groups.setdefault(root, []).append(f"{block.joint}.{name}")
+    for first, *others in groups.values():
+        yield Extension(
+            text=first, problem=freed(problem, [known[first]], [Tie(key=key, to=first) for key in others]), finite=True,
+            begins=tuple(np.log(FACTORS)), restepped=True, excess=MUCH,
+        )  # fmt: skip
+
+
+def jumps_or_bristles(robot: Robot) -> Propose:
+    """Each may explain a part of what is the other's."""
+    return lambda problem, x: (*jumps(problem, x), *bristles(problem, robot))
+
+
+# -- what a model that does not fit may lack ------------------------------------------------------------------------------
+
+
+def missing_causes(problem: Problem, x: Array, start: Array) -> list[str]:
+    """For people. problem: weighted by the channels' noise; x: the estimate; start: where it began."""
+    base = mean_square(problem, x)
+
+    def enough(found: Extended) -> bool:
+        return found.cost - 1.0 <= (1.0 - EXPLAINED) * (base - 1.0)
+
+    found = extended(problem, x, _causes, most=CAUSES, enough=enough, starts=[start], rounds=ROUNDS, tolerance=1e-3)
+    suspected = list(_suspected(found, base)) if found.chosen and enough(found) else list(_nobody_gave(problem))
+    return [*suspected, *_amplitude(problem, x), *_hysteresis(problem, x)]
+
+
+def _suspected(found: Extended, base: float) -> Iterator[str]:
+    texts, flags = [], []
+    values = dict(
+        zip((entry.name for entry in found.problem.layout.entries), found.problem.layout.values(found.x), strict=True)
+    )
+    for cause in found.chosen:
+        entry = cause.problem.layout.entries[-1]
+        value, unit = float(values[entry.name]), entry.parameter.unit
+        # Times and zeros are small.
+        size = f"{1e3 * value:.3g} m{unit}" if entry.parameter.key.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
+        own = cause.separable
+        texts.append(cause.text if own else f"{cause.text} ({size.strip()})")
+        flags.append(cause.flags.replace("START", f"{value:.4g}"))
+    verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
+    yield f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({' '.join(flags)})"
+
+
+def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
+    """What could be free beside a problem's entries."""
+    return (replace(one, share=FURTHER) for one in (*_of_sensors(problem, x), *_of_the_robot(problem, x)))
+
+
+def _of_sensors(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Delays, zeros, gains and signs."""
+    free = {entry.parameter.key for entry in problem.layout.entries}
+    tracks = [problem.tracks[i] for i in problem.fitted]
+    commands = list(dict.fromkeys(c.key for track in tracks for c in track.data.commands))
+    if commands and not any(key.endswith(".delay") or key == "clock" for key in free):
+        first, *others = (f"{key}.delay" for key in commands)
+        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
+        yield _cause("a delay of the commands", problem, parameter, [Tie(key=key, to=first) for key in others], begins=(2.0,))
+    for key, unit in {c.key: c.unit for track in tracks for c in track.channels}.items():
+        offset, gain = f"{key}.offset", f"{key}.gain"
+        if key.endswith(MEASURED_FROM_ZERO) and offset not in free:
+            yield _cause(f"a zero offset of {key}", problem, Parameter(key=offset, unit=unit, start=0.0), begins=(0.0,))
+        if key.endswith(MEASURED_FROM_ZERO):
+            yield from _own(f"a zero of {key}", problem, x, Parameter(key=offset, unit=unit, start=0.0))
+        factor = Parameter(key=gain, unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        yield from _own(f"a gain of {key}", problem, x, factor)
+        if gain not in free and key in _lost(problem, x):
+            parameter = Parameter(key=gain, unit="", start=1.0, low=-10.0, high=10.0)
+            yield _cause(f"another sign of {key}", problem, parameter, flags=f"--map COLUMN=-{key}", begins=(-2.0,))
+
+
+def _of_the_robot(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Springs, gains of controllers, limits, ties that are none."""
+    layout, track = problem.layout, problem.tracks[0]
+    taken = {entry.parameter.key for entry in layout.entries} | {tie.key for tie in layout.ties}
+    known = parameters_of(track.door.robot, (), {})
+    for drive in track.door.drives:
+        key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
+        if drive.joint.spring_stiffness == 0.0 and key not in taken and not (drive.mode and drive.mode.spring):
+            parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
+            yield _cause(f"a spring of {drive.name}'s own", problem, parameter, flags=f"--free {key}=START")
+        for name in ("proportional", "derivative") if drive.mode and drive.mode.controller else ():
+            key, other = (f"{drive.name}.controller_{i}_{name}" for i in (1, 2))
+            if key in known and known[key].start > 0.0 and key not in taken:
+                same = other in known and other not in taken and known[other].start == known[key].start
+                ties = [Tie(key=other, to=key)] if same else []
+                yield _cause(f"another {name} gain of {drive.name}'s controller", problem, known[key], ties, given=True)
+    for text, parameter, ties in limits(problem, x):
+        yield _cause(text, problem, parameter, ties, given=True, begins=(0.0,), finite=True)
+    for tie, wider in _without_ties(problem, x):
+        text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
+        yield Extension(text=text, flags=f"--free {tie.key}", problem=wider, begins=(0.0,))
+
+
+def _cause(
+    text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie] = (), *, flags: str = "", given: bool = False,
+    begins: tuple[float, ...] = (), finite: bool = False,
+) -> Extension:  # fmt: skip
+    """given: its start is said to who would free it."""
+    asked = f"--free {parameter.key}{'=START' if given else ''}" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
+    return Extension(
+        text=text, flags=flags or asked, problem=freed(problem, [parameter], ties), begins=begins, finite=finite
+    )  # fmt: skip
+
+
+def _own(text: str, problem: Problem, x: Array, parameter: Parameter) -> Iterator[Extension]:
+    """A number that each of several recordings has for itself."""
+    tracks, key = list(problem.fitted), parameter.key
+    if len(tracks) < 2 or any(one.parameter.key == key and one.track is not None for one in problem.layout.entries):
+        return
+    if (shared := problem.layout.table(x, 0).get(key)) is not None:
+        # What all share stays the first one's.
+        tracks, parameter = tracks[1:], replace(parameter, start=shared)
+    wider = freed(problem, [parameter], tracks=tracks)
+    yield Extension(text=f"{text} in each recording", flags=f"--own {key}", problem=wider, separable=True)
+
+
+def _lost(problem: Problem, x: Array) -> set[str]:
+    """Channels that are hardly followed."""
+    found = set()
+    for number in problem.fitted:
+        for channel, left in zip(problem.tracks[number].channels, errors(problem, x, number) or (), strict=False):
+            if float(np.mean(left**2)) > (1.0 - FOLLOWED) * float(np.var(channel.values[: len(left)])):
+                found.add(channel.key)
+    return found
+
+
+def _nobody_gave(problem: Problem) -> Iterator[str]:
     """Gains that are guesses: those of a law, of a controller that is another."""
-    free = {entry.parameter.key for entry in residuals.layout.entries}
-    for drive in residuals.tracks[0].prepared.drives:
+    free = {entry.parameter.key for entry in problem.layout.entries}
+    for drive in problem.tracks[0].door.drives:
         key = f"{drive.name}.controller_1_proportional"
         gain = drive.block.parameters.get(key.partition(".")[2]) if drive.block else None
         if gain and gain.origin == "default" and drive.mode and drive.mode.controller and key not in free:
@@ -81,163 +272,146 @@ def _nobody_gave(residuals: Residuals) -> Iterator[str]:
             )
 
 
-@dataclass(frozen=True)
-class _Cause:
-    """Something that could be free and is not."""
-
-    text: str
-    flags: str
-    layout: Layout
-    """With it as its last entry."""
-    begin: float | None
-    """Where its search begins; None: where slopes say."""
-    jump: bool = False
-    """At its start it acts already: slopes about the estimate, where it does not, tell nothing of it."""
-
-
-def _suspected(residuals: Residuals, x: Array, start: Array) -> list[str]:
-    """What explains nearly all of the error where it is free beside the others: one cause, or a few together."""
-    base = float(np.mean(residuals(x) ** 2))
-    texts: list[str] = []
-    flags: list[str] = []
-    layout, begins, cost = residuals.layout, [x, start], base
-    while len(texts) < CAUSES and cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
-        here = residuals.under(layout)
-        places = [_looked(here, place) for place in begins]
-        promises = [one for cause in _causes(residuals, layout, begins[0]) for one in _promises(residuals, cause, places)]
-        # One that explains nearly all does so by its slopes, too, at one of the places.
-        # The first of each: a limit is tried at several sizes, and from several places.
-        ordered = sorted((one for one in promises if one.share > HOPE), key=lambda one: -one.share)
-        first = {one.cause.text: one for one in reversed(ordered)}
-        ordered = [one for one in ordered if first[one.cause.text] is one]
-        # What jumps promises more than it keeps: the best of the others has its turn, too.
-        others = [one for one in ordered[TRIED:] if not one.cause.jump]
-        promises = ordered[:TRIED] + others[: all(one.cause.jump for one in ordered[:TRIED])]
-        if not promises:
-            break
-        trials = [(*_kept(residuals, one), one.cause) for one in promises]
-        least, there, cause = min(trials, key=lambda one: one[0])
-        if least > FURTHER * cost:
-            break
-        value = cause.layout.entries[-1].value(float(there[-1]))
-        unit = cause.layout.entries[-1].parameter.unit
-        # Times and zeros are small.
-        size = f"{1e3 * value:.3g} m{unit}" if cause.flags.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
-        texts.append(f"{cause.text} ({size.strip()})")
-        flags.append(cause.flags.replace("START", f"{value:.4g}"))
-        layout, begins, cost = cause.layout, [there], least
-    if not texts or cost - 1.0 > (1.0 - EXPLAINED) * (base - 1.0):
-        return []
-    verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    return [f"{' and '.join(texts)} {verb} the error to {percent((cost / base) ** 0.5)} ({' '.join(flags)})"]
-
-
-@dataclass(frozen=True, eq=False)
-class _Promise:
-    """What a cause, beside all that is free, would do near a place, if slopes hold."""
-
-    cause: _Cause
-    near: Array
-    """The place, with the cause at its start as the last entry."""
-    known: Known | None
-    """Of it."""
-    move: float
-    """Of that entry."""
-    share: float
-    """Of the error that all else leaves, squared."""
-
-
-def _looked(residuals: Residuals, x: Array) -> Known:
-    """A place from which causes are tried."""
-    there = residuals(x)
-    return x, there, residuals.jacobian(x, base=there)
-
-
-def _promises(residuals: Residuals, cause: _Cause, places: Sequence[Known]) -> Iterator[_Promise]:
-    """What a cause promises near each place."""
-    trial = residuals.under(cause.layout)
-    for place, there, matrix in places:
-        x, step = np.append(place, 0.0), 0.0 if cause.jump else 1e-3
-        slope = (trial(np.append(place, step)) - there) / (step or 1.0)
-        free = np.linalg.qr(matrix)[0]
-        alone, left = slope - free @ (free.T @ slope), there - free @ (free.T @ there)
-        along, size = float(alone @ left), float(alone @ alone)
-        if size > 0.0:
-            known = None if cause.jump else (x, there, np.column_stack([matrix, slope]))
-            yield _Promise(cause, x, known, -along / size, along**2 / (size * float(left @ left)))
-
-
-def _kept(residuals: Residuals, promise: _Promise) -> tuple[float, Array]:
-    """Mean square error and vector with a cause free."""
-    cause, x = promise.cause, promise.near.copy()
-    trial, x[-1] = residuals.under(cause.layout), promise.move if cause.begin is None else cause.begin
-    there = solve(trial, x, loss="linear", rounds=ROUNDS, tolerance=1e-3, known=promise.known)
-    return float(np.mean(trial(there) ** 2)), there
-
-
-def _causes(residuals: Residuals, layout: Layout, x: Array) -> Iterator[_Cause]:
-    """What could be free beside a layout's entries."""
-    free = {entry.parameter.key for entry in layout.entries}
-    commands = list(dict.fromkeys(c.key for track in residuals.tracks for c in track.data.commands))
-    if commands and not any(key.endswith(".delay") or key == "clock" for key in free):
-        keys = [f"{key}.delay" for key in commands]
-        parameter = Parameter(key=keys[0], unit="s", start=0.0, low=-1e-3, high=LATEST)
-        ties = [Tie(key=key, to=keys[0]) for key in keys[1:]]
-        flags = f"--free {keys[0]}" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
-        yield _Cause("a delay of the commands", flags, layout.extended(parameter, ties), 2.0)
-    for key, unit in {c.key: c.unit for track in residuals.tracks for c in track.channels}.items():
-        if key.endswith(MEASURED_FROM_ZERO) and f"{key}.offset" not in free:
-            parameter = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
-            yield _Cause(f"a zero offset of {key}", f"--free {key}.offset", layout.extended(parameter), 0.0)
-    for key in _lost(residuals, layout, x):
-        if f"{key}.gain" not in free:
-            parameter = Parameter(key=f"{key}.gain", unit="", start=1.0, low=-10.0, high=10.0)
-            yield _Cause(f"another sign of {key}", f"--map COLUMN=-{key}", layout.extended(parameter), -2.0)
-    for drive in residuals.tracks[0].prepared.drives:
-        key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
-        if drive.joint.spring_stiffness == 0.0 and key not in free and not (drive.mode and drive.mode.spring):
-            parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
-            yield _Cause(f"a spring of {drive.name}'s own", f"--free {key}=START", layout.extended(parameter), None)
-    for parameter, ties in _gains(residuals, free, [tie.key for tie in layout.ties]):
-        text = f"another {parameter.key.rpartition('_')[2]} gain of {parameter.key.partition('.')[0]}'s controller"
-        flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
-        yield _Cause(text, flags, layout.extended(parameter, ties), None)
-    for text, parameter, ties in limits(residuals, layout, x):
-        flags = f"--free {parameter.key}=START" + "".join(f" --tie {tie.key}={tie.to}" for tie in ties)
-        yield _Cause(text, flags, layout.extended(parameter, ties), 0.0, jump=True)
-    yield from (cause for cause, _ in _ties(layout, x))
-
-
-def _ties(layout: Layout, x: Array) -> Iterator[tuple[_Cause, Tie]]:
-    """Ties, each with its key free."""
+def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
+    """Ties, each with a problem in which its key is free."""
+    layout = problem.layout
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
         entry = next((one for one in layout.entries if one.parameter.key == tie.to and one.track is None), None)
         if entry is not None and not tie.key.endswith(".delay"):
-            value = tie.factor * values[tie.to]
-            parameter = replace(entry.parameter, key=tie.key, start=value)
-            without = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
-            text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
-            yield _Cause(text, f"--free {tie.key}", without.extended(parameter), 0.0), tie
+            parameter = replace(entry.parameter, key=tie.key, start=tie.factor * values[tie.to])
+            without: Layout = replace(layout, ties=tuple(one for one in layout.ties if one is not tie))
+            yield tie, freed(problem.under(without), [parameter])
 
 
-def _gains(residuals: Residuals, free: Collection[str], tied: Collection[str]) -> Iterator[tuple[Parameter, list[Tie]]]:
-    """Of controllers; a second motor's with the first's, where they are one number."""
-    track = residuals.tracks[0]
-    known = parameters_of(track.prepared.robot, (), {})
-    for drive in track.prepared.drives:
-        for name in CONTROLLER if drive.mode and drive.mode.controller else ():
-            key, other = (f"{drive.name}.controller_{i}_{name}" for i in (1, 2))
-            if key in known and known[key].start > 0.0 and key not in free and key not in tied:
-                same = other in known and other not in free and other not in tied and known[other].start == known[key].start
-                yield known[key], [Tie(key=other, to=key)] if same else []
+def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[str]:
+    """Ties of which the recordings show that the two numbers differ: by more than chance, and by more than a few percent."""
+    faults = []
+    for tie, wider in _without_ties(problem, x):
+        base, there = residuals(problem, x), np.append(x, 0.0)
+        slope = jacobian(wider, there, 1e-3, base=base, central=True, columns=[len(x)])
+        both = np.column_stack([found.jacobian, slope])
+        noise, _ = noise_of(problem, base, both)
+        inverse = np.linalg.pinv(both.T @ both)
+        move = float(-(inverse @ (both.T @ base))[-1])
+        variance, entry = float((inverse @ noise @ inverse)[-1, -1]), wider.layout.entries[-1]
+        share = abs(entry.value(move) / entry.value(0.0) - 1.0) if entry.value(0.0) else 0.0
+        if move**2 > ASKED * variance and share > DIFFERENT:
+            faults.append(f"{tie.key} is not {tie.to}, to which it is tied: they differ by {percent(share)}")
+    return faults
 
 
-def _lost(residuals: Residuals, layout: Layout, x: Array) -> list[str]:
-    """Channels that are hardly followed."""
-    here, found = residuals.under(layout), dict[str, None]()
-    for number, track in enumerate(residuals.tracks):
-        for channel, left in zip(track.channels, here.raw(x, number, here.until(number)) or (), strict=False):
-            if float(np.mean(left**2)) > (1.0 - FOLLOWED) * float(np.var(channel.values[: len(left)])):
-                found[channel.key] = None
-    return list(found)
+# -- limits that a recording has run into and the model not, or the model while it did not -----------------------------------
+
+
+def limits(problem: Problem, x: Array) -> Iterator[tuple[str, Parameter, list[Tie]]]:
+    """Every limit that is not free, with a start that bites, where it would make a difference to the motion at x; those of a
+    joint's two motors, where they are the same number, together.
+    """
+    track, playing, values = problem.tracks[0], problem.playing[0], problem.layout.table(x, 0)
+    known = parameters_of(track.door.robot, (), {})
+    for j, drive in enumerate(track.door.drives):
+        tied: dict[str, str] = {}
+        for i in range(1, drive.dynamic_motors + 1):
+            for what in (*SIZES, *PLACES):
+                key, other = f"{drive.name}.motor_{i}_{what}", f"{drive.name}.motor_2_{what}"
+                if key not in known or key in values or key in tied:
+                    continue
+                found = track.series(values, playing, [(j, f"motor_{i}_{SIZES.get(what, 'position')}")])
+                same = i == 1 and other in known and other not in values and drive.dynamic_motors > 1
+                ties = [Tie(key=other, to=key)] if same and known[other].start == known[key].start else []
+                for start in _starts(known[key].start, None if found is None else _reached(found, what), PLACES.get(what)):
+                    tied.update((tie.key, key) for tie in ties)
+                    yield f"a limit of the motors of {drive.name}, {what}", _biting(known[key], start, what), ties
+        key = f"{drive.name}.{DEFLECTION}"
+        if key in known and key not in values and drive.actuator and drive.mode and drive.mode.spring:
+            places = [(j, f"motor_{i}_position") for i in range(1, drive.actuator.motors + 1)]
+            found = track.series(values, playing, [*places, (j, "link_position")])
+            most = 0.0 if found is None or not np.isfinite(found).all() else float(np.abs(found[:-1] - found[-1]).max())
+            for start in _starts(known[key].start, (0.0, most), None):
+                yield f"a limit of the deflection of {drive.name}", _biting(known[key], start, DEFLECTION), []
+
+
+def _reached(series: Array, what: str) -> tuple[float, float] | None:
+    """Least and largest value; of what has two sides, of its size."""
+    if not np.all(np.isfinite(series)):
+        return None
+    found = series if what in PLACES else np.abs(series)
+    return float(found.min()), float(found.max())
+
+
+def _starts(limit: float, reached: tuple[float, float] | None, side: float | None) -> list[float]:
+    """Where another limit is tried; nowhere, where there is nothing to limit."""
+    if reached is None or reached[0] == reached[1]:
+        return []
+    low, high = reached
+    # Where a jump of the command reaches the limit for a moment, a lower one may be missing all the same.
+    if side is None:
+        return [*([RELEASES * limit] if high >= REACHED * limit else []), *(bite * high for bite in BITES)]
+    reach, extent = (high if side > 0.0 else low), high - low
+    into = math.isfinite(limit) and side * (limit - reach) <= (1.0 - REACHED) * extent
+    return [*([limit + side * extent] if into else []), *(reach - side * (1.0 - bite) * extent for bite in BITES)]
+
+
+def _biting(parameter: Parameter, start: float, what: str) -> Parameter:
+    if what in PLACES:
+        return replace(parameter, start=start, low=-math.inf, high=math.inf, logarithmic=False)
+    return replace(parameter, start=start, low=1e-3 * start, high=1e3 * start, logarithmic=True)
+
+
+# -- laws that errors show to be missing -----------------------------------------------------------------------------------
+
+
+def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
+    """Springs whose estimates, one step in each part of the record alone, go with the deflection."""
+    words, entries = ("spring_stiffness", "spring_k", "passive_stiffness", ".k"), problem.layout.entries
+    springs = [i for i, one in enumerate(entries) if one.parameter.logarithmic and any(word in one.name for word in words)]
+    if not springs:
+        return
+    left, numbers = residuals(problem, x), problem.blocks(PARTS)
+    slopes = jacobian(problem, x, base=left, columns=springs)
+    total = int(numbers.max()) + 1
+    sizes, pulls, counts = np.zeros((total, len(springs))), np.zeros((total, len(springs))), np.bincount(numbers)
+    np.add.at(sizes, numbers, slopes**2)
+    np.add.at(pulls, numbers, slopes * left[:, None])
+    reach = np.sum(sizes, axis=1) / np.maximum(counts, 1)
+    for i, entry in enumerate(springs):
+        known = sizes[:, i] > 25.0
+        if known.sum() < 6:
+            continue
+        moves, deviation = -pulls[known, i] / sizes[known, i], float(np.median(sizes[known, i] ** -0.5))
+        rank, extent = _rank_correlation(reach[known], moves), float(np.ptp(moves))
+        if abs(rank) > TREND and extent > max(6.0 * deviation, 0.02):
+            yield (
+                f"{entries[entry].name} {'falls' if rank < 0.0 else 'grows'} with the amplitude: parts of the record differ by "
+                f"{100 * extent:.0f} %; a spring whose law is another is missing"
+            )
+
+
+def _rank_correlation(a: Array, b: Array) -> float:
+    return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
+
+
+def _hysteresis(problem: Problem, x: Array) -> list[str]:
+    """Errors of a torque that go with the sign of its velocity."""
+    found: dict[str, tuple[float, str]] = {}
+    for number in problem.fitted:
+        track = problem.tracks[number]
+        modes = {drive.name: drive.mode for drive in track.door.drives}
+        for channel, left in zip(track.channels, errors(problem, x, number) or (), strict=False):
+            if "torque" not in channel.quantity:
+                continue
+            sign = np.sign(np.gradient(np.convolve(channel.values[: len(left)], np.ones(5) / 5.0, "same")))
+            size = abs(float(np.mean(left * sign)))
+            if size**2 <= LAGS * max(float(np.mean(left**2)), 1e-300) or size < found.get(channel.key, (0.0, ""))[0]:
+                continue
+            mode, names = modes.get(channel.joint), {}
+            if mode and mode.spring:
+                names["hysteresis"] = "hysteresis_torque"
+            if track.scenario.engine != "bench":
+                # A link that stands where it is put has no friction.
+                names["friction"] = "stribeck_friction"
+            flags = " ".join(f"--free {channel.joint}.{name}={size:.2g}" for name in names.values())
+            text = f"{channel.unit} off by the direction of its change: {' or '.join(names)} is missing ({flags})"
+            found[channel.key] = size, text
+    return [f"{key} is {size:.3g} {text}" for key, (size, text) in found.items()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
@@ -17,45 +18,36 @@ COMPUTED = 1e-3
 def computed_columns(recording: Recording, columns: Sequence[Column]) -> dict[str, str]:
     """Columns that follow exactly from another one on the same time: source -> what it is of."""
     found: dict[str, str] = {}
-    everything = [c for c in recording.channels.values() if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
+    moving = [c for c in recording.channels.values() if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
     mapped = {column.source for column in columns}
-    for index, other in enumerate(everything):
-        for column in everything[index + 1 :]:
-            if len(column.time) != len(other.time):
-                continue
-            late, early = (column, other) if column.source in mapped else (other, column)
-            if late.source not in mapped or late.source in found or early.source in found:
-                continue
-            # Positions are what sensors read; what is a multiple of another column, a torque or a deflection, is the product.
-            if str(late.quantity).endswith("position") and early.source in mapped:
-                late, early = early, late
-            if _explained(early.values, late.values) < COMPUTED:
-                found[late.source] = f"'{early.source}'"
+    for early, late in combinations(moving, 2):
+        if late.source not in mapped:
+            early, late = late, early
+        if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
+            continue
+        # Positions are what sensors read; what is a multiple of another column, a torque or a deflection, is the product.
+        if str(late.quantity).endswith("position") and early.source in mapped:
+            early, late = late, early
+        if _left(early.values, late.values) < COMPUTED:
+            found[late.source] = f"'{early.source}'"
+    places = {(column.joint, str(column.quantity)): column for column in reversed(columns)}
     for column in columns:
-        if str(column.quantity).endswith("velocity") and column.source not in found:
-            place = next(
-                (
-                    c
-                    for c in columns
-                    if c.joint == column.joint and c.quantity == str(column.quantity).replace("velocity", "position")
-                ),
-                None,
-            )
-            if place is not None and len(place.time) == len(column.time) and _is_difference(place, column):
-                found[column.source] = f"'{place.source}', by differences"
+        what = str(column.quantity)
+        place = places.get((column.joint, what.replace("velocity", "position"))) if what.endswith("velocity") else None
+        other = place if column.source not in found else None
+        if other is not None and len(other.time) == len(column.time) and _is_difference(other, column):
+            found[column.source] = f"'{other.source}', by differences"
     return found
 
 
-def _explained(source: Array, values: Array) -> float:
+def _left(source: Array, values: Array) -> float:
     """Share of the deviation of `values` that a line through `source` leaves."""
     centred, other = source - source.mean(), values - values.mean()
-    size = float(np.dot(other, other))
-    left = other - centred * float(np.dot(centred, other) / np.dot(centred, centred))
-    return float(np.sqrt(np.dot(left, left) / size))
+    left = other - centred * float(centred @ other / (centred @ centred))
+    return float(np.linalg.norm(left) / np.linalg.norm(other))
 
 
 def _is_difference(place: Column, speed: Column) -> bool:
     steps = np.diff(place.values) / np.diff(place.time)
     ways = (speed.values[1:] - steps, speed.values[:-1] - steps, speed.values[1:-1] - 0.5 * (steps[1:] + steps[:-1]))
-    spread = float(np.std(speed.values))
-    return any(float(np.median(np.abs(way))) < COMPUTED * spread for way in ways) if spread > 0.0 else False
+    return any(float(np.median(np.abs(way))) < COMPUTED * float(np.std(speed.values)) for way in ways)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.modes import Mode
+from asrsim.actuators import ACTUATORS, MODES, Mode
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.computed import computed_columns
+from asrsim.identification.door import COMPARABLE, EXTERNAL
 from asrsim.identification.noise import fine_noise, glitches, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
@@ -23,10 +23,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.starter_playback import Plan, make_plan
 from asrsim.signals.curve import Curve, curve_through
-from asrsim.simulation.evaluation import DERIVED, EXTERNAL
-from asrsim.simulation.recorder import DIRECT
 
-COMPARABLE = (*DIRECT, *DERIVED)
 CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
 PLAYED = 2
 """Mode in which motors stand at their references."""

@@ -6,25 +6,22 @@ fits to the position follow these. The balance of torques has no memory (equatio
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import RobotError
-from asrsim.identification.data import Channel, Data
+from asrsim.identification.data import Channel, Command, Data
+from asrsim.identification.door import EXTERNAL
 from asrsim.identification.noise import fine_noise
 from asrsim.identification.played import Draw
-from asrsim.identification.residuals import Residuals
-from asrsim.identification.solver import solve
 from asrsim.identification.static import StaticTrack, is_static
-from asrsim.identification.track import Track, numbers_of
+from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.robot.model import Joint, Robot
-from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.evaluation import EXTERNAL
 
 CUTOFF = 50.0
 """Hz of the low-pass filter, forwards and backwards, on motion and torque alike; less where the sampling is slow."""
@@ -40,8 +37,6 @@ EDGE = 0.1
 """s at both ends that the filter spoils."""
 BLIND = 0.3
 """Share of the deviation of a joint's accelerations, by their noise, from which on a balance of torques is none."""
-DRAWS = 4
-"""Pairs of draws of noise from which its bias is told."""
 
 
 def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool:
@@ -49,14 +44,12 @@ def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool
     modes = {block.joint: data.modes.get(block.joint, block.mode) for block in robot.actuators}
     torques = {command.joint for command in data.commands if command.quantity == "reference_1"}
     places = {channel.joint for channel in data.channels if channel.quantity == "link_position"}
-    joints = robot.moving_joints
-    return bool(joints) and all(
+    return bool(robot.moving_joints) and all(
         modes.get(joint.name) == 0
-        and joint.name in torques
-        and joint.name in places
+        and joint.name in torques & places
         and joint.spring_stiffness == 0.0
         and f"{joint.name}.passive_stiffness" not in free
-        for joint in joints
+        for joint in robot.moving_joints
     )
 
 
@@ -81,38 +74,39 @@ class _Motion:
 class InverseTrack(Track):
     """A recording of joints driven by torques: its channels are the torques, filtered as the motion is."""
 
+    has_noisy_inputs = True
+    """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
+
     def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
         super().__init__(scenario, robot, data)
-        self.uncertain = []
-        joints = self.evaluation.joints
+        self.uncertain = ()
+        joints = self.door.joints
         places = {channel.joint: channel for channel in data.channels if channel.quantity == "link_position"}
-        step = float(np.median(np.diff(places[joints[0]].time)))
+        self._places = [places[joint] for joint in joints]
+        step = float(np.median(np.diff(self._places[0].time)))
         last = min(float(channel.time[-1]) for channel in places.values())
         self._grid = np.arange(float(max(c.time[0] for c in places.values())), last, step)
         self._cutoff = min(CUTOFF, 0.15 / step)
         # As often as the filter lets differ: its own correlation is not the model's.
         every = max(1, round(0.5 / (self._cutoff * step)))
         inside = (self._grid > self._grid[0] + EDGE) & (self._grid < self._grid[-1] - EDGE)
-        rows = np.flatnonzero(inside)[::every]
-        self._rows = rows
-        self._places, self._moving = [places[joint] for joint in joints], list[NDArray[np.bool_]]()
-        self._plain = self._motion(None)
-        self._drawn_motion: tuple[Draw | None, _Motion] = (None, self._plain)
+        self._rows = np.flatnonzero(inside)[::every]
+        self._motions: dict[Draw | None, _Motion] = {None: self._motion(None)}
         self._torques = {command.key: self._sampled(command.time, command.values) for command in data.commands}
+        self._moving = [self._surely_moves(j)[self._rows] for j in range(len(joints))]
         channels = []
-        for j, joint in enumerate(joints):
-            self._moving.append(self._surely_moves(j)[rows])
-            values = self._torques[f"{joint}.reference_1"][self._moving[j]]
-            unit = "N" if self.prepared.robot.joint(joint).kind == "prismatic" else "N m"
+        for joint, moving in zip(joints, self._moving, strict=True):
+            values = self._torques[f"{joint}.reference_1"][moving]
+            unit = "N" if self.door.robot.joint(joint).kind == "prismatic" else "N m"
             channels.append(
                 Channel(
-                    joint=joint, quantity="link_torque", unit=unit, time=self._grid[rows][self._moving[j]], values=values,
+                    joint=joint, quantity="link_torque", unit=unit, time=self._grid[self._rows][moving], values=values,
                     noise=fine_noise(values), given=False, quantum=0.0,
                 )
             )  # fmt: skip
         remark = f"{', '.join(joints)}: driven by the recorded torque; torques are compared, filtered at {self._cutoff:.3g} Hz"
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
-        self.onset = float(self._grid[rows[0]])
+        self.onset = float(self._grid[self._rows[0]])
 
     def _motion(self, draw: Draw | None) -> _Motion:
         """The joints' motion from their recorded places, with noise added."""
@@ -129,20 +123,12 @@ class InverseTrack(Track):
         q, v, a = (np.column_stack(part)[self._rows] for part in (smooth, speeds, rates))
         return _Motion(recorded, q, v, a, speeds, signs)
 
-    def _motion_with(self, draw: Draw | None) -> _Motion:
-        """The same, kept while the draw does not change."""
-        if draw is None:
-            return self._plain
-        if self._drawn_motion[0] != draw:
-            self._drawn_motion = draw, self._motion(draw)
-        return self._drawn_motion[1]
-
     def _surely_moves(self, j: int) -> NDArray[np.bool_]:
         """(n,) of the grid: false around where joint j stands, held by any friction up to its level."""
         period = 1.0 / (self._cutoff * float(self._grid[1] - self._grid[0]))
         near, beside = round(NEAR * period), max(1, round(0.25 * period))
-        moved = np.zeros(len(self._grid))
-        moved[beside:-beside] = self._plain.recorded[j][2 * beside :] - self._plain.recorded[j][: -2 * beside]
+        moved, recorded = np.zeros(len(self._grid)), self._motions[None].recorded[j]
+        moved[beside:-beside] = recorded[2 * beside :] - recorded[: -2 * beside]
         still = np.abs(moved) <= STANDS * np.sqrt(2.0) * self._places[j].floor
         surely: NDArray[np.bool_] = ~still
         edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
@@ -153,21 +139,13 @@ class InverseTrack(Track):
         return surely
 
     @property
-    def has_noisy_inputs(self) -> bool:
-        """Noise of the torques is what is compared; that of the places counts here, many times in their accelerations."""
-        return True
-
-    @property
     def is_blind(self) -> bool:
         """Whether the noise of a joint's places makes much of its accelerations, or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
-        told = self._plain.a
-        moved = self._motion(Draw(0)).a - told
-        return bool(np.any(np.std(moved, axis=0) > BLIND * np.std(told, axis=0)))
-
-    def resolve(self, substeps: int, motor_substeps: int) -> None:
-        """Nothing is simulated."""
+        known = self._motions[None].a
+        moved = self._motion(Draw(0)).a - known
+        return bool(np.any(np.std(moved, axis=0) > BLIND * np.std(known, axis=0)))
 
     def _filtered(self, values: Array) -> Array:
         from scipy.signal import butter, sosfiltfilt
@@ -178,74 +156,52 @@ class InverseTrack(Track):
     def _sampled(self, time: Array, values: Array, delay: float = 0.0) -> Array:
         return self._filtered(np.interp(self._grid - delay, time, values))[self._rows]
 
-    def predict(self, values: Mapping[str, float], until: float | None = None, draw: Draw | None = None) -> list[Array] | None:
+    def predictions(
+        self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
+    ) -> Iterator[list[Array] | None]:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
-        motion = self._motion_with(draw)
-        q, v = motion.q, motion.v
-        joints = self.evaluation.joints
-        try:
-            changes = numbers_of(values)
-            robot = varied_robot(self.prepared.robot, changes)
-        except RobotError:
-            return None
-        needed = self._balance(motion, robot, changes)
-        for j, joint in enumerate(joints):
-            one = robot.joint(joint)
-            needed[:, j] += one.damping * v[:, j] + self._friction(motion, one, j)
-            needed[:, j] += one.spring_stiffness * (q[:, j] - one.spring_reference)
-            if (torque := self._torques.get(f"{joint}.{EXTERNAL}")) is not None:
-                needed[:, j] -= torque
+        if playing.draw not in self._motions:
+            self._motions = {None: self._motions[None], playing.draw: self._motion(playing.draw)}
+        for values in tables:
+            try:
+                yield self._needed(values, self._motions[playing.draw], until)
+            except RobotError:
+                yield None
+
+    def _needed(self, values: Mapping[str, float], motion: _Motion, until: float | None) -> list[Array]:
+        changes, links = numbers_of(values), {link.name for link in self.door.robot.links}
+        robot = self.door.varied(changes).robot
+        # What only losses change is known from before.
+        mark = tuple((owner, name, x) for owner, part in changes.items() if owner in links for name, x in part.items())
+        if mark not in motion.bases:
+            if len(motion.bases) > 64:
+                motion.bases.clear()
+            motion.bases[mark] = self.door.inverse_dynamics(robot, motion.q, motion.v, motion.a)
         predicted = []
-        for j, channel in enumerate(self.channels):
-            key = f"{joints[j]}.reference_1"
-            gain, offset = values.get(f"{key}.gain", 1.0), values.get(f"{key}.offset", 0.0)
-            told = needed[self._moving[j], j] / gain + offset
+        for j, (channel, moving) in enumerate(zip(self.channels, self._moving, strict=True)):
+            joint, key = robot.joint(channel.joint), f"{channel.joint}.reference_1"
+            needed = motion.bases[mark][:, j] + joint.damping * motion.v[:, j] + self._friction(motion, joint, j)
+            needed += joint.spring_stiffness * (motion.q[:, j] - joint.spring_reference)
+            needed -= self._torques.get(f"{joint.name}.{EXTERNAL}", 0.0)
+            expected = needed[moving] / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0)
             if delay := values.get(f"{key}.delay", 0.0):
                 # The recorded torque acts later: what is compared is shifted, not the motion.
-                told = told - (self._late(key, delay)[self._moving[j]] - channel.values)
-            predicted.append(told if until is None else told[channel.time <= until + 1e-9])
+                command = self._command(key)
+                expected = expected - (self._sampled(command.time, command.values, delay)[moving] - channel.values)
+            predicted.append(expected if until is None else expected[channel.time <= until + 1e-9])
         return predicted
+
+    def _command(self, key: str) -> Command:
+        return next(one for one in self.data.commands if one.key == key)
 
     def _friction(self, motion: _Motion, joint: Joint, j: int) -> Array:
         """(n,) torque against the motion of joint j, filtered."""
         if not joint.friction_varies:
             return np.asarray(joint.friction * motion.signs[:, j])
-        speed = motion.speeds[j]
-        command = next(one for one in self.data.commands if one.key == f"{joint.name}.reference_1")
+        speed, command = motion.speeds[j], self._command(f"{joint.name}.reference_1")
         load = np.abs(self._filtered(np.interp(self._grid, command.time, command.values)))
         static = joint.stribeck_friction * np.exp(-((speed / joint.stribeck_velocity) ** 2))
         return self._filtered((joint.friction + joint.load_friction * load + static) * np.sign(speed))[self._rows]
-
-    def _late(self, key: str, delay: float) -> Array:
-        command = next(one for one in self.data.commands if one.key == key)
-        return self._sampled(command.time, command.values, delay)
-
-    def _balance(self, motion: _Motion, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Array:
-        """(n, joints) of inertia, gravity and Coriolis; what only losses change is known from before."""
-        links, bases = {link.name for link in robot.links}, motion.bases
-        mark = tuple((owner, name, x) for owner, part in changes.items() if owner in links for name, x in part.items())
-        if mark not in bases:
-            engine = self.evaluation.engine_of(robot)
-            if len(bases) > 64:
-                bases.clear()
-            model = engine.model
-            assert model is not None  # joints in mode 0 have dynamics
-            bases[mark] = np.array([model.inverse_dynamics(*row) for row in zip(motion.q, motion.v, motion.a, strict=True)])
-        return bases[mark].copy()
-
-
-def unbiased(residuals: Residuals, x: Array) -> Array:
-    """x without what the noise of places makes of it on average (errors in variables): what as much of it once more does.
-
-    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, of which what is odd cancels.
-    """
-    driven = [i for i, track in enumerate(residuals.tracks) if isinstance(track, InverseTrack)]
-    moved = np.zeros(len(x))
-    for draw in range(DRAWS if driven else 0):
-        for sign in (1.0, -1.0):
-            draws = [Draw(DRAWS * i + draw, sign) if i in driven else None for i in range(len(residuals.tracks))]
-            moved += solve(residuals.drawn(draws), x, loss="linear", rounds=10) - x
-    return np.clip(x - 0.5 * moved / DRAWS, *residuals.layout.bounds)
 
 
 def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free: Collection[str]) -> Track:
@@ -257,8 +213,9 @@ def track_of(scenario: Scenario, robot: Robot, data: Data, applied: Robot, free:
         balance.close()
         why = "encoders are too coarse for accelerations: motion under the recorded torques is simulated, where errors add up"
         data = replace(data, remarks=(*data.remarks, why))
-    track = Track(scenario, robot, data)
+    trusted = [key.removesuffix(".offset") for key in free if key.endswith("_position.offset")]
+    track = Track(scenario, robot, data, trusted)
     if not is_static(track, free):
         return track
     track.close()
-    return StaticTrack(scenario, robot, data)
+    return StaticTrack(scenario, robot, data, trusted)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.identification.fit import WHITE, is_loud
 from asrsim.identification.noise import beyond_steps, is_nothing, lag_correlation, swings
+from asrsim.identification.search import WHITE, is_loud
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 

@@ -74,23 +74,17 @@ def _of_actuators(robot: Robot) -> Iterator[Parameter]:
 def _of_joints(robot: Robot) -> Iterator[Parameter]:
     for joint in robot.moving_joints:
         force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
-        yield Parameter(key=f"{joint.name}.damping", unit=f"{force} s/{place}", start=joint.damping, low=0.0)
-        yield Parameter(key=f"{joint.name}.friction", unit=force, start=joint.friction, low=0.0)
-        yield Parameter(key=f"{joint.name}.stribeck_friction", unit=force, start=joint.stribeck_friction, low=0.0)
-        yield Parameter(
-            key=f"{joint.name}.stribeck_velocity", unit=f"{place}/s", start=joint.stribeck_velocity, logarithmic=True,
-            low=joint.stribeck_velocity / FACTOR, high=joint.stribeck_velocity * FACTOR,
-        )  # fmt: skip
-        yield Parameter(key=f"{joint.name}.load_friction", unit="1", start=joint.load_friction, low=0.0)
-        stiff = joint.spring_stiffness
-        bounds = (stiff / FACTOR, stiff * FACTOR) if stiff > 0.0 else (0.0, math.inf)
-        yield Parameter(
-            key=f"{joint.name}.passive_stiffness", unit=f"{force}/{place}", start=stiff, low=bounds[0], high=bounds[1],
-            logarithmic=stiff > 0.0,
-        )  # fmt: skip
+        losses = {
+            "damping": (f"{force} s/{place}", joint.damping), "friction": (force, joint.friction),
+            "stribeck_friction": (force, joint.stribeck_friction), "load_friction": ("1", joint.load_friction),
+        }  # fmt: skip
+        for name, (unit, start) in losses.items():
+            yield Parameter(key=f"{joint.name}.{name}", unit=unit, start=start, low=0.0)
+        yield _positive(f"{joint.name}.stribeck_velocity", f"{place}/s", joint.stribeck_velocity)
+        yield _positive(f"{joint.name}.passive_stiffness", f"{force}/{place}", joint.spring_stiffness)
         yield Parameter(key=f"{joint.name}.passive_reference", unit=place, start=joint.spring_reference)
-        yield Parameter(key=f"{joint.name}.initial_position", unit=place, start=math.nan, own=True)
-        yield Parameter(key=f"{joint.name}.initial_velocity", unit=f"{place}/s", start=math.nan, own=True)
+        for name, unit in (("position", place), ("velocity", f"{place}/s")):
+            yield Parameter(key=f"{joint.name}.initial_{name}", unit=unit, start=math.nan, own=True)
 
 
 def _of_links(robot: Robot) -> Iterator[Parameter]:

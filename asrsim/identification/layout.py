@@ -20,7 +20,7 @@ class Entry:
 
     parameter: Parameter
     track: int | None
-    """Recording whose own it is; None: of all."""
+    """Index of the recording that this entry belongs to; None: shared by all recordings."""
     name: str
     """For people: the key, with the recording's name where it is its own."""
     start: float
@@ -70,14 +70,6 @@ class Layout:
         """(n,) of the values."""
         return np.array([entry.slope(float(v)) for entry, v in zip(self.entries, x, strict=True)])
 
-    def extended(self, parameter: Parameter, ties: Sequence[Tie] = ()) -> Layout:
-        """With one more entry, the last, of all recordings."""
-        return self.with_entries([Entry(parameter, None, parameter.key, parameter.start)], ties)
-
-    def with_entries(self, entries: Sequence[Entry], ties: Sequence[Tie] = ()) -> Layout:
-        """With more entries, the last."""
-        return replace(self, entries=(*self.entries, *entries), ties=(*self.ties, *ties))
-
     def table(self, x: Array, track: int) -> dict[str, float]:
         """Key -> value for a recording, ties followed."""
         found = {
@@ -85,9 +77,13 @@ class Layout:
             for entry, v in zip(self.entries, x, strict=True)
             if entry.track in (None, track)
         }
-        waiting = list(self.ties)
-        for _ in range(len(waiting)):
-            for tie in waiting:
+        return self.tied(found)
+
+    def tied(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Values by key with those that are tied to them, over as many ties as it takes."""
+        found = dict(values)
+        for _ in self.ties:
+            for tie in self.ties:
                 if tie.to in found:
                     found[tie.key] = tie.factor * found[tie.to]
         return found
@@ -101,14 +97,16 @@ class Layout:
 def make_layout(
     free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> Layout:
-    """names: of the recordings; starts: of each, key -> start of what begins in every recording where it does."""
+    """names: of the recordings; starts: of each that is fitted, the first ones, key -> start of what begins in every recording
+    where it does.
+    """
     entries: list[Entry] = []
     for parameter in free:
         if not parameter.own:
             entries.append(Entry(parameter, None, parameter.key, parameter.start))
             continue
-        for i, name in enumerate(names):
-            start = starts[i].get(parameter.key, parameter.start)
+        for i, (name, own) in enumerate(zip(names, starts, strict=False)):
+            start = own.get(parameter.key, parameter.start)
             shown = parameter.key if len(names) == 1 else f"{parameter.key} ({name})"
             entries.append(Entry(replace(parameter, start=start), i, shown, start))
     return Layout(tuple(entries), tuple(ties), len(names))

@@ -1,6 +1,8 @@
-"""Noise: its size from the fine structure of a record, an encoder's quantum, models that whiten it; glitches."""
+"""Series of samples: their noise from fine structure, an encoder's quantum, models that whiten, glitches; how they begin."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +19,16 @@ AROUND = 25
 """Frequencies to each side that tell the level of a spectrum."""
 BANDS = (3, 9, 27)
 """Frequencies of a swing."""
-SELDOM = 1e-3
-"""Probability of chance below which something is none."""
+SELDOM = 1e-4
+"""Probability of chance, per width of a band, below which a band that stands out is a swing."""
 STILL, FINE = 0.15, 0.5
 """Share of samples that stand still on an encoder's steps; noise in these steps that they make, and little else."""
 LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 OUTLIER = 12.0
 """Deviations of its neighbourhood beyond which a single sample is a glitch."""
+FIRST, LONG = 15, 10
+"""Samples, at most, from which the start of a link is read, and of these, at least, whose mean says more than the first."""
 
 
 def fine_noise(values: Array, quantum: float = 0.0) -> float:
@@ -56,6 +60,12 @@ def lag_correlation(residuals: Array, lag: int = 1) -> float:
     """Autocorrelation of residuals (n,) about 0 at a lag: what is off by a constant is no noise either."""
     size = float(np.dot(residuals, residuals))
     return float(np.dot(residuals[lag:], residuals[:-lag]) / size) if size > 0.0 and len(residuals) > lag + 2 else 0.0
+
+
+def independent_samples(residuals: Array) -> float:
+    """As how many independent samples residuals (n,) tell, by the correlation of neighbours."""
+    correlation = min(max(lag_correlation(residuals), 0.0), 1.0 - 1e-6)
+    return len(residuals) * (1.0 - correlation) / (1.0 + correlation)
 
 
 def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
@@ -173,3 +183,58 @@ def glitches(values: Array) -> NDArray[np.bool_]:
     scale = max(typical, 1e-3 * float(np.ptp(np.quantile(values, (0.01, 0.99)))))
     # Two glitches side by side bend the cubic between them by a third of their height.
     return np.asarray((away > OUTLIER * scale) & (3.0 * bent > OUTLIER * scale))
+
+
+class Sampled(Protocol):
+    """A recorded series with its noise, as :class:`asrsim.identification.data.Channel` is."""
+
+    @property
+    def time(self) -> Array:
+        """s."""
+        ...
+
+    @property
+    def values(self) -> Array:
+        """SI."""
+        ...
+
+    @property
+    def noise(self) -> float:
+        """Its standard deviation."""
+        ...
+
+    @property
+    def quantum(self) -> float:
+        """Step of a quantised encoder; 0: none."""
+        ...
+
+
+def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, float] | None:
+    """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors; None where it begins later
+    than `soon` s.
+    """
+    if len(channel.time) < 6 or channel.time[0] > soon:
+        return None
+    count = max(6, min(FIRST, int(np.sum(channel.time <= channel.time[0] + 0.03))))
+    time, values = channel.time[:count], channel.values[:count]
+    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
+    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
+    place, slope, _ = inverse @ values
+    return float(place), float(slope), float(errors[0]), float(errors[1])
+
+
+def at_rest(channel: Sampled) -> tuple[float, float]:
+    """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
+    moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
+    still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
+    count = still if still >= LONG else 1
+    return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))
+
+
+def smoothed(values: Array, cutoff: float) -> Array:
+    """Series (n,) without what is faster than the cutoff, a share of half its rate: Butterworth's fourth order, to and fro."""
+    n, line = len(values), np.linspace(values[0], values[-1], len(values))
+    # Odd about both ends, so that it begins and ends where the series does; scipy.signal takes half a second to import.
+    odd = np.concatenate([values - line, (line - values)[::-1]])
+    ratio = np.tan(np.pi * np.fft.rfftfreq(2 * n)) / np.tan(0.5 * np.pi * cutoff)
+    return np.asarray(np.fft.irfft(np.fft.rfft(odd) / (1.0 + ratio**8), 2 * n)[:n] + line)

@@ -135,13 +135,10 @@ CERTAIN = 3.84
 def _profiles(result: Result) -> Any:
     """Misfit along each parameter, with the interval that was told."""
     figure, axes = _grid(len(result.estimates), 2.9, 2.2, min(4, len(result.estimates)))
-    for one, profile, axis in zip(result.estimates, result.profiles, axes.ravel(), strict=False):
-        top = 4.0 * CERTAIN
-        axis.plot(*profile.alone, "--", color="C1", label="others stay")
-        if profile.followed is not None:
-            axis.plot(*profile.followed, ".-", color="C0", label="others follow")
-            # Where noise is correlated, it is steeper than the interval says.
-            top = max(top, 1.5 * float(np.median(profile.followed[1])))
+    for one, (values, misfit), axis in zip(result.estimates, result.profiles, axes.ravel(), strict=False):
+        axis.plot(values, misfit, ".-", color="C0")
+        # Where noise is correlated, it is steeper than the interval says.
+        top = max(4.0 * CERTAIN, 1.5 * float(np.median(misfit)))
         if np.isfinite(one.low):
             axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
         axis.axvline(one.value, color="0.3", linewidth=0.7)
@@ -150,8 +147,6 @@ def _profiles(result: Result) -> Any:
         axis.xaxis.label.set_fontsize("x-small")
         axis.tick_params(labelsize="x-small")
         axis.locator_params(axis="x", nbins=3)
-    kinds = {line.get_label(): line for axis in axes.ravel() for line in axis.get_legend_handles_labels()[0]}
-    axes[0, 0].legend(handles=list(kinds.values()), fontsize="xx-small")
     for axis in axes[:, 0]:
         axis.set_ylabel("misfit above the best [χ²]", fontsize="x-small")
     return figure

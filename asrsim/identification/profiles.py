@@ -1,72 +1,37 @@
-"""Misfit along each parameter: whether its interval looks as slopes at the estimate say."""
+"""Misfit along each parameter, the others following: whether its interval looks as slopes at the estimate say."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.intervals import Uncertainty
-from asrsim.identification.layout import Entry
-from asrsim.identification.residuals import Residuals
+from asrsim.identification.problem import Problem, residuals
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
-HALF, FINE = 3, 30
-"""Places to each side, simulated, a deviation from each other, and by slopes."""
-WIDEST = 0.5
-"""Of the vector's units, to each side."""
-UNTOLD = 0.1
-"""The same of what has no deviation."""
+HALF, WIDEST, UNKNOWN = 3, 0.5, 0.1
+"""Places to each side, a deviation from each other; the vector's units to each side, at most, and of what has no deviation."""
 TURN = 2.0
 """Change of another entry, at most, that may follow."""
 
-
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Of one parameter; misfits are chi squared above the best, if residuals are white."""
-
-    alone: tuple[Array, Array]
-    """Values in its unit, and misfit where the others stay: by slopes, or simulated where these do not hold."""
-    followed: tuple[Array, Array] | None
-    """The same where the others follow as is best, simulated, and never above; None where nothing is known of them."""
+Profile = tuple[Array, Array]
+"""Values of a parameter in its unit, and misfit there: chi squared above the best, if residuals are white."""
 
 
-def profiles(residuals: Residuals, x: Array, found: Uncertainty) -> Iterator[Profile]:
-    """Of every entry at the estimate x."""
-    best = residuals(x)
-    least, unit = float(best @ best), max(found.variance, 1e-300)
-
-    def misfit(there: Array) -> float:
-        left = residuals(there)
-        return min((float(left @ left) - least) / unit, 1e6)
-
-    lower, upper = residuals.layout.bounds
-    for i, entry in enumerate(residuals.layout.entries):
-        variance = float(found.covariance[i, i])
-        width = min(HALF * float(np.sqrt(variance)), WIDEST) if variance > 0.0 else UNTOLD
-        moves = np.linspace(-width, width, 2 * FINE + 1)
-        slope = found.jacobian[:, i]
-        alone = _values(entry, x[i] + moves), moves**2 * float(slope @ slope) / unit
+def profiles(problem: Problem, x: Array, found: Uncertainty) -> Iterator[Profile]:
+    """Of every entry at the estimate x; where nothing is known of the others, these stay."""
+    low, high = problem.layout.bounds
+    least = float(np.sum(residuals(problem, x) ** 2))
+    for i, entry in enumerate(problem.layout.entries):
+        variance, alone = float(found.covariance[i, i]), np.eye(len(x))[i]
+        width = min(HALF * float(np.sqrt(variance)), WIDEST) if variance > 0.0 else UNKNOWN
         # The misfit's own valley: deviations, which the spread of blocks may widen, one more than another, lead out of it.
-        follow = found.inverse[i] / found.inverse[i, i] if variance > 0.0 else None
-        if follow is None or width * np.abs(follow).max() > TURN:
-            yield Profile(alone, None)
-            continue
-        few = np.unique(np.clip(x[i] + np.linspace(-width, width, 2 * HALF + 1), lower[i], upper[i])) - x[i]
-        followed = np.array([misfit(np.clip(x + move * follow, lower, upper)) if move else 0.0 for move in few])
-        if np.any(followed > few**2 * float(slope @ slope) / unit):
-            # The best that others can do is no worse than where they stay: slopes do not tell that here.
-            stay = np.array([misfit(_with(x, i, x[i] + move)) if move else 0.0 for move in few])
-            alone, followed = (_values(entry, x[i] + few), stay), np.minimum(followed, stay)
-        yield Profile(alone, (_values(entry, x[i] + few), followed))
-
-
-def _with(x: Array, i: int, place: float) -> Array:
-    there = x.copy()
-    there[i] = place
-    return there
-
-
-def _values(entry: Entry, places: Array) -> Array:
-    return np.array([entry.value(float(place)) for place in places])
+        follow = found.inverse[i] / found.inverse[i, i] if variance > 0.0 else alone
+        ways = [alone] if width * np.abs(follow).max() > TURN else [follow, alone]
+        moves = np.unique(np.clip(x[i] + np.linspace(-width, width, 2 * HALF + 1), low[i], high[i])) - x[i]
+        # The best that others can do is no worse than where they stay: slopes do not tell that everywhere.
+        places = [[np.clip(x + move * way, low, high) for way in ways] for move in moves]
+        misfits = [min(float(np.sum(residuals(problem, one) ** 2)) for one in several) - least for several in places]
+        values = np.array([entry.value(float(x[i] + move)) for move in moves])
+        yield values, np.minimum(np.array(misfits) / max(found.variance, 1e-300), 1e6)

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.actuators.electric import electric_of
-from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
-from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
+from asrsim.identification.door import Drive, electric_of, equilibrium_over_arrays, link_motion, over_arrays
 from asrsim.identification.layout import Layout
-from asrsim.identification.series import smoothed
+from asrsim.identification.noise import smoothed
+from asrsim.identification.problem import Problem
 from asrsim.identification.track import Track, numbers_of
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint
 
 ROWS = 200
 """Of a recording, at most."""
@@ -50,9 +48,12 @@ class Motion:
     sign: Array
 
 
-def regressed(tracks: Sequence[Track], layout: Layout, x: Array) -> Array | None:
+def regressed(problem: Problem, x: Array) -> Array | None:
     """Where torques balance; None where nothing that was recorded shows it."""
-    balances = [(number, _Balance(track)) for number, track in enumerate(tracks) if type(track) is Track]
+    layout = problem.layout
+    balances = [
+        (number, _Balance(problem.tracks[number])) for number in problem.fitted if type(problem.tracks[number]) is Track
+    ]
     low, high = layout.bounds
 
     def left(there: Array) -> Array:
@@ -119,7 +120,7 @@ class _Balance:
     def __init__(self, track: Track) -> None:
         self._track, self._scenario = track, track.scenario
         self._recorded = {(one.joint, one.quantity): one for one in track.channels}
-        drives = track.prepared.drives
+        drives = track.door.drives
         step = max(self._scenario.step, float(np.median(np.diff(track.channels[0].time))))
         first, last = (end(float(c.time[i]) for c in track.channels) for end, i in ((max, 0), (min, -1)))
         self._time = np.arange(first, last, step)
@@ -162,7 +163,7 @@ class _Balance:
         place, speed, rate = (np.zeros(0) if one is None else one for one in parts)
         return Motion(place, speed, rate, np.tanh(speed / max(0.05 * float(np.std(speed)), 1e-12)))
 
-    def _motors_of(self, drive: SteppedJoint) -> list[Motion] | None:
+    def _motors_of(self, drive: Drive) -> list[Motion] | None:
         """Of motors, and of an adjuster; None where one is not known."""
         if drive.actuator is None or drive.mode is None or not drive.mode.spring:
             return None
@@ -175,7 +176,7 @@ class _Balance:
         found = [motion for motion in map(self._motion, places) if motion is not None]
         return found if len(found) == count else None
 
-    def _link_of(self, drive: SteppedJoint, motors: list[Motion] | None) -> Motion | None:
+    def _link_of(self, drive: Drive, motors: list[Motion] | None) -> Motion | None:
         values, bend = self._sampled(drive.name, "link_position"), self._sampled(drive.name, "deflection")
         if values is None and self._scenario.engine == "bench":
             values = link_motion(self._scenario, drive.name).values(self._time)
@@ -186,7 +187,7 @@ class _Balance:
             values = equilibrium_over_arrays(drive.actuator)(*both) - bend
         return self._motion(values)
 
-    def _goals_of(self, drive: SteppedJoint) -> list[Array | None]:
+    def _goals_of(self, drive: Drive) -> list[Array | None]:
         """What motors 1 and 2 are told, (n,)."""
         if drive.mode is None or drive.actuator is None:
             return [None, None]
@@ -203,7 +204,7 @@ class _Balance:
 
     def rows(self, values: Mapping[str, float]) -> Iterator[Array]:
         """Torques that are left over, in shares of what drives each. Raises RobotError."""
-        varied = self._track.prepared.vary(numbers_of(values))
+        varied = self._track.door.varied(numbers_of(values))
         springs = [self._springs(*one) for one in zip(varied.drives, self._motors, self._links, strict=True)]
         for drive, motors, goals, torques in zip(varied.drives, self._motors, self._goals, springs, strict=True):
             for i, torque in enumerate(torques, start=1):
@@ -219,7 +220,7 @@ class _Balance:
             for j, (drive, link) in enumerate(zip(varied.drives, links, strict=True)):
                 yield _of_link(drive, link, self._goals[j][0], springs[j], inertial[:, j])
 
-    def _springs(self, drive: SteppedJoint, motors: list[Motion] | None, link: Motion | None) -> list[Array]:
+    def _springs(self, drive: Drive, motors: list[Motion] | None, link: Motion | None) -> list[Array]:
         """Torque of each spring on the link."""
         if motors is None or link is None or drive.actuator is None:
             return []
@@ -232,16 +233,14 @@ class _Balance:
         for known, torques in self._inertial:
             if known == robot.links:
                 return torques
-        model = self._track.evaluation.engine_of(robot).model
-        assert model is not None  # links that nothing prescribes have dynamics
-        motions = (np.column_stack(part) for part in zip(*((m.place, m.velocity, m.rate) for m in links), strict=True))
-        torques = np.array([model.inverse_dynamics(*row) for row in zip(*motions, strict=True)])
+        q, v, a = (np.column_stack(part) for part in zip(*((m.place, m.velocity, m.rate) for m in links), strict=True))
+        torques = self._track.door.inverse_dynamics(robot, q, v, a)
         # Differences go to and fro between a place and those beside it.
         self._inertial = [(robot.links, torques), *self._inertial[:1]]
         return torques
 
 
-def _of_motor(drive: SteppedJoint, i: int, motor: Motion, command: Array, load: Array) -> Array:
+def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) -> Array:
     """Inertia, friction and spring of motor i, less what drives it."""
     numbers, lag, mode = drive.values, drive.values[f"motor_{i}_damping"], drive.mode
     assert mode is not None  # motors without one have no dynamics
@@ -256,7 +255,7 @@ def _of_motor(drive: SteppedJoint, i: int, motor: Motion, command: Array, load: 
     return np.where(np.abs(push) < numbers[f"motor_{i}_max_torque"], needed - push, 0.0) / _size(push)
 
 
-def _of_link(drive: SteppedJoint, link: Motion, command: Array | None, springs: Sequence[Array], inertial: Array) -> Array:
+def _of_link(drive: Drive, link: Motion, command: Array | None, springs: Sequence[Array], inertial: Array) -> Array:
     """Inertia, gravity and losses of a link, less what drives it."""
     joint, push = drive.joint, sum(springs, np.zeros_like(inertial))
     if command is not None and drive.mode is not None and not drive.mode.spring:

@@ -1,48 +1,38 @@
-"""A task read and made ready: scenario, robot, recordings with their simulations, free parameters as a vector."""
+"""A task read and made ready: scenario, robot, recordings with their simulations, and the problem that is to be solved."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-import numpy as np
-
 from asrsim.errors import InputError
-from asrsim.identification.data import Data, read_data
+from asrsim.identification.data import read_data
+from asrsim.identification.door import Pool, load_plugin_file
 from asrsim.identification.inverse import track_of
-from asrsim.identification.keys import Parameter, free_parameters, parameters_of
-from asrsim.identification.layout import Layout, make_layout
-from asrsim.identification.task import Task, Tie
+from asrsim.identification.keys import free_parameters, parameters_of
+from asrsim.identification.layout import make_layout
+from asrsim.identification.problem import Meter, Problem, Weights
+from asrsim.identification.task import Task
 from asrsim.identification.track import Track
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
+from asrsim.workers import executor
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Setup:
     """A task read and made ready."""
 
     task: Task
     scenario: Scenario
     robot: Robot
-    data: list[Data]
-    tracks: list[Track]
-    free: list[Parameter]
-    ties: list[Tie]
-    layout: Layout
-    ends: list[float]
-    """s; of recordings that are only predicted, 0."""
-
-    @property
-    def fitted(self) -> list[Track]:
-        """Recordings that are fitted."""
-        return [track for track in self.tracks if not track.data.held]
+    asked: frozenset[str]
+    """Keys that the task frees."""
+    problem: Problem
 
 
-def set_up(task: Task, stack: ExitStack) -> Setup:
-    """Read and check everything. Raises InputError with all that is wrong."""
-    from asrsim.actuators.user import load_plugin_file
+def set_up(task: Task, stack: ExitStack, workers: int = 1) -> Setup:
+    """Read and check everything; workers: processes for derivatives of long fits. Raises InputError with all that is wrong."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     for plugin in task.plugins:
@@ -51,43 +41,32 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     given, _ = checked_robot(scenario)
     robot = apply_to_robot(scenario, given)
     data = read_data(task, scenario, robot)
-    commands = list(dict.fromkeys(command.key for one in data for command in one.commands))
-    channels = {channel.key: channel.unit for one in data for channel in one.channels}
-    units = {command.key: command.unit for one in data for command in one.commands}
-    known = parameters_of(robot, commands, {**units, **channels})
+    commands = {command.key: command.unit for one in data for command in one.commands}
+    known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
+    asked = frozenset(parameter.key for parameter in free)
     tracks = []
     for one in data:
-        track = track_of(scenario, given, one, robot, [parameter.key for parameter in free])
-        stack.callback(track.close)
-        tracks.append(track)
-    for parameter in free:
-        joint, _, rest = parameter.key.partition(".")
-        for track in tracks if rest.endswith("_position.offset") else ():
-            track.trust_scenario(joint, rest.removesuffix(".offset"))
-    free += _unknown_starts(tracks, free, known)
-    layout = make_layout(free, ties, [one.name for one in data], [_starts(track) for track in tracks])
+        tracks.append(track_of(scenario, given, one, robot, asked))
+        stack.callback(tracks[-1].close)
+    if workers > 1:
+        Pool([track.door for track in tracks], stack.enter_context(executor(workers, task.plugins)))
+    # Starts of links that a recording finds elsewhere than the scenario, or in motion.
+    starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
+    free += [known[key] for key in starts if key not in asked]
     # Own values of recordings that are only predicted would be guesses: clocks and starts keep theirs.
-    fitted = [i for i, one in enumerate(data) if not one.held]
-    layout = Layout(tuple(e for e in layout.entries if e.track is None or e.track in fitted), layout.ties, layout.tracks)
+    layout = make_layout(free, ties, [one.name for one in data], [_start(track) for track in tracks if not track.data.held])
     share = 0.0 if task.validate else task.hold_out
-    ends = [0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks]
-    setup = Setup(task, scenario, robot, data, tracks, free, ties, layout, ends)
-    count = sum(int(np.sum(c.time <= end)) for t, end in zip(tracks, ends, strict=True) if not t.data.held for c in t.channels)
+    ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
+    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in tracks)
+    problem = Problem(tuple(tracks), layout, tuple(track.playing for track in tracks), weights, ends, Meter())
+    count = problem.parts[-1].rows.stop
     if count <= len(layout):
         message = f"{count} samples are fewer than the {len(layout)} parameters need"
         raise InputError(message, file=data[0].path, key="experiments", code="few-samples")
-    return setup
+    return Setup(task, scenario, robot, asked, problem)
 
 
-def _unknown_starts(tracks: Sequence[Track], free: Sequence[Parameter], known: Mapping[str, Parameter]) -> list[Parameter]:
-    """Starts of links that a recording finds elsewhere than the scenario, or in motion: free, each recording's own."""
-    taken = {parameter.key for parameter in free}
-    keys = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
-    return [known[key] for key in keys if key not in taken]
-
-
-def _starts(track: Track) -> dict[str, float]:
-    joints = track.evaluation.joints
-    places = {f"{joint}.initial_position": q for joint, q in zip(joints, track.positions, strict=True)}
-    return places | {f"{joint}.initial_velocity": v for joint, v in zip(joints, track.velocities, strict=True)}
+def _start(track: Track) -> dict[str, float]:
+    parts = zip(track.door.joints, track.positions, track.velocities, strict=True)
+    return {f"{joint}.initial_{what}": x for joint, q, v in parts for what, x in (("position", q), ("velocity", v))}

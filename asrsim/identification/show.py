@@ -78,10 +78,12 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     yield "model does not fit: intervals hold for this model only", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
-    told = [one for one in result.channels if math.isfinite(one.explained)]
-    if told:
-        worst = min(told, key=lambda one: one.explained)
+    known = [one for one in result.channels if math.isfinite(one.explained)]
+    if known:
+        worst = min(known, key=lambda one: one.explained)
         yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}, and no less of the others", "red"
+    if result.accepted:
+        yield "  accepted: intervals are as wide as estimates from a tenth of the recording differ", "yellow"
     if not result.causes:
         yield "  what is missing does not show; look at the residuals' picture", "red"
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from asrsim.identification.intervals import Uncertainty
 from asrsim.identification.layout import Entry, Layout
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 UNKNOWN = 0.3

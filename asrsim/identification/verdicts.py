@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.identification.intervals import Uncertainty
+from asrsim.identification.combinations import Combination, combinations
 from asrsim.identification.layout import Entry, Layout
-from asrsim.identification.nulls import Combination, combinations
-from asrsim.identification.residuals import Residuals
+from asrsim.identification.problem import Problem
 from asrsim.identification.told import UNKNOWN, percent, relative
 from asrsim.identification.track import Track
+from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ratio", "no effect", "at bound"
@@ -82,15 +82,15 @@ def bounds_met(layout: Layout, x: Array) -> list[bool]:
 
 
 def estimates(
-    residuals: Residuals, x: Array, found: Uncertainty, met: Sequence[bool], still: Mapping[str, str]
+    problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool], still: Mapping[str, str]
 ) -> tuple[list[Estimate], list[Combination]]:
     """met: whether an entry ended at a bound; still: joint -> why nothing is told of what moves there."""
-    layout, tracks = residuals.layout, residuals.tracks
+    layout, tracks = problem.layout, problem.tracks
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = [NONE * norm < 1.96 for norm in norms]
     free = [i for i in range(len(x)) if not met[i] and not without[i]]
-    known = combinations(layout, x, found, free, residuals)
+    known = combinations(problem, x, found, free)
     result = []
     for i, entry in enumerate(layout.entries):
         value = float(values[i])
@@ -147,7 +147,7 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
 def _joint(entry: Entry, tracks: Sequence[Track]) -> str:
     """That an entry is of: a link's is the one that moves it."""
     owner = entry.parameter.key.rpartition(".")[0]
-    return next((one.name for one in tracks[0].prepared.robot.joints if owner in (one.name, one.child)), owner)
+    return next((one.name for one in tracks[0].door.robot.joints if owner in (one.name, one.child)), owner)
 
 
 def _vanished(entry: Entry, value: float) -> str:
@@ -162,7 +162,7 @@ def _vanished(entry: Entry, value: float) -> str:
 def _reason(entry: Entry, norm: float, tracks: Sequence[Track], still: Mapping[str, str]) -> str:
     """Why nothing compared depends on it."""
     name, joint = entry.parameter.key.rpartition(".")[2], _joint(entry, tracks)
-    block = next((one for one in tracks[0].prepared.drives if one.name == joint), None)
+    block = next((one for one in tracks[0].door.drives if one.name == joint), None)
     if norm < 1e-9 and block is not None and block.mode is not None:
         mode = MODES[block.mode.number]
         if name.startswith("motor") and not mode.motor:

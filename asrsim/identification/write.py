@@ -42,6 +42,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         "format": 1,
         "status": result.status,
         "fits": result.fits,
+        "accepted": result.accepted,
         "misfit": list(result.misfit),
         "causes": list(result.causes),
         "remarks": list(result.remarks),
@@ -104,14 +105,13 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
         one.key for one in result.estimates
         # Weakly known bristles are nearer than the law's own, with which the rest would not be what was found.
         if one.track is None
-        and (everything or one.verdict == IDENTIFIED or (one.verdict == WEAK and one.key.endswith("friction_stiffness")))
+        and (
+            everything or one.verdict == IDENTIFIED
+            or (one.verdict == WEAK and (result.accepted or one.key.endswith("friction_stiffness")))
+        )
     }  # fmt: skip
     values = {one.key: one.value for one in result.estimates if one.key in kept}
-    for _ in result.layout.ties:
-        for tie in result.layout.ties:
-            if tie.to in values:
-                values[tie.key] = tie.factor * values[tie.to]
-    return values
+    return result.layout.tied(values)
 
 
 def write_fit(result: Result, folder: Path) -> Path:
@@ -222,6 +222,7 @@ def _scenario_text(
     lines = [
         "# Scenario with the parameters that `asrsim identify` found; inertias, damping and friction are in the robot.",
         *(f"# {one.name}: {one.value:.6g} {one.unit}, {one.verdict}" for one in result.estimates),
+        *(f"# The model does not fit: {text}" for text in result.misfit),
     ]
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
 

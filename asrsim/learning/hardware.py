@@ -165,12 +165,12 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
 
 def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
     """(n, joints) inputs that were handed out last."""
-    from asrsim.signals.csv_series import read_csv_series
+    from asrsim.signals.recorded import read_column
 
     path = folder / (NEXT if trials else INPUTS)
     if not path.is_file():
         return prepared.problem.first_guess
-    columns = [read_csv_series(path, joint, None)[1] for joint in prepared.plant.joints]
+    columns = [read_column(path, joint, None)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
         message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
         raise InputError(message, file=path, hint="Choose another folder with --out", code="input-of-another-run")

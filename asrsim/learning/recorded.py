@@ -19,7 +19,6 @@ MISSING = 0.02
 """Share of the motion that may be missing at its ends; the end values stand there."""
 BRIDGED = 0.1
 """s, the longest gap within the motion that is bridged by a straight line."""
-GIVEN = ("command line", "map file")
 """Origins of columns of which the user said what they are: what looks odd about them is said and taken."""
 OFF, BETTER = 0.05, 0.5
 """s that a clock is off, beyond a robot's delay, and share of the error that moving it leaves, for a word about it."""
@@ -57,7 +56,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
         unit = wrong_unit(column, joint, prismatic=plant.unit(joint) == "m")
         wrong += [] if unit is None else [unit]
         odd = [replace(one, key=column.source) for one in suspicions(wanted, values, column, joint, than="the desired motion")]
-        (findings if column.origin in GIVEN else wrong).extend(odd)
+        (findings if column.given else wrong).extend(odd)
     if wrong:
         raise RecordingError(replace(problem, file=recording.path) for problem in wrong)
     if lag in ("off", "start"):

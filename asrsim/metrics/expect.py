@@ -33,7 +33,8 @@ BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 
 `error` is the distance in m of a Cartesian task's `tip` from its path.
 
-`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body.
+`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body. With `.x`, `.y` or `.z` behind it, the
+component along that axis of the world.
 """
 
 
@@ -54,7 +55,8 @@ class ExpectationResult:
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
         got = "cannot be measured" if math.isnan(self.measured) else f"is {self.measured:.5g}"
-        against = f" against {Path(claim.against).name}" if claim.against else ""
+        other = Path(claim.against).name if claim.against else claim.reference
+        against = f" against {other}" if other else ""
         verdict = "holds" if self.holds else "does not hold"
         return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
 
@@ -90,6 +92,8 @@ def evaluate_expectation(
             expectation, f"'{expectation.quantity}' is not recorded for {expectation.joint or expectation.body}",
             choices=tuple(columns),
         )  # fmt: skip
+    if expectation.reference is not None:
+        reference = columns[expectation.reference]
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
         reference = columns["position_error"] + series
     try:
@@ -101,9 +105,19 @@ def evaluate_expectation(
         series_unit = unit_of(expectation.quantity, prismatic=prismatic)
     else:
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
-    unit = found.unit_of(series_unit)
+    return judged(expectation, measured, found.unit_of(series_unit))
+
+
+def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationResult:
+    """The verdict on a claim once its number is measured."""
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
+
+
+def subject_of(expectation: Expectation) -> tuple[object, ...]:
+    """What a claim measures: claims of one subject differ in what they compare the number with, and share the number."""
+    claim = expectation
+    return claim.joint, claim.body, claim.quantity, claim.measure, claim.against, repr(sorted(claim.options.items(), key=repr))
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:
@@ -118,8 +132,11 @@ def compares(measured: float, comparison: str, value: float, tolerance: float) -
     return measured > value if comparison == ">" else measured >= value
 
 
-def check_expectation(expectation: Expectation) -> None:
-    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run."""
+def check_expectation(expectation: Expectation, *, measurable: set[tuple[object, ...]] | None = None) -> None:
+    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run.
+
+    measurable: subjects that were found measurable and are not tried again; the claim's is added.
+    """
     problems: list[Problem] = []
     if expectation.measure not in MEASURES:
         names = MEASURES.names()
@@ -136,12 +153,16 @@ def check_expectation(expectation: Expectation) -> None:
         message = f"a tolerance goes with '==' only: '{expectation.comparison}' holds or it does not"
         hint = "Put the margin into the value"
         problems.append(Problem(message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
-    problems += [] if problems else _unmeasurable(expectation)
+    subject = subject_of(expectation)
+    if not problems and (measurable is None or subject not in measurable):
+        problems = _unmeasurable(expectation)
     if problems:
         raise ScenarioError(
             [Problem(p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
              for p in problems]
         )  # fmt: skip
+    if measurable is not None:
+        measurable.add(subject)
 
 
 def _unmeasurable(expectation: Expectation) -> list[Problem]:
@@ -162,7 +183,7 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
     time = np.linspace(0.0, 1.0, 201)
     poses = MEASURES.get(expectation.measure).needs == "poses"
     series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
-    own = expectation.quantity == "link_position" or expectation.against is not None
+    own = expectation.quantity == "link_position" or expectation.against is not None or expectation.reference is not None
     if expectation.body is not None and poses != (expectation.quantity == "position"):
         series = np.tile(time[:, None], 7) if expectation.quantity == "position" else time
     try:
@@ -202,7 +223,9 @@ def _recording_problems(expectation: Expectation) -> list[Problem]:
 
 
 def _is_body_quantity(name: str) -> bool:
-    return name in BODY_QUANTITIES or (name.startswith("contact_force/") and name != "contact_force/")
+    force, dot, axis = name.partition(".")
+    known = force in BODY_QUANTITIES if not dot else force == "contact_force" and axis in AXES
+    return known or (name.startswith("contact_force/") and name != "contact_force/")
 
 
 def body_columns(samples: Samples, body: str) -> dict[str, Array]:
@@ -215,9 +238,12 @@ def body_columns(samples: Samples, body: str) -> dict[str, Array]:
     if body == TIP and TIP_GOAL in samples.bodies and poses is not None:
         columns["error"] = np.linalg.norm(poses[:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1)
     forces = samples.forces_on(body)
-    columns |= {f"contact_force/{other}": np.linalg.norm(force, axis=1) for other, force in forces.items()}
+    vectors = {f"contact_force/{other}": force for other, force in forces.items()}
     if forces or poses is not None:
-        columns["contact_force"] = np.linalg.norm(sum(forces.values(), np.zeros((len(samples.time), 3))), axis=1)
+        vectors["contact_force"] = sum(forces.values(), np.zeros((len(samples.time), 3)))
+    for name, force in vectors.items():
+        columns[name] = np.linalg.norm(force, axis=1)
+        columns |= {f"{name}.{axis}": force[:, index] for axis, index in AXES.items()}
     return columns
 
 

@@ -32,7 +32,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
     named = world.get("objects") if isinstance(world, dict) else None
     objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}
     scenario = scenario_from_data(
-        {"duration": 1.0, "expect": data["expect"], "world": {"objects": objects}},
+        {"duration": 1.0, "expect": data["expect"], "world": {"objects": objects}, "engine": data.get("engine")},
         base_dir=Path(info.scenario_path).parent if info.scenario_path else None,
         files=_unpacked(info, folder / "files"),
         robot=robot,

@@ -7,15 +7,16 @@ from asrsim.recordings.checks import guess_rows, suspect_scale
 from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.join import name_of
-from asrsim.recordings.read import FORMATS, read_recording
+from asrsim.recordings.formats import READERS, Reader
+from asrsim.recordings.read import name_of, read_recording
 
 __all__ = [
-    "FORMATS",
+    "READERS",
     "Alignment",
     "Band",
     "Column",
     "Comparison",
+    "Reader",
     "RecordedSeries",
     "Recording",
     "Series",

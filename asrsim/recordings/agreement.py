@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -38,20 +37,20 @@ _PAIRS = (
 )  # fmt: skip
 
 
-def disagreements(path: Path, columns: Sequence[Column]) -> list[Problem]:
+def disagreements(columns: Sequence[Column]) -> list[Problem]:
     """Suspicions of units, signs and times: velocities beside the slopes of their positions, commands beside positions."""
     found = {(column.joint, column.quantity): column for column in columns if column.joint and column.quantity}
     problems: list[Problem | None] = []
     for joint in dict.fromkeys(name for name, _ in found):
         for position, velocity in _PAIRS:
             if (joint, position) in found and (joint, velocity) in found:
-                problems.append(_slope(path, found[joint, position], found[joint, velocity]))
+                problems.append(_slope(found[joint, position], found[joint, velocity]))
         if (joint, "reference_1") in found and (joint, "link_position") in found:
-            problems.append(_followed(path, found[joint, "link_position"], found[joint, "reference_1"]))
+            problems.append(_followed(found[joint, "link_position"], found[joint, "reference_1"]))
     return [problem for problem in problems if problem is not None]
 
 
-def _slope(path: Path, position: Column, velocity: Column) -> Problem | None:
+def _slope(position: Column, velocity: Column) -> Problem | None:
     """A velocity that is not the slope of its position. Its sum is compared, since slopes of what was measured are noise."""
     both = _together(position, velocity)
     if both is None:
@@ -66,8 +65,8 @@ def _slope(path: Path, position: Column, velocity: Column) -> Problem | None:
         return None
     if likeness < 0.0:
         return Problem(
-            f"goes down where '{position.source}' rises: is the sign of one of them the other way round?", file=path,
-            key=velocity.source, hint=f"Turn it: --map '{velocity.source}=-{velocity.joint}.{velocity.quantity}'",
+            f"goes down where '{position.source}' rises: is the sign of one of them the other way round?", key=velocity.source,
+            hint=f"Turn it: --map '{velocity.source}=-{velocity.joint}.{velocity.quantity}'",
             code="suspected-sign",
         )  # fmt: skip
     ratio = float(np.std(total) / np.std(angle))
@@ -81,12 +80,12 @@ def _slope(path: Path, position: Column, velocity: Column) -> Problem | None:
             if unit and not column.stated:
                 hint = f"If so: --map '{column.source}={column.joint}.{column.quantity} [{unit}]'"
     return Problem(
-        f"is {ratio:.3g} times the slope of '{position.source}': {asks}", file=path, key=velocity.source, hint=hint,
+        f"is {ratio:.3g} times the slope of '{position.source}': {asks}", key=velocity.source, hint=hint,
         code="suspected-unit",
     )  # fmt: skip
 
 
-def _followed(path: Path, position: Column, command: Column) -> Problem | None:
+def _followed(position: Column, command: Column) -> Problem | None:
     """A command that the position follows at 57.3 or 1000 times its size, where not both state their units."""
     both = _together(position, command)
     if both is None or (position.stated and command.stated) or _likeness(both[1], both[2]) < _ALIKE:
@@ -96,7 +95,7 @@ def _followed(path: Path, position: Column, command: Column) -> Problem | None:
     ratio = float(np.std(both[2]) / np.std(both[1]))
     return Problem(
         f"is {ratio:.3g} times as large as '{position.source}', which follows it: is one of them in degrees or thousandths?",
-        file=path, key=command.source, code="suspected-unit",
+        key=command.source, code="suspected-unit",
         hint=f"If so: --map '{command.source}={command.joint}.{command.quantity} [unit]', or that of the other",
     )  # fmt: skip
 

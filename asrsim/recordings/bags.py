@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
-from collections.abc import Callable, Collection, Iterator
+from array import array
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import Problem, RecordingError
-from asrsim.log.chunks import decompress
-from asrsim.recordings.bag_clock import Group, series_of_groups
-from asrsim.recordings.data import Raw
-from asrsim.recordings.messages import Skip, flatten, stamp_of
-from asrsim.recordings.unpacked import check_unpacked
+import numpy as np
 
-_FOREIGN = (
-    "Image",
-    "PointCloud",
-    "LaserScan",
-    "CameraInfo",
-    "OccupancyGrid",
-    "/Log",
-    "String",
-    "TFMessage",
-    "tfMessage",
-    "Diagnostic",
-)
+from asrsim.errors import Problem, RecordingError
+from asrsim.quantities import QUANTITIES, unit_of
+from asrsim.recordings.cells import printable
+from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.recordings.messages import Label, NoSignal, flatten, stamp_of, understand
+from asrsim.recordings.reading import Reading
+
+_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
+            "Diagnostic")  # fmt: skip
 _NO_TIME = 2**63
-"""ns beyond which a stamp is damage, not a time."""
+"""ns from which on a stamp is damage, not a time."""
 
 
 @dataclass
@@ -38,53 +32,67 @@ class _Topic:
     name: str
     kind: str
     decode: Callable[[bytes], Any] | None
-    """None: the message's type is unknown."""
+    """None: its messages are not read."""
     reason: str = ""
 
 
-def read_bag(path: Path, ignored: Collection[str] = ()) -> Raw:
-    """All numeric series of a bag, but of the topics that are ignored.
+Messages = Iterator[tuple[int, int, bytes]]
+"""Topic's id, ns at which it was recorded, bytes."""
 
-    Raises RecordingError where nothing in it can be read, saying what it holds.
-    """
+
+@dataclass
+class _Group:
+    """Messages of one topic with the same labels."""
+
+    labels: tuple[Label, ...]
+    order: array[int] = field(default_factory=lambda: array("q"))
+    """Places of the messages among all of the file."""
+    received: array[int] = field(default_factory=lambda: array("q"))
+    stamped: array[int] = field(default_factory=lambda: array("q"))
+    """ns; 0 without a stamp."""
+    values: array[float] = field(default_factory=lambda: array("d"))
+
+
+def read_bag(path: Path, reading: Reading) -> Content:
+    """All numeric series of a bag, but of the topics that are ignored. Raises RecordingError where nothing can be read."""
     findings: list[Problem] = []
     with ExitStack() as stack:
-        form, topics, messages = _open(path, stack, findings)
-        groups = _collect(topics, messages, path, findings, ignored)
-    unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in ignored]
+        if path.suffix.lower() == ".bag" or path.is_dir() or path.suffix.lower() == ".db3":
+            topics, messages = _open_bag(path, stack, findings)
+        elif _is_own_log(path):
+            return _own_log(path)
+        else:
+            topics, messages = _open_mcap(path, stack, findings)
+        groups = _collect(topics, messages, reading.ignored, findings)
+    read = [topic for topic in topics.values() if topic.name not in reading.ignored]
+    unknown = [topic for topic in read if topic.decode is None]
     findings += [
-        Problem(f"topic is not read: {t.reason}", file=path, key=t.name, value=t.kind, code="unknown-message-type")
-        for t in unknown
+        Problem(f"topic is not read: {one.reason}", key=one.name, value=one.kind, code="unknown-message-type")
+        for one in unknown
     ]
-    if not groups:
+    tables = tuple(table for id_, own in groups.items() for table in _tables(topics[id_], own, findings))
+    if not tables:
         held = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
         raise RecordingError(
-            f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""), file=path,
+            f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""),
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
             "in the file",
         )  # fmt: skip
-    series, epoch = series_of_groups(groups, path, findings)
-    names = tuple(topic.name for topic in topics.values())
-    return Raw(format=form, series=series, findings=tuple(findings), epoch=epoch, names=names)
+    return Content(format="bag", tables=tables, findings=tuple(findings), topics=tuple(one.name for one in topics.values()))
 
 
-def _open(
-    path: Path, stack: ExitStack, findings: list[Problem]
-) -> tuple[str, dict[int, _Topic], Iterator[tuple[int, int, bytes]]]:
-    """Format, topics by id, and messages (id, log time in ns, bytes)."""
-    if path.suffix == ".mcap":
-        return _open_mcap(path, stack, findings)
+def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
 
-    ros1 = path.suffix == ".bag"
+    ros1 = path.suffix.lower() == ".bag"
     try:
         reader: Any = stack.enter_context(Reader1(path) if ros1 else Reader2(path))
     except Exception as error:  # on damaged files rosbags lets errors of many kinds through (struct, sqlite, KeyError, ...)
         raise RecordingError(
-            f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", file=path, code="bad-bag",
+            f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", code="damaged",
             hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`",
         ) from None  # fmt: skip
     types = _Types(ros1=ros1)
@@ -95,25 +103,23 @@ def _open(
         language = connection.msgdef.format.name.lower()
         topics[connection.id] = types.topic(connection.topic, connection.msgtype, definition, language)
 
-    def messages() -> Iterator[tuple[int, int, bytes]]:
+    def messages() -> Messages:
         wanted = [c for c in reader.connections if topics[c.id].decode is not None]
-        if not wanted:
-            return
         try:
-            for connection, stamp, data in reader.messages(connections=wanted):
+            for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
                 yield connection.id, stamp, data
         except Exception as error:  # as above
-            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); read up to there", file=path, code="truncated"))
+            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); read up to there", code="truncated"))
 
-    return ("rosbag1" if ros1 else "rosbag2"), topics, messages()
+    return topics, messages()
 
 
-def _open_mcap(
-    path: Path, stack: ExitStack, findings: list[Problem]
-) -> tuple[str, dict[int, _Topic], Iterator[tuple[int, int, bytes]]]:
+def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
     from mcap.exceptions import McapError
     from mcap.records import Channel, Chunk, McapRecord, Message, Schema
     from mcap.stream_reader import StreamReader, breakup_chunk
+
+    from asrsim.log.chunks import decompress
 
     stream = stack.enter_context(path.open("rb"))
     types = {"ros1": _Types(ros1=True), "cdr": _Types(ros1=False)}
@@ -121,17 +127,14 @@ def _open_mcap(
     topics: dict[int, _Topic] = {}
 
     def records() -> Iterator[McapRecord]:
-        size = 0
         for record in StreamReader(stream, emit_chunks=True, record_size_limit=path.stat().st_size).records:
             if isinstance(record, Chunk):
-                size += record.uncompressed_size
-                check_unpacked(path, size)
                 data = decompress(record.compression, record.data, record.uncompressed_size)
                 yield from breakup_chunk(replace(record, compression="", data=data))
             else:
                 yield record
 
-    def messages() -> Iterator[tuple[int, int, bytes]]:
+    def messages() -> Messages:
         try:
             for record in records():
                 if isinstance(record, Schema):
@@ -142,15 +145,12 @@ def _open_mcap(
                     yield record.channel_id, record.log_time, record.data
         except (McapError, MemoryError, OverflowError, EOFError, ValueError, struct.error) as error:
             if not topics:
-                raise RecordingError(
-                    f"cannot be read as MCAP: {type(error).__name__} {error}", file=path, code="bad-bag"
-                ) from None
+                raise RecordingError(f"cannot be read as MCAP: {type(error).__name__} {error}", code="damaged") from None
             findings.append(
-                Problem("the file ends early (was the recorder killed?); read up to its last whole chunk", file=path,
-                        code="truncated")
-            )  # fmt: skip
+                Problem("the file ends early (was the recorder killed?); read up to its last whole chunk", code="truncated")
+            )
 
-    return "mcap", topics, messages()
+    return topics, messages()
 
 
 def _mcap_topic(channel: Any, schema: Any, types: dict[str, _Types]) -> _Topic:
@@ -197,46 +197,94 @@ class _Types:
 
 
 def _collect(
-    topics: dict[int, _Topic], messages: Iterator[tuple[int, int, bytes]], path: Path, findings: list[Problem],
-    ignored: Collection[str],
-) -> list[Group]:  # fmt: skip
-    groups: dict[tuple[int, tuple[tuple[str, str | None], ...]], Group] = {}
+    topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]
+) -> dict[int, list[_Group]]:
+    groups: dict[int, dict[tuple[Label, ...], _Group]] = {}
     broken: dict[int, int] = {}
-    for topic_id, logged, data in messages:
+    for count, (topic_id, logged, data) in enumerate(messages):
         topic = topics[topic_id]
         if topic.decode is None or topic.name in ignored:
             continue
         try:
             message = topic.decode(data)
-            labels, values = flatten(message)
-        except Skip:
+            numbers = list(flatten(message))
+        except NoSignal:
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
         except Exception:  # a message that does not fit its definition: counted and reported
             broken[topic_id] = broken.get(topic_id, 0) + 1
             continue
-        if not labels:
+        if not numbers:
             continue
-        key = (topic_id, tuple(labels))
-        group = groups.get(key)
-        if group is None:
-            # What is named may come in any order, and be left out: such a message belongs to those that have the same.
-            alike = (one for (other, _), one in groups.items() if other == topic_id and one.has(labels))
-            group = groups[key] = next(alike, None) or Group(topic.name, topic.kind, [*labels])
-        if labels != group.labels:
-            values = group.row(labels, values)
-        group.logged.append(logged)
-        group.stamped.append(stamp_of(message))
-        group.rows.append(values)
-    for topic_id, count in broken.items():
-        findings.append(
-            Problem(f"{count} messages do not fit their type's definition and are left out", file=path,
-                    key=topics[topic_id].name, value=topics[topic_id].kind, code="broken-message")
-        )  # fmt: skip
-    every = list({id(group): group for group in groups.values()}.values())
+        labels = tuple(label for label, _ in numbers)
+        group = groups.setdefault(topic_id, {}).setdefault(labels, _Group(labels))
+        group.order.append(count)
+        group.received.append(logged)
+        group.stamped.append(stamp_of(message) or 0)
+        group.values.extend(value for _, value in numbers)
     findings += [
-        Problem("one message only; not a series", file=path, key=group.topic, code="too-short")
-        for group in every
-        if len(group.rows) < 2
-    ]
-    return [group for group in every if len(group.rows) > 1]
+        Problem(f"{count} messages do not fit their type's definition and are left out", key=topics[id_].name,
+                value=topics[id_].kind, code="broken-message")
+        for id_, count in broken.items()
+    ]  # fmt: skip
+    return {id_: list(own.values()) for id_, own in groups.items() if topics[id_].decode is not None}
+
+
+def _tables(topic: _Topic, groups: list[_Group], findings: list[Problem]) -> Iterator[RawTable]:
+    """One table of the messages whose numbers have names, in whatever order; one for each length of arrays without names."""
+    named = [group for group in groups if all(joint or not re.search(r"\[\d+\]", label) for label, joint in group.labels)]
+    seen: dict[str, int] = {}
+    for own in ([named] if named else []) + [[group] for group in groups if group not in named]:
+        labels = list(dict.fromkeys(label for group in own for label in group.labels))
+        places = {label: i for i, label in enumerate(labels)}
+        count = sum(len(group.order) for group in own)
+        if count < 2:
+            findings.append(Problem("one message only; not a series", key=topic.name, code="too-short"))
+            continue
+        values = np.full((count, len(labels)), np.nan)
+        begin = 0
+        for group in own:
+            rows = np.frombuffer(group.values).reshape(len(group.order), len(group.labels))
+            values[begin : begin + len(rows), [places[label] for label in group.labels]] = rows
+            begin += len(rows)
+        order = np.argsort(np.concatenate([group.order for group in own]), kind="stable")
+        received, stamped = (np.concatenate([getattr(group, name) for group in own])[order] for name in ("received", "stamped"))
+        columns = []
+        for i, (label, joint) in enumerate(labels):
+            name = printable(topic.name if label == "data" else f"{topic.name}/{label}")
+            seen[name] = seen.get(name, 0) + 1
+            joint, quantity = understand(topic.name, topic.kind, label, joint)
+            columns.append(
+                RawColumn(
+                    name=name if seen[name] == 1 else f"{name}#{seen[name]}", values=values[order, i], quantity=quantity,
+                    joint=None if joint is None else printable(joint),
+                )
+            )  # fmt: skip
+        own_stamps = stamped.astype(np.int64) if stamped.all() else None
+        yield RawTable(name=topic.name, columns=tuple(columns), received=received.astype(np.int64), stamped=own_stamps)
+
+
+def _is_own_log(path: Path) -> bool:
+    """Whether asrsim wrote the file: the MCAP header's library says so."""
+    with path.open("rb") as stream:
+        return b"asrsim " in stream.read(128)
+
+
+def _own_log(path: Path) -> Content:
+    """A log of another run as a recording."""
+    from asrsim.log import read_log
+
+    log = read_log(path)
+    slides = {info.name for info in log.info.joints if info.prismatic}
+    columns = [
+        RawColumn(name=f"{joint}.{quantity}", values=values, joint=joint, quantity=quantity,
+                  unit=unit_of(quantity, prismatic=joint in slides))
+        for joint in log.samples.joints
+        for quantity, values in log.samples.joint(joint).items()
+        if quantity in QUANTITIES
+    ]  # fmt: skip
+    if not columns:
+        raise RecordingError("the log holds nothing of any joint", code="no-columns")
+    note = Problem("the log was cut off; read up to its last whole chunk", code="truncated")
+    table = RawTable(columns=(RawColumn(name="time", values=log.samples.time, unit="s"), *columns))
+    return Content(format="asrsim", tables=(table,), findings=(note,) if log.truncated else ())

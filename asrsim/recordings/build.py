@@ -1,121 +1,120 @@
-"""From raw series to a recording: mapping, guesses, units, and what is odd about the numbers."""
+"""From series to a recording: what each column is, its unit, and what is odd about its numbers."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
-from asrsim.recordings.adjust import measured, windowed
+from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.recordings.agreement import disagreements
-from asrsim.recordings.columns import KNOWN, columns_of
 from asrsim.recordings.condense import condense, set_aside
-from asrsim.recordings.data import Column, Raw, Recording
-from asrsim.recordings.mapping import ColumnMap
+from asrsim.recordings.data import Column, RawSeries, Recording
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import VOCABULARY, find_column, stated_unit, tokens_of
+from asrsim.recordings.names import KNOWN, Meaning, find_raw, joint_of, meaning_of, stated_unit
 from asrsim.recordings.oddities import oddities
-from asrsim.recordings.units import fits, split_header, unknown_unit
+from asrsim.recordings.reading import ColumnMap, Reading
+from asrsim.recordings.units import Unit, find_unit, fits, unknown_unit
 from asrsim.recordings.unstated import unstated
 
+LARGEST = 1e30
+"""SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
 _NAMED = 12
 """Columns that an error names."""
+_TURNS = 20.0
+"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
+BY_NAME = "by its name"
+"""How the origin of a column begins whose name says what it is."""
 
 
-def build(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> Recording:
+def build(
+    path: Path, form: str, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, *,
+    findings: list[Problem], epoch: float | None, remarks: str = "", topics: Sequence[str] = (),
+) -> Recording:  # fmt: skip
     """The recording; raises RecordingError with all problems of the mapping."""
-    findings = list(raw.findings)
-    raw = windowed(path, raw, maps)
-    by_index = _explicit(path, raw, maps, joints)
+    series = _windowed(path, series, reading)
+    explicit = _explicit(path, series, reading, joints, topics)
+    repeated = {re.sub(r"#\d+$", "", one.name) for one in series if "#" in one.name}
     with np.errstate(over="ignore", invalid="ignore"):
-        columns = columns_of(path, raw, by_index, joints, findings)
-    columns = [measured(path, column, findings) for column in _without_repeats(path, columns, findings)]
-    base = max(columns, key=lambda column: len(column.time)).time
-    findings += oddities(path, columns)
-    findings += unstated(path, columns, raw.remarks)
-    findings += disagreements(path, columns)
-    # Only what was mapped by hand gets so far.
-    findings += [
-        Problem(f"its unit [{unit}] is not known; read as {column.unit or 'SI'}", file=path, key=column.source,
-                hint=f"State it: --map '{column.source}={column.joint}.{column.quantity} [unit]'", code="unknown-unit")
-        for column in columns
-        if column.quantity and column.conversion.endswith("assumed") and (unit := unknown_unit(column.source))
-    ]  # fmt: skip
+        columns = [_column(one, explicit.get(i), reading, joints, repeated) for i, one in enumerate(series)]
+    columns = [_measured(column, findings) for column in _without_repeats(path, columns, findings)]
+    findings += [*oddities(columns, series), *unstated(path, columns, remarks), *disagreements(columns)]
+    findings += _questions(path, columns)
     mapped = [column for column in columns if column.quantity]
     if len({id(column.time) for column in mapped}) > 1:
         sizes = sorted({len(column.time) for column in mapped}, reverse=True)
         findings.append(
-            Problem(f"its columns have times of their own, with {', '.join(map(str, sizes[:6]))} samples; each is kept",
-                    file=path, code="several-times")
-        )  # fmt: skip
-    if not any(column.quantity for column in columns):
-        names = ", ".join(column.source for column in columns[:20])
-        findings.append(
-            Problem(f"no column could be matched to a joint's quantity; found {names}", file=path,
-                    code="nothing-mapped", hint="Say what a column is with --map COLUMN=JOINT.QUANTITY, or in a file beside it "
-                    f"({path.name}.yaml)")
-        )  # fmt: skip
-    used = {column.source for column in columns if column.quantity}
-    findings = condense(set_aside(findings, used, {column.source for column in columns} - used))
+            Problem(f"its columns have times of their own, with {listed(sizes, 6)} samples; each is kept", code="several-times")
+        )
+    used = {column.source for column in mapped}
+    noted = condense(set_aside(findings, used, {column.source for column in columns} - used))
     return Recording(
-        path=path, format=raw.format, time=base, channels={column.source: column for column in columns},
-        findings=tuple(findings), epoch=raw.epoch,
-        guesses=tuple(column for column in columns if column.origin.startswith("guessed")),
+        path=path, format=form, time=max(columns, key=lambda column: len(column.time)).time, epoch=epoch,
+        channels={column.source: column for column in columns}, reading=reading.origin,
+        findings=tuple(replace(one, file=one.file or path) for one in noted),
     )  # fmt: skip
 
 
-def _explicit(path: Path, raw: Raw, maps: Sequence[ColumnMap], joints: Sequence[str] | None) -> dict[int, ColumnMap]:
-    """Index of series -> its map. Raises RecordingError for columns, units and joints that there are not.
+def _windowed(path: Path, series: Sequence[RawSeries], reading: Reading) -> list[RawSeries]:
+    """The series within the window; raises RecordingError where nothing is left."""
+    if reading.window is None:
+        return list(series)
+    times = {id(one.time): (one.time >= reading.start) & (one.time <= reading.end) for one in series}
+    cut = {id(one.time): one.time[times[id(one.time)]] for one in series}
+    kept = [replace(one, time=cut[id(one.time)], values=one.values[times[id(one.time)]])
+            for one in series if len(cut[id(one.time)]) > 1]  # fmt: skip
+    if not kept:
+        start, end = min(one.time[0] for one in series), max(one.time[-1] for one in series)
+        raise RecordingError(
+            f"has no samples from {reading.start:g} to {reading.end:g} s; it lasts from {start:g} to {end:g} s", file=path,
+            key="window", code="no-overlap",
+        )  # fmt: skip
+    return kept
 
-    joints: of the simulation. A mapping file may serve a larger robot, and so name others.
+
+def _explicit(
+    path: Path, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
+) -> dict[int, ColumnMap]:
+    """Index of series -> what is stated of it. Raises RecordingError for columns, units and joints that there are not.
+
+    joints: of the simulation. A document may serve a larger robot, and so name others.
     """
-    names = [series.name for series in raw.series]
+    names = [one.name for one in series]
+    labels = [one.label for one in series]
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
-    for one in maps:
-        if one.role in ("time", "window"):
+    for one in reading.maps:
+        parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
+        if one.quantity is None and (parts or one.column in topics) and one.column not in names:
+            found |= dict.fromkeys(parts, one)
             continue
-        if one.role == "ignore":
-            parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
-            if parts or (one.column in raw.names and one.column not in names):
-                found |= dict.fromkeys(parts, one)
-                continue
-        index = find_column(one.column, names)
-        if index is None or (one.column.lstrip("#").isdecimal() and raw.format in ("csv", "sheet")):
-            # Numbers count the file's columns, of which the time is one; headerless names carry that number.
-            label = f"column_{one.column.lstrip('#')}"
-            index = names.index(label) if label in names else index
-        if index is None:  # of a file that was joined, or names its only column: what that is called there
-            labels = [series.label for series in raw.series]
-            index = labels.index(one.column) if labels.count(one.column) == 1 else None
+        index = find_raw(one.column, [one.column for one in series])
+        if index is None and labels.count(one.column) == 1:  # of a file that was joined: what it is called there
+            index = labels.index(one.column)
         if index is None:
             problems.append(
-                Problem("there is no such column", file=path, key=one.column, choices=_shown(names),
+                Problem("there is no such column", key=one.column, choices=_shown(names),
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue
-        unit = one.unit or stated_unit(raw.series[index].name, raw.series[index].unit)
+        unit = one.unit or stated_unit(series[index].name, series[index].column.unit)
         if one.quantity is not None and unit is not None and not fits(unit.si, KNOWN[one.quantity].unit):
             problems.append(
-                Problem(
-                    f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})", file=path,
-                    key=one.column, hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit",
-                )
+                Problem(f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})", key=one.column,
+                        hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit")
             )  # fmt: skip
-            continue
-        if joints and one.joint is not None and one.origin == "command line" and matching_name(one.joint, joints) is None:
+        elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
             problems.append(
-                Problem(f"the simulation has no joint '{one.joint}'", file=path, key=one.column, choices=_shown(joints),
+                Problem(f"the simulation has no joint '{one.joint}'", key=one.column, choices=_shown(joints),
                         hint=did_you_mean(one.joint, tuple(joints)), code="no-such-joint")
             )  # fmt: skip
-            continue
-        found[index] = one
+        else:
+            found[index] = one
     if problems:
-        raise RecordingError(problems)
+        raise RecordingError([replace(problem, file=path) for problem in problems])
     return found
 
 
@@ -124,21 +123,129 @@ def _shown(names: Sequence[str]) -> tuple[str, ...]:
     return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
 
 
-def _spare(name: str) -> list[str]:
-    """Words of a column's name beside those of quantities."""
-    return [word for word in tokens_of(split_header(name)[0]) if not word.isdecimal() and word not in VOCABULARY]
+def _column(
+    series: RawSeries, one: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, repeated: Collection[str]
+) -> Column:
+    """The column in SI units: as it is stated, else by what the file or its name says for certain."""
+    unit = stated_unit(series.name, series.column.unit)
+    if one is not None:
+        return in_si(series, one)
+    if reading.columns is not None:
+        return _in_si(series, unit, None, None, f"not used: not in {reading.origin.name if reading.origin else 'the document'}")
+    meaning = _meaning(series, unit, joints)
+    if re.sub(r"#\d+$", "", series.name) in repeated and (meaning.quantity or meaning.asked):
+        meaning = replace(meaning, reason="several columns have its name", asked=True)
+    if meaning.quantity is None or meaning.asked:
+        word = "asked" if meaning.asked else "not used"
+        return _in_si(series, unit, meaning.joint, None, f"{word}: {meaning.reason}")
+    origin = "named in the file" if series.column.quantity else f"{BY_NAME}: {meaning.reason}"
+    return _in_si(series, unit, meaning.joint, meaning.quantity, origin)
+
+
+def in_si(series: RawSeries, one: ColumnMap | None) -> Column:
+    """A column in SI units by what is stated of it, else by the unit in its header."""
+    unit = stated_unit(series.name, series.column.unit)
+    if one is None:
+        return _in_si(series, unit, None, None, "")
+    origin = one.origin if one.quantity else f"not used: {one.origin}"
+    return _scaled(_in_si(series, one.unit or unit, one.joint, one.quantity, origin), one)
+
+
+def _meaning(series: RawSeries, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
+    column = series.column
+    if column.quantity is not None:
+        place = re.search(r"\[(\d+)\]$", column.name)
+        joint, doubt = (column.joint, "") if column.joint else joint_of(int(place[1]) if place else None, joints, indexed=True)
+        return Meaning(joint=joint, quantity=column.quantity, reason=doubt, asked=bool(doubt))
+    own = column.joint is not None  # then the place in its array counts no joints
+    name = re.sub(r"(?:\[\d+\]|(?<=[a-z])\d+)$", "", column.name) if own else column.name
+    found = meaning_of(name, unit, [str(column.joint)] if own else joints)
+    if found.quantity is None:
+        return replace(found, joint=found.joint or column.joint)
+    doubt = "" if unit is not None else _doubt(series, found.quantity)
+    if column.joint is not None:
+        found = replace(found, joint=column.joint)
+    return replace(found, reason=f"its name says {found.quantity}, but {doubt}", asked=True) if doubt else found
+
+
+def _doubt(series: RawSeries, quantity: str) -> str:
+    """Why numbers without a unit that is known are hardly in SI; "" without doubt."""
+    stated = series.column.unit or unknown_unit(series.name)
+    if stated and find_unit(stated) is None:
+        return f"its unit [{stated}] is not known"
+    values = series.values[np.isfinite(series.values)]
+    angle = KNOWN[quantity].unit == "rad" or quantity == "reference_1"
+    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
+        return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
+    return ""
+
+
+def _in_si(series: RawSeries, unit: Unit | None, joint: str | None, quantity: str | None, origin: str) -> Column:
+    """The column in SI units, its conversion in words."""
+    si = KNOWN[quantity].unit if quantity is not None else ""
+    values, said = series.values, f"{si} assumed" if si and not origin.startswith("named") else ""
+    if unit is not None:
+        values = values if unit.factor == 1.0 else values * unit.factor
+        said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
+        si = "" if unit.si == "1" else unit.si
+    return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
+                  conversion=said, stated=unit is not None, origin=origin, part=series.part, label=series.label,
+                  shift=series.shift)  # fmt: skip
+
+
+def _scaled(column: Column, one: ColumnMap) -> Column:
+    """With the mapping's own factor and offset."""
+    values, said = column.values * one.scale, [] if one.scale == 1.0 else [f"x {one.scale:g}"]
+    good = np.isfinite(values)
+    if one.unwrapped:
+        values = values.copy()
+        values[good] = np.unwrap(values[good])
+        said.append("unwrapped")
+    zero = 0.0
+    if one.zero and good.any():
+        zero = float(values[good][0] if one.zero == "start" else np.mean(values[good]))
+        said.append(f"- {zero:.6g} (its {one.zero})")
+    if one.offset:
+        said.append(f"{'+' if one.offset > 0 else '-'} {abs(one.offset):g}")
+    if not said:
+        return column
+    conversion = "; ".join([*([column.conversion] if column.conversion else []), " ".join(said)])
+    return replace(column, values=values - zero + one.offset, conversion=conversion)
+
+
+def _measured(column: Column, findings: list[Problem]) -> Column:
+    """Without what cannot have been measured, and marks of recorders for none; that has no number then."""
+    column = _unmarked(column, findings)
+    beyond = np.abs(column.values) > LARGEST
+    if not beyond.any():
+        return column
+    message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
+    findings.append(Problem(message, key=column.source, code="no-measurement"))
+    return replace(column, values=np.where(beyond, np.nan, column.values))
+
+
+def _unmarked(column: Column, findings: list[Problem]) -> Column:
+    """Without numbers that stand for a missing one: -9999 or the like, more than once, far outside of all others."""
+    finite = column.values[np.isfinite(column.values)]
+    for mark in (-999.0, -9999.0, -99999.0, 9999.0, 99999.0) if column.quantity and len(finite) else ():
+        rest = finite[finite != mark]
+        if len(finite) - len(rest) > 1 and len(rest) and np.max(np.abs(rest)) < 0.02 * abs(mark):
+            message = f"{len(finite) - len(rest)} cells are {mark:g}, which is taken as missing"
+            findings.append(Problem(message, key=column.source, code="missing-mark"))
+            return replace(column, values=np.where(column.values == mark, np.nan, column.values))
+    return column
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """One column a quantity: what was said wins over what the file names, and that over a guess; then the plainest name, q1
-    before q1_simulated; then the first."""
-    rank = {"command line": 0, "map file": 0, "named in the file": 1}
-    # A position that was told stands before the torque that a controller made of it.
+    """One column a quantity: what is stated wins over what the file names, and that over names; a position that is told over
+    the torque that a controller makes of it; then the first."""
+
+    def rank(column: Column) -> int:
+        words = ("command line", "named in the file", BY_NAME)
+        return next((2 * i for i, word in enumerate(words) if column.origin.startswith(word)), 1)
+
     torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
-    # So does what a controller was told or measures before what it gives out.
-    given = [re.split(r"[./]", column.source)[-1] in ("command", "output") for column in columns]
-    spare = [0 if column.origin in ("command line", "map file") else len(_spare(column.source)) for column in columns]
-    order = sorted(range(len(columns)), key=lambda i: (rank.get(columns[i].origin, 2), torques[i], given[i], spare[i], i))
+    order = sorted(range(len(columns)), key=lambda i: (rank(columns[i]), torques[i], i))
     owner: dict[tuple[str | None, str], int] = {}
     problems: list[Problem] = []
     result = list(columns)
@@ -146,18 +253,15 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
         column = columns[i]
         if column.quantity is None:
             continue
-        key = (column.joint, column.quantity)
-        if key not in owner:
-            owner[key] = i
+        first = columns[owner.setdefault((column.joint, column.quantity), i)]
+        if first is column:
             continue
-        first = columns[owner[key]]
         message = f"is a second {column.joint}.{column.quantity} beside '{first.source}'"
-        if rank.get(column.origin) == 0 and rank.get(first.origin) == 0:
+        if rank(column) == rank(first) < 2:
             problems.append(Problem(message, file=path, key=column.source, code="mapped-twice"))
-            continue
-        if rank.get(first.origin, 2) == rank.get(column.origin, 2):
+        elif rank(column) == rank(first):
             findings.append(
-                Problem(f"{message}, which is used", file=path, key=column.source, code="second-column",
+                Problem(f"{message}, which is used", key=column.source, code="second-column",
                         hint=f"Choose with --map '{column.source}={column.joint}.{column.quantity}'")
             )  # fmt: skip
         result[i] = replace(
@@ -166,3 +270,24 @@ def _without_repeats(path: Path, columns: list[Column], findings: list[Problem])
     if problems:
         raise RecordingError(problems)
     return result
+
+
+def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
+    """What is asked about columns that are not used, with the line that answers it."""
+    asked = [column for column in columns if column.origin.startswith("asked")]
+    propose = f"`asrsim init --experiment {path.name}` writes all of them down for you to complete"
+    if asked:
+        first = asked[0]
+        joint = first.joint or "JOINT"
+        return [
+            Problem(f"not used, since {first.origin.partition(': ')[2]}" + (" (and the like)" if len(asked) > 1 else ""),
+                    key=listed([column.source for column in asked], 6), code="asked",
+                    hint=f"If it is a joint's: --map '{first.source}={joint}.QUANTITY [unit]'; {propose}")
+        ]  # fmt: skip
+    if any(column.quantity for column in columns):
+        return []
+    names = listed([column.source for column in columns], 20)
+    return [
+        Problem(f"no column is a joint's quantity by its name; found {names}", code="nothing-mapped",
+                hint=f"Say what a column is with --map COLUMN=JOINT.QUANTITY [unit]; {propose}")
+    ]  # fmt: skip

@@ -19,8 +19,8 @@ from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
 from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.join import name_of
 from asrsim.recordings.matching import match_joints
+from asrsim.recordings.read import name_of
 from asrsim.samples import Array, JointInfo, Samples
 
 

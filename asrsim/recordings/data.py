@@ -1,4 +1,4 @@
-"""A recording of an experiment: columns on their time, in SI units, with everything that was odd about the file."""
+"""Data of recordings: what a reader of a file format hands on, and the columns that are made of it."""
 
 from __future__ import annotations
 
@@ -6,26 +6,74 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from asrsim.errors import Problem, RecordingError
 from asrsim.samples import Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class RawSeries:
-    """One numeric column as a file holds it, before it is understood."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawColumn:
+    """One numeric column as the file holds it."""
 
     name: str
-    """Name in the file: a column's header, `topic/field`, a variable's path."""
-    time: Array
-    """(n,) s; columns of one table share one array."""
+    """Name in the file: a column's header, a message's field, a variable's path."""
     values: Array
-    """(n,) in the file's unit; NaN where a cell is missing."""
+    """(n,) in the file's unit, NaN where a cell has no number; of dates s since `zero`."""
     unit: str = ""
-    """Unit that the file states, "" if it states none."""
+    """Unit that stands beside the name, such as in a row of units; "" where it stands in the name or nowhere."""
+    zero: int | None = None
+    """Of dates: Unix time in ns at which the values are 0; of times of day: ns since midnight."""
+    place: int = 0
+    """Its number among all columns of the file, from 1; 0: as it stands in its table."""
     joint: str | None = None
     """Joint that the file itself names (JointState)."""
     quantity: str | None = None
     """Quantity that the kind of message fixes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawTable:
+    """Columns of one length: a sheet, the vectors of a struct, the messages of a topic."""
+
+    name: str = ""
+    """Stands before the names of its columns: a topic, a struct's path."""
+    columns: tuple[RawColumn, ...]
+    lines: NDArray[np.int64] | None = None
+    """(n,) line of each row in a text file, counted from 1."""
+    received: NDArray[np.int64] | None = None
+    """(n,) ns at which messages were recorded; None for tables whose time is a column."""
+    stamped: NDArray[np.int64] | None = None
+    """(n,) ns in the headers of messages; None where they have none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Content:
+    """What a reader of a file format hands on."""
+
+    format: str
+    tables: tuple[RawTable, ...]
+    findings: tuple[Problem, ...] = ()
+    remarks: str = ""
+    """What the file says beside its numbers and their names."""
+    layout: Mapping[str, str | int] = field(default_factory=dict)
+    """How a text or sheet was found to be laid out, as the keys of a document state it."""
+    topics: tuple[str, ...] = ()
+    """Topics of a bag, those without numbers too."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawSeries:
+    """A raw column on its clean time."""
+
+    column: RawColumn
+    time: Array
+    """(n,) s; columns of one table share one array."""
+    values: Array
+    """(n,), of the rows that were kept."""
+    clock: str = ""
+    """Where its time stands, as a document states it."""
     part: Path | None = None
     """Of files that were joined, the one that it is from."""
     label: str = ""
@@ -33,20 +81,10 @@ class RawSeries:
     shift: float = 0.0
     """s that were added to the time there."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Raw:
-    """What a reader of a file format hands on."""
-
-    format: str
-    series: tuple[RawSeries, ...]
-    findings: tuple[Problem, ...] = ()
-    epoch: float | None = None
-    """Unix time in s of time 0, where the file had absolute stamps."""
-    names: tuple[str, ...] = ()
-    """Columns and topics that the file has, those without numbers too."""
-    remarks: str = ""
-    """What the file says beside its numbers and their names."""
+    @property
+    def name(self) -> str:
+        """Name of its column."""
+        return self.column.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +107,18 @@ class Column:
     stated: bool = False
     """The file or the mapping states the unit; else it is assumed."""
     origin: str = ""
-    """Why it is mapped so: "command line", "map file", "named in the file", "guessed: ...", "not used: ..."."""
+    """Why: "command line", "lab.csv.yaml", "named in the file", "by its name: ...", "asked: ...", "not used: ..."."""
     part: Path | None = None
     """Of files that were joined, the one that it is from."""
     label: str = ""
     """Its name there."""
     shift: float = 0.0
     """s that were added to the time there."""
+
+    @property
+    def given(self) -> bool:
+        """Whether the command line or a document says what it is."""
+        return self.origin == "command line" or self.origin.endswith((".yaml", ".yml"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +127,7 @@ class Recording:
 
     path: Path
     format: str
-    """csv, json, mcap, rosbag1, rosbag2, mat, asrsim; joined: of several files."""
+    """Name of the reader: text, json, mcap, bag, matlab, numpy, excel, arrow, asrsim, or a user's; joined: of several files."""
     time: Array
     """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
     channels: Mapping[str, Column]
@@ -93,8 +136,13 @@ class Recording:
     """Everything odd: bad rows, gaps, jitter, constant columns, assumed units. Nothing is dropped without one."""
     epoch: float | None = None
     """Unix time in s of time 0 where the file has absolute stamps."""
-    guesses: tuple[Column, ...] = field(default=(), repr=False)
-    """Columns whose mapping was guessed from the name; show them to the user."""
+    reading: Path | None = field(default=None, repr=False)
+    """Document that says how the file is read; None: its columns were read by their names."""
+
+    @property
+    def asked(self) -> tuple[Column, ...]:
+        """Columns that may be a joint's quantity and are not used, since their names do not say it for certain."""
+        return tuple(column for column in self.channels.values() if column.origin.startswith("asked"))
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -33,8 +33,7 @@ def match_joints(
             Problem(f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
                     hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
         ]  # fmt: skip
-    origins = ((column.source, column.origin.removeprefix("not used: ")) for column in recording.channels.values())
-    doubt = next((f"; {name} {origin}" for name, origin in origins if origin.startswith("looks like")), "")
+    doubt = next((f"; {column.source}: {column.origin.partition(': ')[2]}" for column in recording.asked), "")
     example = _example(next(iter(recording.channels), "COLUMN"), names[0] if names else "JOINT", counts="counts" in doubt)
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
@@ -64,4 +63,4 @@ def _plain(name: str) -> str:
 def _made_up(recording: Recording, joint: str) -> bool:
     """Whether the name is ours (joint_3 for a number in a column's name)."""
     columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
-    return joint.startswith("joint_") and all(column.origin.startswith("guessed") for column in columns)
+    return joint.startswith("joint_") and all(column.origin.startswith("by its name") for column in columns)

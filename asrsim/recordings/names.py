@@ -1,287 +1,242 @@
-"""Guesses: which joint and quantity a column's name means. Cautious: what is unclear stays unmapped, and says so."""
+"""What the name of a column says for certain. Each name is read by itself: no other column changes its meaning."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.recordings.abroad import in_english
+from asrsim.recordings.data import RawColumn
 from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
-_REFERENCE = {
-    "ref", "refs", "reference", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "sp", "goal", "demand",
-    "references", "cmds", "commands", "targets", "setpoints", "goals",
-    "soll", "sollwert", "consigne", "riferimento", "referencia", "consigna",
+KNOWN = {**QUANTITIES, **DERIVED}
+"""Every quantity that a column may be of, by name."""
+ALIASES: dict[str, str] = {
+    "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
+    "reference": "reference_1", "stiffness_preset": "reference_2", "motor_position": "motor_1_position",
+    "motor_velocity": "motor_1_velocity", "motor_torque": "motor_1_torque", "elastic_torque": "elastic_torque_1",
+    "tau": "link_torque", "tau_ext": "external_torque", "preset": "reference_2", "motor_1": "motor_1_position",
+    "motor_2": "motor_2_position",
 }  # fmt: skip
-_MEASURED = {"meas", "measured", "act", "actual", "ist", "istwert", "messwert", "mesure", "misurato", "medido",
-    "value", "val", "values", "data", "signal"}  # fmt: skip
-"""Words beside whose joint nothing else need be said: `actual_elbow`."""
-_ACTUAL = _MEASURED - {"value", "val", "values", "data", "signal"}
-"""Those of them that make an angle beside words that are unknown a joint's: `elbow Ist [°]`."""
-_VELOCITY = {"velocity", "vel", "speed", "dq", "qdot", "qvel", "dtheta", "thetadot", "omega", "dot", "rate",
-    "geschwindigkeit", "drehzahl", "vitesse", "velocità", "velocita", "velocidad",
-}  # fmt: skip
-_TORQUE = {"torque", "tau", "effort", "moment", "force", "trq", "eff", "drehmoment", "couple", "coppia",
-    "kraft",
-}  # fmt: skip
-_POSITION = {"q", "qpos", "pos", "position", "positions", "angle", "ang", "theta", "th", "encoder", "enc", "winkel", "state",
-    "link", "posizione", "posicion", "posición", "angolo", "angulo", "ángulo",
-}  # fmt: skip
-_THETA = {"theta", "th", "dtheta", "thetadot"}
-_PLAIN = (_POSITION - _THETA - {"state"}) | _MEASURED | {"phi", "l", "hub"}
-_AXIS = {"joint", "jnt", "j", "a", "axis", "gelenk", "achse", "giunto", "asse", "articulation", "articulacion", "axe", "eje"}
-"""Words behind which a number counts joints."""
-_CALM = {"filtered", "filt", "sensor", "abs", "absolute", "field"}
-"""Words that say how a position was measured, or in what of a message it stands."""
-_MOTOR = {"motor", "mot", "hub", "rotor"}
-_FOREIGN = {
-    "count", "counts", "ticks", "tick", "pulses", "increments", "adc", "raw", "current", "voltage", "volt", "pwm", "temp",
-    "temperature", "status", "index", "acc", "acceleration",
-    "ddq", "qdd", "qacc", "power", "energy", "duty", "x", "y", "z", "ee", "tcp", "tool", "imu", "battery", "filter", "variance",
-    "std", "covariance", "id", "seq", "flag", "strain", "gauge", "ddtheta", "dd", "sin", "cos", "tan", "min", "max", "lim",
-    "limit", "limits", "offset", "bias", "zero", "home", "init", "initial", "noise", "fft", "psd", "gain", "kp", "ki", "kd",
-    "norm", "rms", "sum", "integral", "derivative", "counter", "valid", "ok", "code", "resolution", "damping", "friction",
-    "prime", "fric", "gravity", "grav", "coriolis", "inertia",
-}  # fmt: skip
-"""Words beside which a position, velocity or torque is not the joint's: what it is measured in, bounds, parts, statistics."""
-_TURNED = {"roll", "pitch", "yaw"}
-"""Angles of a body: a link's are those of no joint."""
-_ELECTRIC = {*(f"motor_{i}_{what}" for i in (1, 2) for what in ("voltage", "current")), "reference_1", "reference_2"}
-"""What is in V or A only where a column is called so to the letter: drives record voltages and currents of many kinds."""
-VOCABULARY = {
-    *_REFERENCE, *_VELOCITY, *_TORQUE, *_POSITION, *_MOTOR, "deflection", "defl", "tip", "stiffness", "stiff", "sigma",
-    "preset", "eq", "equilibrium", "error", "err", "el", "elastic", "spring", "ext", "external", "disturbance",
-    "m", "l", "phi", *_MEASURED, *_AXIS, "field", "filtered", "filt", "sensor", "output", "set",
-    "in", "of", "the", "gear", "side", "abs", "rel", "absolute", "relative",
-}  # fmt: skip
-_SUFFIXES = ("ref", "ext", "des", "desired", "cmd", "eq", "dot", "act", "meas", "measured", "target", "m", "l")
-_STEMS = ("q", "theta", "pos", "position", "vel", "tau", "torque", "hub", "angle", "motor", "mot", "link", "joint")
+"""Short names that a mapping, or a column called `joint.quantity`, may use besides the quantities' own."""
+_KINDS = {
+    **dict.fromkeys(("q", "qpos", "pos", "position", "positions", "angle", "angles"), "position"),
+    **dict.fromkeys(("dq", "qdot", "qvel", "vel", "velocity", "velocities", "speed"), "velocity"),
+    **dict.fromkeys(("tau", "torque", "torques", "effort", "efforts", "force"), "torque"),
+}
+"""Word -> what is measured."""
+_REFERENCE = {"ref", "reference", "references", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "goal"}
+_MOTOR = {"motor", "mot", "hub"}
+_FILLING = {"joint", "joints", "jnt", "j", "axis", "link", "measured", "meas", "actual", "act", "data", "value", "values",
+            "field", "angular", "in"}  # fmt: skip
+"""Words that change nothing: `q1_meas`, `joint 1 position`, `field.position0`."""
+_WHOLE = {" ".join(sorted(words.split())): quantity for words, quantity in {
+    "deflection": "deflection", "defl": "deflection", "tip deflection": "deflection", "stiffness": "stiffness",
+    "preset": "reference_2", "stiffness preset": "reference_2", "error position": "position_error",
+    "eq position": "equilibrium_position", "equilibrium position": "equilibrium_position", "eq theta": "equilibrium_position",
+    "equilibrium": "equilibrium_position", "ext torque": "external_torque", "external torque": "external_torque",
+    "el torque": "elastic_torque_1", "elastic torque": "elastic_torque_1", "spring torque": "elastic_torque_1",
+}.items()}  # fmt: skip
+"""Words that make a quantity together, in any order; each of `_KINDS` by what it measures."""
+_DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "dqd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load",
+             "trq"}  # fmt: skip
+"""Words that often mean a quantity of a joint, and as often something else: asked about."""
+_UNITS = {"rad": "position", "m": "position", "rad/s": "velocity", "m/s": "velocity", "N m": "torque", "N": "torque"}
+_LETTERS = str.maketrans({"θ": "theta", "τ": "tau", "ω": "omega", "φ": "phi", "\u0307": "dot",
+                          **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")}})  # fmt: skip
+_GLUED = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "ext", "target", "angle", "position", "pos", "velocity")
+_STEMS = ("q", "pos", "position", "vel", "tau", "torque", "hub", "motor", "theta", "link", "joint")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guess:
-    """What a name seems to mean; `quantity` None: nothing in the simulation, or unclear."""
+class Meaning:
+    """What a name says; `quantity` None: it is not used."""
 
-    quantity: str | None
-    number: int | None = None
-    """Number in the name that counts joints."""
-    numbers: tuple[tuple[str, int], ...] = ()
-    """Where there are several, which of them does is not known: each behind the word before it."""
     joint: str | None = None
-    """Joint whose name is in the column's name."""
-    words: tuple[str, ...] = ()
-    """Words of the name that say nothing of the quantity: perhaps a joint's name."""
-    reason: str = ""
-
-
-_LETTERS = str.maketrans({
-    "θ": "theta", "ϑ": "theta", "τ": "tau", "ω": "omega", "φ": "phi", "ϕ": "phi", "\u0307": "dot", "\u0308": "ddot",
-    **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")},
-})  # fmt: skip
-"""Letters of formulas as words: Greek ones, dots above, lowered numbers."""
+    quantity: str | None = None
+    reason: str
+    asked: bool = False
+    """It may be a joint's quantity, and the user is asked."""
 
 
 def tokens_of(name: str) -> list[str]:
-    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos; `θ̇₁` thetadot, 1."""
-    name = in_english(re.sub(r"(?<=\w)'(?!\w)", " prime", name.translate(_LETTERS)))
-    text = re.sub(r"(?<![A-Za-z])dd?(?:Q|Theta)(?![a-z])", lambda match: match[0].lower(), name)  # dQ1 is a velocity
+    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
+    text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name.translate(_LETTERS))
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     words: list[str] = []
-    for word in re.findall(r"[^\W\d_]+|\d+", text):
-        lower = word.lower()
-        for prefix in ("soll", "ist"):  # German glues: Sollposition, Istwinkel
-            if (rest := lower.removeprefix(prefix)) != lower and rest in _POSITION | _VELOCITY | _TORQUE:
-                words.append(prefix)
-                lower = rest
-        for suffix in _SUFFIXES:
-            stem = lower.removesuffix(suffix)
-            if stem != lower and stem in _STEMS and lower not in _VELOCITY:
-                words += [stem, suffix]
-                break
-        else:
-            words.append(lower)
+    for word in (found.lower() for found in re.findall(r"[^\W\d_]+|\d+", text)):
+        end = next((end for end in _GLUED if word.endswith(end) and word[: -len(end)] in _STEMS and word not in _KINDS), None)
+        words += [word] if end is None else [word[: -len(end)], end]
     return words
 
 
 def stated_unit(name: str, beside: str = "") -> Unit | None:
     """The unit of a column, by what stands beside its name or in it. A velocity in deg is one in deg/s."""
     unit = find_unit(beside) or split_header(name)[1]
-    if unit is not None and unit.si in ("rad", "m") and not _VELOCITY.isdisjoint(tokens_of(name)):
+    if unit is not None and unit.si in ("rad", "m") and any(_KINDS.get(word) == "velocity" for word in tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
     return unit
 
 
-def joint_numbers(names: Iterable[str]) -> set[int]:
-    """Numbers that count joints in a file: those of its plain positions (q1, q2, position_1, hub1), of arrays (q_ref[0]), and
-    behind a word for joints (axis 1).
-
-    Of angles called theta only where these are no motors.
-    """
-    names = list(names)
-    # log.q1, log.q2: what holds all of them says nothing of any.
-    holders = {name.partition(".")[0] for name in names}
-    names = [name.partition(".")[2] or name for name in names] if len(holders) == 1 < len(names) else names
-    listed = [tokens_of(name) for name in names]
-    plain = _PLAIN if theta_is_motor(listed) else _PLAIN | {"theta", "th"}
-    found = {int(match[1]) for name in names if (match := re.search(r"\[(\d+)\]$", name))}
-    for words in listed:
-        found |= {int(number) for word, number in pairwise(words) if word in _AXIS and number.isdecimal()}
-        rest = [word for word in words if not word.isdecimal()]
-        numbers = [int(word) for word in words if word.isdecimal()]
-        if len(numbers) == 1 and rest and not set(rest) - plain - _AXIS - _CALM and not set(rest) <= _AXIS:
-            found.add(numbers[0])
-    return found
-
-
-def theta_is_motor(listed: Iterable[Sequence[str]]) -> bool:
-    """Whether theta means motors in a file with these names (as tokens): beside a q, its velocity beside another one, or beside
-    a deflection, which is measured from the motor on.
-    """
-    listed = list(listed)
-    if any({"deflection", "defl"} & set(words) for words in listed):
-        return True
-    found: set[tuple[bool, bool]] = set()
-    for words in map(set, listed):
-        velocity, theta = bool(words & _VELOCITY), bool(words & _THETA)
-        if not words & (_REFERENCE | _MOTOR | {"d", "set"}) and (
-            velocity or theta or words & {"q", "qpos", "link", "pos", "position"}
-        ):
-            found.add((velocity, theta))
-    return any({(velocity, True), (velocity, False)} <= found for velocity in (True, False))
-
-
-def guess(name: str, unit: Unit | None, *, joints: Sequence[str], counted: set[int], theta_is_motor: bool) -> Guess:
-    """Meaning of one name.
-
-    `joints`: names to look for; `counted`: numbers that count joints in this file (:func:`joint_numbers`);
-    `theta_is_motor`: see :func:`theta_is_motor`.
-    """
-    joint, rest = find_joint(name, joints)
-    exact = rest.strip(" .:/_").lower()
-    if joint is not None and unit is not None and unit.si in ("V", "A") and exact in _ELECTRIC:
-        return Guess(quantity=exact, joint=joint, reason=f"'{name}' is {exact}")
-    words = tokens_of(rest)
-    numbers = [int(word) for word in words if word.isdecimal()]
-    head, _, last = rest.rpartition(".")
-    if len(numbers) > 1 and sum(word.isdecimal() for word in tokens_of(last)) == 1 and not last.endswith("]"):
-        # trial_2.q1: the numbers before the last dot count something else.
-        words = tokens_of(last)
-        numbers = [int(word) for word in words if word.isdecimal()]
-        # joint_2.reference_1: unless they count joints, and the last one is the quantity's own.
-        holders = [int(number) for word, number in pairwise(tokens_of(head)) if word in _AXIS and number.isdecimal()]
-    else:
-        holders = []
-    plain = [word for word in words if not word.isdecimal()]
-    if joint is not None and re.search(rf"(^|\.){re.escape(joint)}(\.data|\.values?)?$", name, re.IGNORECASE):
-        # trial.elbow, elbow.Data: what holds the joint's series may be called anything, but is no other quantity.
-        plain = [word for word in plain if word in VOCABULARY | _FOREIGN]
-    quantity, own_number = _quantity(plain, words, unit, theta_is_motor=theta_is_motor, named=joint is not None)
-    if quantity is None:
-        return Guess(quantity=None, joint=joint, reason="no quantity of the simulation in its name")
-    if unit is not None and (unit.si in ("V", "A") or not fits(unit.si, (QUANTITIES | DERIVED)[quantity].unit)):
-        return Guess(quantity=None, joint=joint, reason=f"looks like {quantity}, but its unit is {unit.symbol}")
-    if own_number is not None:
-        numbers = [*holders, *numbers]
-    # reference_1, motor_2, theta_1: the number is the quantity's own unless numbers count joints in this file.
-    if own_number is not None and (len(numbers) > 1 or joint is not None or not counted):
-        numbers.remove(own_number)
-    else:
-        quantity = re.sub(r"_2(?=_|$)", "_1", quantity) if own_number is not None else quantity
-    number = numbers[0] if len(numbers) == 1 and joint is None else None
-    pairs = tuple((word, int(two)) for word, two in pairwise(["", *words]) if two.isdecimal()) if len(numbers) > 1 else ()
-    spare = tuple(word for word in plain if word not in VOCABULARY)
-    return Guess(
-        quantity=quantity, number=number, numbers=pairs, joint=joint, words=spare, reason=f"'{name}' reads as {quantity}"
+def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
+    """What a column is, by its name and unit alone. joints: of the simulation; None: not known, and taken from the name."""
+    plain = re.sub(r"#\d+$", "", split_header(name)[0])
+    head, dot, last = plain.strip("./ ").rpartition(".")
+    if dot and (exact := ALIASES.get(last, last)) in KNOWN:
+        called: str | None = find_joint(head, joints or ())[0] or _called(re.split("[./]", head)[-1])
+        place = re.fullmatch(r"(?:joint|axis|j)[_ ]?(\d+)", called or "")
+        if place and joints and called not in joints:  # another robot's file
+            called, doubt = joint_of(int(place[1]), joints, indexed=False)
+            if called is None:
+                return Meaning(reason=doubt, asked=True)
+        return _fitting(called, exact, unit, f"'{last}' of '{head}'")
+    joint, rest = find_joint(plain, joints or ())
+    found = _parsed(rest, unit, named=joint is not None)
+    path = re.fullmatch(
+        r".*?([^./\s]+)[./]([^./]+)", re.sub(r"[./](?:values?|data)$|[./]\s+(?=[./])", "", plain if joint is None else rest)
     )
+    if found.quantity is None and path is not None:
+        # elbow/position, /joint_states/elbow/position: what stands before the quantity is the joint's name
+        inner, counted = _parsed(path[2], unit, named=True), _parsed(path[2], unit, named=False)
+        owner = joint or (_called(path[1]) if joints is None else find_joint(path[1], joints)[0])
+        several = re.search(r"\d|left|right", path[1].lower()) is not None
+        if joint is None and counted.quantity and counted.number is not None and not several:
+            found = counted  # run.q1, /state/q[0]: what holds all joints' series is not one of them
+        elif inner.quantity and owner and not {*tokens_of(owner)} <= {*_FILLING, *_MOTOR, "state", "states"}:
+            joint, found = owner, inner
+    if found.quantity is None:
+        spare = set(found.words)
+        owners = [one for one in joints or () if spare and spare <= {*tokens_of(one)}]
+        if joint is None and len(owners) == 1:  # hip_pos of left_hip_joint
+            joint, found = owners[0], _parsed(" ".join(word for word in tokens_of(rest) if word not in spare), unit, named=True)
+    if found.quantity is None:
+        return Meaning(joint=joint, reason=found.reason, asked=found.asked)
+    if joint is None:
+        joint, doubt = joint_of(found.number, joints, indexed=found.indexed)
+        if doubt:
+            return Meaning(reason=doubt, asked=True)
+    elif found.number is not None:
+        return Meaning(reason=f"which joint its number {found.number} counts is unclear", asked=True)
+    return _fitting(joint, found.quantity, unit, f"'{plain}'")
+
+
+def _fitting(joint: str | None, quantity: str, unit: Unit | None, said: str) -> Meaning:
+    """The meaning, where the unit can be the quantity's."""
+    if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
+        return Meaning(reason=f"its name says {quantity}, but its unit is {unit.symbol}", asked=True)
+    return Meaning(joint=joint, quantity=quantity, reason=f"{said} names {quantity}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Parsed:
+    quantity: str | None = None
+    number: int | None = None
+    """Number that counts joints."""
+    indexed: bool = False
+    """It is the place in an array, from 0."""
+    words: tuple[str, ...] = ()
+    """Words that are not known."""
+    reason: str = "its name has no quantity of a joint"
+    asked: bool = False
+
+
+def _parsed(text: str, unit: Unit | None, *, named: bool) -> _Parsed:
+    """The quantity of a name without its unit and joint; each of its words must be known. named: its joint is known."""
+    array = re.search(r"[\[(](\d+)[\])]$", text) or re.search(r"(?:^|/|\s)field\..*?(\d+)$", text)
+    tokens = tokens_of(text[: array.start(1)] if array else text)
+    numbers = [int(word) for word in tokens if word.isdecimal()]
+    words = [word for word in tokens if not word.isdecimal() and word not in _FILLING]
+    if any(_KINDS.get(word) == "torque" for word in words):  # of a torque m is the motor, of a position it may be metres
+        words = ["motor" if word == "m" else word for word in words]
+    strange = tuple(word for word in words if word not in {*_KINDS, *_REFERENCE, *_MOTOR, *" ".join(_WHOLE).split()})
+    kinds = [_KINDS[word] for word in words if word in _KINDS]
+    si = "" if unit is None else unit.si
+    asked = bool(kinds or {*_DOUBTFUL, "deflection", "stiffness"} & {*words} or si in ("rad", "rad/s", "N m"))
+    if strange:
+        said = f"it is unclear what '{strange[0]}' in its name says" if asked else "its name has no quantity of a joint"
+        return _Parsed(words=strange, reason=said, asked=asked)
+    whole = " ".join(sorted(_KINDS.get(word, word) for word in words))
+    doubled = any(len({*part}) < len(part) for part in (kinds, words)) or len({*kinds}) > 1
+    kind = kinds[0] if kinds else _UNITS.get(si, "")
+    exact = "_".join(tokens)
+    if array is None and numbers and (ALIASES.get(exact) or exact) in KNOWN and len(numbers) == 1:
+        quantity, numbers = ALIASES.get(exact, exact), [] if named else [-numbers[0]]
+    elif whole in _WHOLE:
+        quantity = _WHOLE[whole]
+        if quantity == "elastic_torque_1" and numbers and (named or len(numbers) == 2):
+            quantity, numbers = f"elastic_torque_{numbers[0]}", numbers[1:]
+    elif doubled or ("force" in words and si != "N"):
+        return _Parsed(reason="its name says two things, or a force that may be a sensor's", asked=True)
+    elif _REFERENCE & {*words}:
+        if kind == "velocity" or (kind == "torque" and not si) or {*words} - _REFERENCE - _MOTOR - {*_KINDS}:
+            return _Parsed(reason="the simulation has no such reference")
+        quantity = "reference_1"
+    elif _MOTOR & {*words} and not {*words} - _MOTOR - {*_KINDS}:
+        if not kind:
+            return _Parsed(reason="what of the motor it is, is not said", asked=True)
+        own = numbers[0] if named and numbers else 1
+        numbers = [] if named else numbers
+        quantity = f"motor_{own}_{kind}"
+    elif kinds and not {*words} - {*_KINDS}:
+        quantity = f"link_{kind}"
+    elif not words and si in _UNITS and (named or ((numbers or array) and re.search("joint|axis", text, re.I))):
+        quantity = f"link_{kind}"  # elbow [deg], Joint 1 [deg]
+    else:
+        return _Parsed(reason="its name has no quantity of a joint", asked=asked)
+    if quantity not in KNOWN or len(numbers) > 1:
+        return _Parsed(reason="which of the numbers in its name counts joints is unclear", asked=True)
+    number = int(array[1]) if array else numbers[0] if numbers else None
+    return _Parsed(quantity=quantity, number=number, indexed=array is not None)
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
     """The joint whose name is part of the column's name, and the rest of the name."""
-    lower = name.lower()
     for joint in sorted(joints, key=len, reverse=True):
         for spelling in (joint.lower(), joint.lower().replace("_", "")):
-            match = re.search(rf"(?<![a-z0-9]){re.escape(spelling)}(?![0-9])", lower)
+            match = re.search(rf"(?<![a-z0-9]){re.escape(spelling)}(?![0-9])", name.lower())
             if match and len(spelling) > 1:
                 return joint, name[: match.start()] + " " + name[match.end() :]
     return None, name
 
 
-def _quantity(
-    plain: list[str], words: list[str], unit: Unit | None, *, theta_is_motor: bool, named: bool
-) -> tuple[str | None, int | None]:
-    """Quantity of the words, and the number that belongs to it (motor_2, reference_1, el1)."""
-    found = set(plain)
-    if found & _FOREIGN or (found & _TURNED and found & _POSITION == {"link"}):
-        return None, None
-    velocity, torque, reference = bool(found & _VELOCITY), bool(found & _TORQUE), bool(found & _REFERENCE)
-    reference = reference or ("set" in found and bool(found & _POSITION)) or ("joint", "trajectory") in pairwise(words)
-    si = unit.si if unit is not None else ""
-    velocity = velocity or si in ("rad/s", "m/s")
-    torque = torque or si in ("N m", "N")
-    if "qd" in found and found & _MEASURED and not si:
-        velocity = True  # what was measured is not what was desired
-    if "qd" in found and not velocity:
-        if si not in ("rad", "m"):  # a velocity to some, desired to others
-            return None, None
-        reference = True
-    if found & _POSITION and not reference:
-        # A reference, or the right one; d_q is a velocity to some, desired to others.
-        if "r" in found or any(one == "d" and other in _POSITION for one, other in pairwise(words)):
-            return None, None
-        reference = "d" in found
-    if found & {"deflection", "defl"}:
-        return (None if velocity or torque or reference else "deflection"), None
-    if "preset" in found:
-        return "reference_2", None
-    if found & {"stiffness", "stiff", "sigma"}:
-        return (None if reference else "stiffness"), None
-    if reference:
-        # The command of a torque is a reference where its unit says that it is one; its name alone may mean a limit or a sum.
-        if velocity or (torque and si not in ("N m", "N")):
-            return None, None
-        own = _after(words, _REFERENCE)
-        return ("reference_2" if own == 2 else "reference_1"), own
-    if found & {"eq", "equilibrium"}:
-        return "equilibrium_position", None
-    if found & {"error", "err"}:
-        return (None if velocity or torque else "position_error"), None
-    if torque and found & {"el", "elastic", "spring"}:
-        own = _after(words, {"el", "elastic", "spring", "torque"})
-        return f"elastic_torque_{own if own in (1, 2) else 1}", own
-    if torque and found & {"ext", "external", "disturbance"}:
-        return "external_torque", None
-    kind = "velocity" if velocity else "torque" if torque else "position"
-    theta = theta_is_motor and bool(found & _THETA)
-    if (found & _MOTOR and "link" not in found) or theta or (len(plain) > 1 and "m" in found):
-        own = None if "hub" in found else _after(words, {"motor", "mot", "rotor", "theta", "m"})
-        return f"motor_{own if own in (1, 2) else 1}_{kind}", own
-    # An angle of which nothing else is said but whose it is: "Axis 1 [deg]", "Istwert Achse 1 [Grad]".
-    only = bool(plain) and found <= VOCABULARY and si in ("rad", "m")
-    only = only or (bool(found & _ACTUAL) and si in ("rad", "m"))
-    only = only or (named and (found <= _MEASURED or "phi" in found or si in ("rad", "m")))
-    if velocity or torque or found & _POSITION or only:
-        return f"link_{kind}", None
-    return None, None
+def _called(name: str) -> str:
+    """The name in `joints[elbow]`, else the name itself."""
+    return re.sub(r"^[^\[]*\[(\D[^\]]*)\]$", r"\1", name)
 
 
-def _after(words: list[str], keys: set[str]) -> int | None:
-    """1 or 2 where it follows one of the words."""
-    for word, following in pairwise(words):
-        if word in keys and following in ("1", "2"):
-            return int(following)
-    return None
+def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:
+    """The joint of a number, and why it is unclear. Behind a quantity's own number, which is negative here, there is none."""
+    if number is None or number < 0:
+        if joints is None:
+            return ("joint_1", "") if number is None else (None, f"{-number} in its name may count joints")
+        only = len(joints) == 1
+        return (joints[0], "") if only else (None, f"it does not say which of {', '.join(joints[:8])} it is of")
+    if joints is None:
+        return f"joint_{number}", ""
+    ends = [re.sub(r".*?(\d*)$", r"\1", joint) for joint in joints]
+    counted = [str(i + 1) for i in range(len(joints))]
+    if not indexed and ends.count(str(number)) == 1 and (sorted(ends) == sorted(counted) or number == 0):
+        return joints[ends.index(str(number))], ""
+    place = number if indexed else number - 1
+    if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):
+        return joints[place], ""
+    return None, f"which of {', '.join(joints[:8])} the number {number} counts is unclear"
+
+
+def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
+    """Index of a raw column by its name or its number among all columns of the file."""
+    numbers = [column.place or i for i, column in enumerate(columns, start=1)]
+    if wanted.lstrip("#").isdecimal() and wanted not in [column.name for column in columns]:
+        return numbers.index(int(wanted.lstrip("#"))) if int(wanted.lstrip("#")) in numbers else None
+    return find_column(wanted, [column.name for column in columns])
 
 
 def find_column(wanted: str, labels: Sequence[str]) -> int | None:
-    """Index of a column by its header, with or without unit, by case-blind name, or by its number from 1."""
+    """Index of a column by its header, with or without unit, or by case-blind name."""
     plain = [split_header(label)[0] for label in labels]
     for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
         for spelling in (wanted, wanted.lower()):
             if spelling in candidates:
                 return list(candidates).index(spelling)
-    if wanted.lstrip("#").isdecimal() and 1 <= int(wanted.lstrip("#")) <= len(labels):
-        return int(wanted.lstrip("#")) - 1
     return None

@@ -50,7 +50,7 @@ def _gradians(path: Path, columns: Sequence[Column]) -> list[Problem]:
     if not found:
         return []
     return [
-        Problem("Grad is read as degrees, as in German", file=path, key=", ".join(found[:6]), code="gradians",
+        Problem("Grad is read as degrees, as in German", key=", ".join(found[:6]), code="gradians",
                 hint=f"If these are gradians, 400 to a turn: --map '{found[0]}=JOINT.QUANTITY [gon]'")
     ]  # fmt: skip
 
@@ -80,6 +80,6 @@ def _unstated(path: Path, columns: Sequence[Column], remarks: str) -> list[Probl
         return []
     what = "states no unit and is" if len(assumed) == 1 else "state no unit and are"
     return [
-        Problem(f"{what} read in SI, but {told}", file=path, key=", ".join(assumed[:6]),
+        Problem(f"{what} read in SI, but {told}", key=", ".join(assumed[:6]),
                 code="unstated-unit", hint=f"If it is so: --map '{assumed[0]}=JOINT.QUANTITY [deg]'")
     ]  # fmt: skip

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce.claim import Claim, at_most, near
 from asrsim.reproduce.figure import Part, Table
 from asrsim.reproduce.friction import with_joint_losses
 from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.ringing import fit_ringing
 from asrsim.reproduce.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce.claim import Claim, above, below, near
 from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
 from asrsim.reproduce.pictures import curves, link_panel, picture
-from asrsim.reproduce.ringing import fit_ringing
 from asrsim.reproduce.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
 from asrsim.reproduce.step_losses import with_friction, with_growing_damping
 

@@ -7,7 +7,7 @@ from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.mounting import drive_of, with_actuators
 from asrsim.robot.overrides import with_overrides
-from asrsim.robot.reader import load_robot
+from asrsim.robot.reader import load_robot, read_robot
 from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "engine_urdf",
     "load_robot",
     "merge_fixed",
+    "read_robot",
     "step_figures",
     "step_findings",
     "with_actuators",

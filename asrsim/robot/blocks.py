@@ -12,10 +12,10 @@ from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
 from asrsim.errors import did_you_mean, nearest
 from asrsim.robot.advice import advise
 from asrsim.robot.findings import Findings, Line, Reader
-from asrsim.robot.model import ActuatorBlock, Joint, Origin, ParameterValue
+from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, Origin, ParameterValue
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, FOREIGN_QBMOVE_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.values import law_fault, mode_fault, parameter_fault
+from asrsim.robot.values import parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
@@ -23,14 +23,18 @@ _TRUE, _FALSE = ("true", "1"), ("false", "0")
 MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 
 
-def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings, line: Line) -> tuple[ActuatorBlock, ...]:
-    """All blocks of the toolbox's actuators and of registered ones; other plugins are left alone."""
+def read_blocks(
+    root: Any, joints: Sequence[Joint], findings: Findings, line: Line
+) -> tuple[tuple[ActuatorBlock, ...], frozenset[str]]:
+    """All blocks of the toolbox's actuators and of registered ones, and joints whose actuator or mode could not be read; other
+    plugins are left alone.
+    """
     reader = _BlockReader({joint.name: joint for joint in joints}, findings, line)
     for gazebo in elements(root, "gazebo"):
         reference = name_of(gazebo, "reference")
         for plugin in elements(gazebo, "plugin"):
             reader.read(plugin, reference)
-    return tuple(reader.blocks)
+    return tuple(reader.blocks), frozenset(reader.unread)
 
 
 def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
@@ -53,6 +57,7 @@ class _BlockReader(Reader):
         super().__init__(findings, line)
         self.joints = joints
         self.blocks: list[ActuatorBlock] = []
+        self.unread: set[str] = set()
         self._block_lines: dict[str, int | None] = {}
         """Joint -> line of the block that is on it."""
 
@@ -67,7 +72,9 @@ class _BlockReader(Reader):
         if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
             return  # nothing of ours, known without a search for installed actuators
         if name not in ACTUATORS:
-            self._foreign(filename, name, given, line, shown)
+            if {"joint", "operation_mode"} <= given:
+                self._foreign(filename, name, line, shown)
+                self.unread |= {text_of(tag) for tag in tags if tag.tag == "joint"}
             return
         if name == "qbmove" and given.intersection(FOREIGN_QBMOVE_TAGS):
             self.findings.warn(
@@ -84,10 +91,8 @@ class _BlockReader(Reader):
             return
         self._actuator(ACTUATORS.get(name), plugin, tags, shown)
 
-    def _foreign(self, filename: str, name: str, given: set[str], line: int | None, shown: str) -> None:
-        """Plugins of others are no concern of ours, unless the block is plainly meant for an actuator."""
-        if not {"joint", "operation_mode"} <= given:
-            return
+    def _foreign(self, filename: str, name: str, line: int | None, shown: str) -> None:
+        """Plugins of others are no concern of ours, unless the block is plainly meant for an actuator: this one is."""
         known = ACTUATORS.names()
         close = nearest(name, known)
         own = f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
@@ -108,24 +113,23 @@ class _BlockReader(Reader):
                     code="missing-tag", line=line, key=shown,
                 )  # fmt: skip
         joint = self._joint(by_tag, line, shown)
-        mode = self._mode(actuator, by_tag, line, shown)
+        mode = self._mode(by_tag, line, shown)
         switches = [
             self._switch(by_tag, tag, shown, default)
             for tag, default in (("pub_eltau", True), ("pub_state", True), ("sub_ext_tau", False))
         ]
         parameters = self._parameters(actuator, by_tag, mode, shown)
         sample_time = self._sample_time(by_tag, shown)
-        if joint is None or mode is None:
+        if joint is None:
             return
+        if mode is None:
+            self.unread.add(joint.name)
         block = ActuatorBlock(
-            actuator=actuator.name, joint=joint.name, mode=mode,
+            actuator=actuator.name, joint=joint.name, mode=mode or 0,
             namespace=text_of(by_tag["namespace"]) if "namespace" in by_tag else "",
             publish_elastic_torques=switches[0], publish_state=switches[1], subscribe_external_torque=switches[2],
             sample_time=sample_time, parameters=parameters, plugin_name=plugin.get("name") or "", line=line,
         )  # fmt: skip
-        fault = mode_fault(block) or law_fault(block)
-        if fault is not None:
-            self.findings.error(f"with these parameters {fault}", code="law", line=line, key=shown)
         advise(actuator, block, joint, self.findings)
         self.blocks.append(block)
 
@@ -174,7 +178,7 @@ class _BlockReader(Reader):
         self._block_lines[name] = line
         return joint
 
-    def _mode(self, actuator: type[Actuator], by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:
+    def _mode(self, by_tag: Mapping[str, Any], line: int | None, shown: str) -> int | None:
         if "operation_mode" not in by_tag:
             self.findings.error(
                 "required tag <operation_mode> is missing", code="missing-tag", line=line, key=shown, choices=MODE_CHOICES
@@ -183,14 +187,10 @@ class _BlockReader(Reader):
         tag = by_tag["operation_mode"]
         text = text_of(tag)
         mode = int(text) if re.fullmatch("[0-9]{1,3}", text) else None
-        # Modes that the toolbox does not have are there for electric motors alone.
-        needed = [f"motor_{i}_torque_constant" for i in range(1, actuator.motors + 1)]
-        lacking = [tag for name, tag in parameter_tags(actuator).items() if name in needed and tag not in by_tag]
-        if mode not in MODES or (MODES[mode].command != "torque" and lacking):
+        if mode not in MODES:
             self.error(
                 "there is no such operation mode", tag, f"{shown}.operation_mode", code="operation-mode", value=text,
                 choices=MODE_CHOICES,
-                hint=f"Mode {mode} is for electric motors: give <{'>, <'.join(lacking)}>" if mode in MODES else None,
             )  # fmt: skip
             return None
         return mode
@@ -229,29 +229,22 @@ class _BlockReader(Reader):
         values: dict[str, ParameterValue] = {}
         for parameter in actuator.all_parameters():
             present = [tag for tag in accepted[parameter.name] if tag in by_tag]
-            value = self._tag_value(parameter, present[0], by_tag[present[0]], shown) if present else None
-            values[parameter.name] = value or default_parameter(parameter, mode, tags[parameter.name])
-        for index in range(1, actuator.motors + 1):
-            low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
-            if low.value > high.value:
-                self.findings.error(
-                    f"lower motor stop is above the upper one (<{high.tag}> is {high.value:g})",
-                    code="limits-crossed", line=low.line or high.line, key=f"{shown}.{low.tag}", value=f"{low.value:g}",
-                )  # fmt: skip
+            values[parameter.name] = (
+                self._tag_value(parameter, present[0], by_tag[present[0]], shown)
+                if present
+                else default_parameter(parameter, mode, tags[parameter.name])
+            )
         return values
 
-    def _tag_value(self, parameter: Parameter, name: str, tag: Any, shown: str) -> ParameterValue | None:
+    def _tag_value(self, parameter: Parameter, name: str, tag: Any, shown: str) -> ParameterValue:
         key = f"{shown}.{name}"
         value = self._number(tag, key)
-        if value is None:
-            return None
-        fault = parameter_fault(parameter, value)
+        fault = None if value is None else parameter_fault(parameter, value)
         if fault:
             self.error(fault, tag, key, code="out-of-range", value=text_of(tag))
-            return None
         return ParameterValue(
             name=parameter.name,
-            value=value,
+            value=UNREAD if value is None or fault else value,
             unit=parameter.unit,
             origin="tag",
             tag=name,

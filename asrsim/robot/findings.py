@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Unpack
 
-from asrsim.errors import Details, Place, Problem, RobotError
+from asrsim.errors import Details, Place, Problem
 
 Line = Callable[[Any], int | None]
 """An element's line in the user's file, None if unknown."""
@@ -16,7 +16,7 @@ EMPTY_LIMIT = "Exporters write 0 for what was left empty: give the joint's limit
 
 
 class Findings:
-    """Errors and warnings of one file; `raise_errors` ends the reading if there is any error."""
+    """Errors and warnings of one file."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -30,11 +30,6 @@ class Findings:
     def warn(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
         """Add a warning: something to know. Messages leave the name to `key`, so that equal ones can be shown as one."""
         self.warnings.append(Problem(message, code=code, file=self.file, **place))
-
-    def raise_errors(self) -> None:
-        """Raise RobotError with all errors, if there are any."""
-        if self.errors:
-            raise RobotError(sorted(self.errors, key=lambda problem: problem.line or 0), warnings=self.warnings)
 
 
 class Reader:

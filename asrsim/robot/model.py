@@ -13,6 +13,8 @@ from asrsim.errors import Problem
 
 Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
+UNREAD = float("nan")
+"""In the place of a parameter that has a fault, which is told already: this object, not any NaN."""
 STRIBECK_VELOCITY = 0.1
 """rad/s (m/s), where a file gives none."""
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -26,6 +28,7 @@ class ParameterValue:
 
     name: str
     value: float
+    """:data:`UNREAD` where what is given has a fault."""
     unit: str
     origin: Origin
     tag: str = ""
@@ -179,7 +182,7 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A robot as its file says it, checked; raises nothing any more."""
+    """A robot as its file says it; :func:`asrsim.robot.load_robot` gives it without faults."""
 
     name: str
     path: Path
@@ -189,6 +192,10 @@ class Robot:
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
     warnings: tuple[Problem, ...] = ()
+    faults: tuple[Problem, ...] = ()
+    """Errors of the file: what they are about stands here with a value in its place, or not at all."""
+    unread: frozenset[str] = frozenset()
+    """Joints of which it is not known which actuator drives them in which mode, since that has a fault."""
 
     def joint(self, name: str) -> Joint:
         """The joint of that name; KeyError if there is none."""

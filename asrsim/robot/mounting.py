@@ -9,12 +9,12 @@ from dataclasses import replace
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.drive import Drive
-from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_parameter
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import ActuatorBlock, Robot
-from asrsim.robot.overrides import with_overrides
+from asrsim.robot.overrides import overridden
 from asrsim.robot.tags import REQUIRED_TAGS, parameter_tags
 
 
@@ -52,11 +52,21 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
     """The robot with actuators (type, mode) on joints, or on all moving ones by `"*"` (a joint's own entry wins).
 
-    They take the place of the file's. Parameters are checked as :func:`with_overrides` does, the blocks' warnings join the
-    robot's. Raises ScenarioError, whose keys begin with `actuators`.
+    They take the place of the file's; the blocks' warnings join the robot's. Raises ScenarioError, whose keys begin with
+    `actuators`. Whether parameters and modes go together is checked by :func:`with_overrides`.
     """
+    changed, problems = mounted(robot, types, parameters)
+    if problems:
+        raise ScenarioError(problems)
+    return changed
+
+
+def mounted(
+    robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]
+) -> tuple[Robot, list[Problem]]:
+    """As :func:`with_actuators`, as far as it goes, and what is wrong."""
     if not types:
-        return robot
+        return robot, []
     moving = {joint.name: joint for joint in robot.moving_joints}
     names = tuple(moving)
     problems = [
@@ -76,22 +86,24 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
         for name, (kind, _) in types.items()
         if kind not in kinds
     ]  # fmt: skip
-    if problems:
-        raise ScenarioError(problems)
     present = {block.joint: block for block in robot.actuators}
+    unread = set(robot.unread)
     blocks = []
     for name in names:
-        if (entry := types.get(name, types.get("*"))) is not None:
+        entry = types.get(name, types.get("*"))
+        if entry is not None and entry[0] in kinds:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
+            unread.discard(name)
+        elif entry is not None:
+            unread.add(name)
         elif name in present:
             blocks.append(present[name])
-    try:
-        changed = with_overrides(replace(robot, actuators=tuple(blocks)), parameters=parameters)
-    except InputError as error:
-        raise ScenarioError([replace(problem, key=_key(problem.key or "")) for problem in error.problems]) from None
+    known = {joint: values for joint, values in parameters.items() if joint == "*" or joint in moving}
+    changed, faults = overridden(replace(robot, actuators=tuple(blocks), unread=frozenset(unread)), {}, known)
+    problems += [replace(fault, key=_key(fault.key or "")) for fault in faults]
     findings = Findings(robot.path)
     driven = {block.joint for block in blocks}
-    known = [
+    known_warnings = [
         problem
         for problem in robot.warnings
         if not (problem.code == "no-actuators" and driven) and not (problem.code == "mimic-joint" and problem.key in driven)
@@ -99,7 +111,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
     for block in changed.actuators:
         if present.get(block.joint) != block:
             advise(ACTUATORS.get(block.actuator), block, moving[block.joint], findings)
-    return replace(changed, warnings=(*known, *findings.warnings))
+    return replace(changed, warnings=(*known_warnings, *findings.warnings)), problems
 
 
 def _key(key: str) -> str:

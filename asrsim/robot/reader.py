@@ -17,7 +17,7 @@ from asrsim.robot.sanity import check_sanity
 from asrsim.robot.structure import StructureReader
 from asrsim.robot.tree import check_masses, check_movable, check_tree, without_floating_root
 from asrsim.robot.vocabulary import check_words
-from asrsim.robot.xmlfile import elements, name_of, parse_xml, read_bytes
+from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
 MAX_LINKS = 2000
 """Links or joints of a robot."""
@@ -37,7 +37,24 @@ def load_robot(
 
     `xacro_arguments` are the file's `<xacro:arg>` values; `package_paths` (name -> folder) serve `$(find name)` and
     `package://name`. Lines in problems are the file's own; those of an expanded xacro file are not known.
-    Raises RobotError with all problems of the file.
+    Raises RobotError with all problems of the file. Whether an actuator's parameters and mode go together is checked once a
+    scenario, which may change both, is laid on the robot.
+    """
+    robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
+    if robot.faults:
+        raise RobotError(robot.faults, warnings=robot.warnings)
+    return robot
+
+
+def read_robot(
+    path: Path | str,
+    *,
+    xacro_arguments: Mapping[str, str] | None = None,
+    package_paths: Mapping[str, Path | str] | None = None,
+) -> Robot:
+    """As :func:`load_robot`, but with the problems of the file in the robot's `faults`.
+
+    Raises RobotError where the file has no robot at all, or one that is too large.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -76,16 +93,17 @@ def _read(root: Any, data: bytes, path: Path, line: Line, earlier: tuple[Problem
     check_masses(findings, links, joints)
     passive = PassiveReader(findings, line)
     joints = passive.frictions(root, passive.springs(root, joints))
-    blocks = read_blocks(root, joints, findings, line)
+    blocks, unread = read_blocks(root, joints, findings, line)
     passive.judge(joints, blocks)
-    _drop_consequences(findings, root, joints)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
-        warnings=(),
+        unread=unread,
     )  # fmt: skip
     if whole:
         check_movable(findings, robot)
-    findings.raise_errors()
+    if findings.errors:
+        faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
+        return replace(robot, warnings=tuple(findings.warnings), faults=faults)
     check_sanity(findings, robot)
     if not blocks and robot.moving_joints and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
         findings.warn(
@@ -102,13 +120,6 @@ def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
             f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}",
             code="too-many-joints", key="robot", hint="Take out what does not matter to the motion",
         )  # fmt: skip
-
-
-def _drop_consequences(findings: Findings, root: Any, joints: Sequence[Joint]) -> None:
-    """Take out the errors about joints that are in the file and could not be read: they have an error already."""
-    known = {joint.name for joint in joints}
-    unread = {name_of(element) for element in elements(root, "joint")} - known
-    findings.errors = [error for error in findings.errors if error.code != "unknown-joint" or error.value not in unread]
 
 
 def _text(data: bytes, root: Any) -> str:

@@ -34,10 +34,9 @@ class StructureReader(InertialReader):
         return tuple(found)
 
     def joints(self, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
-        """All joints that could be read, in file order."""
+        """All joints with a name, in file order; what has a fault has a default in its place."""
         names = tuple(link.name for link in links)
-        found = [self._joint(element, name, names) for element, name in self._named(root, "joint")]
-        return tuple(joint for joint in found if joint is not None)
+        return tuple(self._joint(element, name, names) for element, name in self._named(root, "joint"))
 
     # -- parts -----------------------------------------------------------------------------------------------------
 
@@ -92,7 +91,7 @@ class StructureReader(InertialReader):
                     self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=line, key=name)
         return tuple(shapes)
 
-    def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint | None:
+    def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint:
         line = self.line(element)
         kind = name_of(element, "type")
         if kind not in JOINT_KINDS:
@@ -101,6 +100,7 @@ class StructureReader(InertialReader):
                 code="joint-type", line=line, key=name, value=kind or None, choices=JOINT_KINDS,
                 hint=did_you_mean(kind, JOINT_KINDS),
             )  # fmt: skip
+            kind = "continuous"
         parent = self._end(element, "parent", name, links)
         child = self._end(element, "child", name, links)
         origin, rpy = self.origin(element, name)
@@ -109,27 +109,26 @@ class StructureReader(InertialReader):
         limits = self._limits(element, name, kind)
         damping, friction = self._dynamics(element, name)
         mimic = self._mimic(element, name)
-        if kind not in JOINT_KINDS or parent is None or child is None:
-            return None
         lower, upper, effort, velocity = limits
         return Joint(
             name=name, kind=kind, parent=parent, child=child, axis=axis, origin=origin, rpy=rpy, lower=lower, upper=upper,
             effort=effort, velocity=velocity, damping=damping, friction=friction, mimic=mimic, line=line,
         )  # fmt: skip
 
-    def _end(self, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str | None:
+    def _end(self, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str:
+        """The link's name; empty: there is no such link."""
         tags = elements(element, tag)
         if len(tags) != 1:
             count = "no" if not tags else "more than one"
             self.error(f"joint has {count} <{tag}>", element, name, code="missing-tag")
-            return None
+            return ""
         link = name_of(tags[0], "link")
         if link not in links:
             self.error(
                 f"the {tag} link does not exist", tags[0], name, code="unknown-link", value=link,
                 hint=did_you_mean(link, links),
             )  # fmt: skip
-            return None
+            return ""
         return link
 
     def _axis(self, element: Any, name: str) -> Vector:
@@ -182,7 +181,8 @@ class StructureReader(InertialReader):
                 "lower limit is above the upper limit", code="limits-crossed", line=line, key=name,
                 value=f"{lower:g} > {upper:g}",
             )  # fmt: skip
-        elif lower is not None and lower == upper:
+            return None, None, effort, velocity
+        if lower is not None and lower == upper:
             self.findings.warn(
                 "lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name,
                 hint=EMPTY_LIMIT if lower == 0.0 else None,

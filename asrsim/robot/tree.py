@@ -21,11 +21,12 @@ def without_floating_root(
     the robot may float: the scenario decides that. Errors for other joints of several degrees of freedom. driven: joints that
     plugins name."""
     children = {joint.child for joint in joints}
+    bodies = {link.name: link for link in links if link.name not in children}
     for joint in joints:
-        above = next(link for link in links if link.name == joint.parent)
-        empty = not (above.mass or above.collisions or above.visuals)
-        alone = sum(other.parent == above.name for other in joints) == 1
-        if joint.kind == "floating" and above.name not in children and empty and alone and joint.name not in driven:
+        above = bodies.get(joint.parent)
+        empty = above is not None and not (above.mass or above.collisions or above.visuals)
+        alone = sum(other.parent == joint.parent for other in joints) == 1
+        if joint.kind == "floating" and above is not None and empty and alone and joint.name not in driven:
             findings.warn(
                 f"the robot floats on this joint: it is left out, with link '{above.name}'", code="floating-root",
                 line=joint.line, key=joint.name, hint="`base: {fixed: false}` in the scenario lets the robot float",

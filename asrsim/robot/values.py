@@ -43,7 +43,7 @@ def law_fault(block: ActuatorBlock) -> str | None:
     laws raise are reported where the laws are used.
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
-    if not MODES[block.mode].spring:
+    if not MODES[block.mode].spring or any(map(math.isnan, values.values())):
         return None
     parameters = actuator.law_values(values)
     away = min(DEFLECTION, values.get("max_deflection", DEFLECTION))
@@ -66,20 +66,21 @@ def law_fault(block: ActuatorBlock) -> str | None:
 
 
 def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
-    """What is wrong with the values of a block whose numbers a scenario, or a study, has changed, each of them fine alone."""
-    values = block.values()
+    """What is wrong with the values of a block together, each of them fine alone."""
     for index in range(1, ACTUATORS.get(block.actuator).motors + 1):
-        low, high = values[f"motor_{index}_min_position"], values[f"motor_{index}_max_position"]
-        if low > high:
-            message, value = f"lower stop of motor {index} is above the upper one", f"{low:g} > {high:g}"
-            yield Problem(message, key=f"parameters.{block.joint}", value=value, code="limits-crossed")
+        low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
+        if low.value > high.value:
+            yield Problem(
+                f"lower stop of motor {index} is above the upper one", line=low.line or high.line,
+                key=f"parameters.{block.joint}", value=f"{low.value:g} > {high.value:g}", code="limits-crossed",
+            )  # fmt: skip
     fault = mode_fault(block)
     if fault is not None:
         yield Problem(fault, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
     fault = law_fault(block)
     if fault is not None:
         given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")
-        yield Problem(f"with these parameters {fault}", key=f"parameters.{block.joint}", value=given, code="law")
+        yield Problem(f"with these parameters {fault}", key=f"parameters.{block.joint}", value=given or None, code="law")
 
 
 def has_spring(block: ActuatorBlock) -> bool:

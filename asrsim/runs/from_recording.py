@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
-from asrsim.recordings.mapping import is_file, load_mapping
+from asrsim.recordings.reading import is_document, resolve_reading
 from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
@@ -84,8 +84,8 @@ def write_from_recording(
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
     loaded, unknown = _mounted(loaded, recording, actuators or {}, mounted, mode)
-    # A mapping file is written down as items: the scenario stands alone.
-    mapping = [text for item in mapping for text in (_items(item) if is_file(item) else (item,))]
+    if any(map(is_document, mapping)):  # it is written down as items: the scenario stands alone
+        mapping = resolve_reading(mapping, experiment).items
     plan = make_plan(loaded, recording, step=STEP)
     commands = f"{out.stem}_commands.csv"
     extracted = extract(plan, commands)
@@ -147,10 +147,6 @@ def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[s
 
     proposal = sizing(scenario_of(text, robot, folder), robot).proposal if joints else {}
     return {joint: values for joint, values in proposal.items() if joint in joints}
-
-
-def _items(item: str) -> list[str]:
-    return [one.text for one in load_mapping(Path(item))]
 
 
 def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], First], str]:

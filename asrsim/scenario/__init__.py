@@ -5,7 +5,7 @@ from __future__ import annotations
 from asrsim.scenario.apply import apply_to_robot
 from asrsim.scenario.check import check_against_robot, checked_robot
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.load import load_scenario, make_scenario, only_variant, scenario_from_data
+from asrsim.scenario.load import load_scenario, make_scenario, only_variant, read_scenarios, scenario_from_data
 
 __all__ = [
     "Scenario",
@@ -15,5 +15,6 @@ __all__ = [
     "load_scenario",
     "make_scenario",
     "only_variant",
+    "read_scenarios",
     "scenario_from_data",
 ]

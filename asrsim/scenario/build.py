@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from asrsim.document.node import Node
-from asrsim.document.reading import Reading, Rejected
+from asrsim.document.reading import Reading
 from asrsim.plain import mapped
 from asrsim.samples import TIP
 from asrsim.scenario.choices import default_engine, prescribes_motion
@@ -31,29 +31,30 @@ def whole(ratio: float) -> int | None:
 
 def build_scenario(
     root: Node, reading: Reading, *, name: str, variant: str, path: Path | None = None, text: str = ""
-) -> Scenario | None:
-    """The scenario, or None with its problems in `reading`."""
-    try:
-        keys = SCENARIO.read(root, (), reading)
-    except Rejected:
-        _check_times(root, _readable(root), reading)
-        return None
-    keys["log_every"] = _check_times(root, keys, reading)
+) -> Scenario:
+    """The scenario of a mapping. Where `reading` has problems, it is without the keys at fault, which are its `unread`."""
+    keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
     keys["engine"] = keys["engine"] or default_engine()
-    _check_motion(root, keys, reading)
-    _check_objects(keys, root, reading)
-    if reading.problems:
-        return None
+    unread = {key for key, *_ in reading.unread}
+    for needed, check in CROSS_CHECKS:
+        if not unread.intersection(needed):
+            check(root, keys, reading)
+    keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
     name, variant = keys["name"] or name, keys["variant"] or variant
     changes = {
         "name": name,
         "variant": variant,
         "motion": _motion(keys["motion"], keys.get("initial_positions", {})),
-        "expect": tuple(claim for claim in keys["expect"] if claim.variant in (None, variant)),
+        "expect": tuple(
+            claim for claim in keys["expect"] if claim.variant in (None, variant) and claim.engine in (None, keys["engine"])
+        ),
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
     attachments = dict(reading.attachments)
-    return Scenario(**{**keys, **changes}, path=path, text=text, attachments=attachments, lines=_lines(root, path))
+    return Scenario(
+        **{**keys, **changes}, path=path, text=text, attachments=attachments, unread=tuple(reading.unread),
+        lines=_lines(root, path),
+    )  # fmt: skip
 
 
 def _plain(data: Any) -> Any:
@@ -82,19 +83,6 @@ def _lines(root: Node, path: Path | None) -> dict[str, int]:
     return found
 
 
-def _readable(root: Node) -> dict[str, Any]:
-    """What can be read of the times, so that their faults are reported beside the others."""
-    quiet = Reading()
-    keys: dict[str, Any] = {"step": 1e-3, "duration": 1e-3, "log_every": None}
-    for key in SCENARIO.keys:
-        if key.argument in keys and isinstance(root.value, dict) and key.name in root.value:
-            try:
-                keys[key.argument] = key.kind.read(root.value[key.name], (), quiet)
-            except Rejected:
-                return {}
-    return keys
-
-
 def _node(root: Node, *path: str) -> Node:
     for key in path:
         if not isinstance(root.value, dict) or key not in root.value:
@@ -103,9 +91,7 @@ def _node(root: Node, *path: str) -> Node:
     return root
 
 
-def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> int | None:
-    if not keys:
-        return None
+def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     step, duration, rate = keys["step"], keys["duration"], keys["log_every"]
     count = whole(duration / step)
     if count is None:
@@ -115,13 +101,9 @@ def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> int |
         reading.fault(
             _node(root, "duration"), ("duration",), f"makes {count} steps; at most {MAX_STEPS} are possible", code="range"
         )
-    if rate is None:
-        return 1
-    every = whole(1.0 / (step * rate))
-    if every is None:
+    if rate is not None and whole(1.0 / (step * rate)) is None:
         message = f"must divide the step rate, but {1.0 / step:.9g} Hz / {rate:.9g} Hz = {1.0 / (step * rate):.9g}"
         reading.fault(_node(root, "log_rate"), ("log_rate",), message, code="log-rate", show=False)
-    return every
 
 
 def _check_motion(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
@@ -141,7 +123,7 @@ def _motion(motion: str | Mapping[str, Any], initial: Mapping[str, float]) -> di
     }
 
 
-def _check_objects(keys: Mapping[str, Any], root: Node, reading: Reading) -> None:
+def _check_objects(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
@@ -149,3 +131,11 @@ def _check_objects(keys: Mapping[str, Any], root: Node, reading: Reading) -> Non
             node = expect.value[index] if isinstance(expect.value, list) else expect
             message = f"the world has no object '{claim.body}'"
             reading.fault(node, ("expect", str(index), "body"), message, choices=names, code="unknown-object", show=False)
+
+
+CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], Reading], None]], ...] = (
+    (("step", "duration", "log_rate"), _check_times),
+    (("engine", "motion"), _check_motion),
+    (("world", "task", "expect"), _check_objects),
+)
+"""(keys that must agree, check of them): keys that have a fault of their own are not compared."""

@@ -2,73 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
-from asrsim.robot import Robot, load_robot, merge_fixed
+from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
+from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.mounting import reference_names
-from asrsim.scenario.apply import apply_to_robot
+from asrsim.samples import Array
+from asrsim.scenario.apply import laid_on
 from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
 from asrsim.scenario.places import placed
 from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
 
+MOST_DELAY = 1_000_000
+"""Steps of a delay."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
 """Modes whose references are positions: the only ones that a Cartesian path can drive."""
 
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
-    """The scenario's robot as its file has it, read unless given, and warnings. Raises RobotError, or ScenarioError with
-    everything of the scenario that does not fit it.
+    """The scenario's robot as its file has it, read unless given, and warnings. Raises RobotError with everything that is wrong
+    with the file, and ScenarioError with everything of the scenario that does not fit it: one error where both are at fault.
     """
     if robot is None:
-        robot = load_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
+        robot = robot_of(scenario)
     errors, warnings = check_against_robot(scenario, robot)
     if errors:
-        raise ScenarioError(errors)
+        raise (RobotError if robot.faults else ScenarioError)(errors, warnings=robot.warnings)
     return robot, warnings
 
 
-def check_against_robot(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[list[Problem], list[Problem]]:
-    """(errors, warnings): names that the robot does not have, values that it cannot take, references that are missing.
+def robot_of(scenario: Scenario) -> Robot:
+    """The robot that the scenario names, with its file's faults. Raises RobotError where there is none in it."""
+    return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
 
-    `robot` is the file's; the scenario's modes and parameters are applied here. propose: parameters that hold an arm that
-    falls, which takes a while.
+
+def check_against_robot(
+    scenario: Scenario, robot: Robot | None, *, propose: bool = False
+) -> tuple[list[Problem], list[Problem]]:
+    """(errors, warnings): the robot file's own faults; names that the robot does not have, values that it cannot take,
+    references that are missing. What rests on a value that has a fault itself, in either file, is not checked.
+
+    `robot` is the file's, None where it cannot be read; the scenario's modes and parameters are applied here. propose:
+    parameters that hold an arm that falls, which takes a while.
     """
-    errors: list[Problem] = []
-    warnings: list[Problem] = []
-    if not robot.moving_joints:
-        return [nothing_moves(robot)], []
-    try:
-        changed = apply_to_robot(scenario, robot)
-    except InputError as error:
-        errors.extend(error.problems)
-        try:
-            # Its actuators alone, so that their references are not told of too.
-            changed = apply_to_robot(replace(scenario, modes={}, parameters={}), robot)
-        except InputError:
-            if scenario.actuators:
-                return errors, []
-            changed = robot
-
-    def with_places(*found: Iterable[Problem]) -> list[Problem]:
-        return [placed(scenario, problem) for problem in chain(*found)]
-
-    checks = (_unknown_names, _initial, _floating, _ranges, _task)
-    errors += with_places(*(check(scenario, changed) for check in checks))
-    warnings += with_places(_default_start(scenario, changed), _sensors(scenario, changed), doubts(scenario, robot, changed))
-    errors += with_places(_released(scenario, changed))
-    faults = with_places(signal_faults(scenario))
-    errors += faults
-    warnings += [] if faults else with_places(signal_doubts(scenario, changed))
-    for problem, fatal in (*_references(scenario, changed), *(() if faults else _sigma(scenario, changed))):
-        (errors if fatal else warnings).append(placed(scenario, problem))
+    if robot is None or not robot.moving_joints:
+        own = [placed(scenario, problem) for problem in signal_faults(scenario)]
+        return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
+    changed, faults = laid_on(scenario, robot)
+    errors = [*robot.faults, *faults]
+    # Actuators whose mode is known.
+    driven = replace(changed, actuators=tuple(block for block in changed.actuators if block.joint not in changed.unread))
+    unread = {key for key, *_ in scenario.unread}
+    for needed, check in CHECKS:
+        if not unread.intersection(needed):
+            errors += (placed(scenario, problem) for problem in check(scenario, driven))
+    if robot.faults or faults or unread:
+        return errors, []
+    found = [*_default_start(scenario, changed), *_sensors(scenario, changed), *doubts(scenario, robot, changed)]
+    if not any(signal_faults(scenario)):
+        found += (*signal_doubts(scenario, changed), *_idle_references(scenario, changed), *_negative_sigma(scenario, changed))
+    warnings = [placed(scenario, problem) for problem in found]
     if not errors:
         from asrsim.kinematics.sizing import holding_findings
 
@@ -83,7 +82,7 @@ def nothing_moves(robot: Robot) -> Problem:
 
 def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     moving = tuple(joint.name for joint in robot.moving_joints)
-    actuated = tuple(block.joint for block in robot.actuators)
+    actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
     by_joint: tuple[tuple[str, Iterable[str], tuple[str, ...]], ...] = (
         ("initial", scenario.initial_positions, moving),
@@ -184,7 +183,7 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
-    if scenario.fixed_base or prescribes_motion(scenario.engine):
+    if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
         return
     body = merge_fixed(robot).robot.root
     if not (body.mass and body.inertia and any(body.inertia)):
@@ -206,40 +205,53 @@ def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
-def _references(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
-    """References of each actuator: (problem, whether it is an error)."""
-    common = scenario.references.get("*", {})
-    allowed_somewhere = {name for block in robot.actuators for name in MODES[block.mode].references}
-    known = tuple(sorted(allowed_somewhere))
-    for name in common:
-        if name not in allowed_somewhere:
+def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References that the mode of no actuator has, or not that of the joint's."""
+    known = tuple(sorted({name for block in robot.actuators for name in MODES[block.mode].references}))
+    for name in scenario.references.get("*", {}) if not robot.unread else ():
+        if name not in known:
             message = "no actuator of the robot has this reference in its mode"
             hint = did_you_mean(name, known)
-            key = f"references.*.{name}"
-            yield Problem(message, key=key, choices=known, hint=hint, code="unknown-reference"), True
+            yield Problem(message, key=f"references.*.{name}", choices=known, hint=hint, code="unknown-reference")
     for block in robot.actuators:
-        names = reference_names(block)
-        mode = MODES[block.mode]
-        own = scenario.references.get(block.joint, {})
-        for name in own:
-            if name not in names and name in mode.references:
-                message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
-                yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference"), False
-            elif name not in names:
+        mode, names = MODES[block.mode], reference_names(block)
+        for name in scenario.references.get(block.joint, {}):
+            if name not in mode.references:
                 message = f"mode {mode.number} ({mode.name}) has no such reference"
-                key = f"references.{block.joint}.{name}"
-                hint = did_you_mean(name, names)
-                yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference"), True
+                key, hint = f"references.{block.joint}.{name}", did_you_mean(name, names)
+                yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference")
+
+
+def _idle_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References that do nothing, and those that are missing."""
+    common = scenario.references.get("*", {})
+    for block in robot.actuators:
+        names, own = reference_names(block), scenario.references.get(block.joint, {})
+        for name in own:
+            if name not in names and name in MODES[block.mode].references:
+                message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
+                yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
             if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
                 message = f"joint '{block.joint}' has no {name}: it rests at its start"
-                yield Problem(message, key=f"references.{block.joint}", code="missing-reference"), False
+                yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
+
+
+def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Delays of sensors and commands that need more memory than there is."""
+    for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
+        for name, effects in table.items():
+            if effects.delay > MOST_DELAY * scenario.step:
+                message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, all of which would be kept"
+                yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Ranges of references that no joint has, or not the joint that they stand under."""
     blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
+        if joint in robot.unread or (joint == "*" and robot.unread):
+            continue
         known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
         choices = (*sorted(known), "external_torque")
         for name in ranges:
@@ -256,21 +268,52 @@ def made_elsewhere(scenario: Scenario, joint: str) -> bool:
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
 
-def _sigma(scenario: Scenario, robot: Robot) -> Iterator[tuple[Problem, bool]]:
-    """References of adjusters that their lever does not reach: (problem, whether it is an error)."""
+def _sigma(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, Array, Array, ActuatorBlock]]:
+    """References of adjusters over the run, unless they fail: (key, times in s, values in m, actuator)."""
     for block in robot.actuators:
-        names, values = MODES[block.mode].references, block.values()
+        names = MODES[block.mode].references
         signal = scenario.references_of(block.joint).get(names[-1])
         # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
         torque = block.mode == 4 and released_order(scenario.stepping)
-        if signal is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
-            continue
-        key, length = reference_key(scenario, block, names[1]), values.get("lever_length", np.inf)
-        time, sigma = over_run(scenario, signal)
-        if (largest := float(sigma.max())) >= length:
+        if signal is not None and len(names) > 1 and not torque and ACTUATORS.get(block.actuator).adjuster:
+            try:
+                time, sigma = over_run(scenario, signal)
+            except Exception:  # a user's own signal may raise anything; signal_faults says so
+                continue
+            if np.isfinite(sigma).all():
+                yield reference_key(scenario, block, names[1]), time, sigma, block
+
+
+def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References of adjusters that their lever does not reach."""
+    for key, time, sigma, block in _sigma(scenario, robot):
+        length, largest = block.values().get("lever_length", np.inf), float(sigma.max())
+        if largest >= length:
             message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
             hint = "There the stiffness is infinite: stay below L"
-            yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit"), True
-        elif (least := float(sigma.min())) < 0.0:
+            yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
+
+
+def _negative_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References of adjusters that go below 0 and not beyond the lever."""
+    for key, time, sigma, block in _sigma(scenario, robot):
+        length = block.values().get("lever_length", np.inf)
+        if (least := float(sigma.min())) < 0.0 and float(sigma.max()) < length:
             message = f"sigma of '{block.joint}' is negative at {time[np.argmin(sigma)]:g} s"
-            yield Problem(message, key=key, value=least, code="sigma-negative"), False
+            yield Problem(message, key=key, value=least, code="sigma-negative")
+
+
+Check = Callable[[Scenario, Robot], Iterator[Problem]]
+CHECKS: tuple[tuple[tuple[str, ...], Check], ...] = (
+    ((), _unknown_names),
+    ((), _initial),
+    (("base", "engine"), _floating),
+    ((), _ranges),
+    (("step",), _delays),
+    (("task", "duration"), _task),
+    (("stepping",), _released),
+    (("duration", "step"), lambda scenario, _: signal_faults(scenario)),
+    ((), _unknown_references),
+    (("duration", "step", "stepping"), _long_sigma),
+)
+"""(keys on which it rests, check): errors, on the robot as the scenario changes it."""

@@ -13,6 +13,7 @@ from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, Choice, File, Kind, Opti
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.scenario.choices import engines
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
 
@@ -31,18 +32,6 @@ class AnyData(Kind[Any]):
         return "anything"
 
 
-class ComparedFile(File):
-    """A recording to compare with; what its columns mean may stand in a file beside it, which is needed too."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
-        from asrsim.recordings.mapping import find_mapping
-
-        place = super().read(node, path, reading)
-        if (mapping := find_mapping(place)) is not None:
-            reading.attachments[f"{reading.renamed[id(node)]}.yaml"] = mapping
-        return place
-
-
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
     """A claim about a run, as data: `quantity` of `joint` under `measure` compares with `value`."""
@@ -57,8 +46,18 @@ class Expectation:
     variant: str | None = declare(
         Optional(Text(noun="name of a variant")), default=None, doc="the variant of which it is claimed", shown="all"
     )
+    engine: str | None = declare(
+        Optional(Choice(engines)),
+        default=None,
+        doc="the engine with which it is claimed; each may have an accuracy of its own",
+        shown="all",
+    )
+    reference: str | None = declare(
+        Optional(Text(noun="name of a quantity")), default=None, shown="the joint's own",
+        doc="another quantity of the same joint to compare with, for measures of two series",
+    )  # fmt: skip
     against: Path | None = declare(
-        Optional(ComparedFile(noun="recording", folder=True)), default=None,
+        Optional(File(noun="recording", folder=True, beside=".yaml")), default=None,
         doc="a recording to compare with, for measures of a difference",
     )  # fmt: skip
     options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
@@ -70,9 +69,12 @@ class Expectation:
         if (self.joint is None) == (self.body is None):
             raise ScenarioError("needs the key joint, or body", key="", code="expect")
         known = (*QUANTITIES, *DERIVED)
-        if self.joint is not None and self.quantity not in known:
-            hint = did_you_mean(self.quantity, known)
-            raise ScenarioError("no such quantity", key="quantity", choices=known, hint=hint, code="unknown-quantity")
+        for key, name in (("quantity", self.quantity), ("reference", self.reference)):
+            if self.joint is not None and name is not None and name not in known:
+                hint = did_you_mean(name, known)
+                raise ScenarioError("no such quantity", key=key, choices=known, hint=hint, code="unknown-quantity")
+        if self.reference is not None and (self.body is not None or self.against is not None):
+            raise ScenarioError("goes with a joint, and without `against`", key="reference", code="expect")
 
 
 CLAIMS = ListOf(of=block_of(Expectation, "claim", line_argument="line"))

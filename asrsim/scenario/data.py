@@ -12,6 +12,7 @@ import numpy as np
 from asrsim.document.block import REQUIRED, declare
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
+from asrsim.document.reading import KeyPath
 from asrsim.samples import Array
 from asrsim.scenario.choices import default_engine, engines, steppings
 from asrsim.scenario.claim_keys import CLAIMS, Expectation
@@ -229,6 +230,8 @@ class Scenario:
     """Files that the scenario names (playbacks, manager YAML), to be attached to the log."""
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
+    unread: tuple[KeyPath, ...] = ()
+    """Paths of the keys that have a fault, of a scenario that :func:`read_scenarios` gives beside its problems."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Dotted key -> line in `path`, for messages of later checks."""
 

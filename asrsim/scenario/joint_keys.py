@@ -22,7 +22,7 @@ from asrsim.document.kinds import (
     attempt,
 )
 from asrsim.document.node import Node
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import KeyPath, Reading
 from asrsim.scenario.kinds import Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
@@ -145,9 +145,7 @@ class JointReferences(MapOf[Any]):
         rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
         wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
         signals = super().read(Node(rest, node.line, node.key_lines, node.file), path, reading)
-        if wanted is None:
-            raise Rejected
-        return {**signals, INVERSE_DYNAMICS: wanted[0]}
+        return signals if wanted is None else {**signals, INVERSE_DYNAMICS: wanted[0]}
 
     def schema(self) -> Schema:
         return {**super().schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}

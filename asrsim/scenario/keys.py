@@ -13,7 +13,7 @@ from asrsim.scenario.kinds import Keys
 
 def _group(name: str, doc: str, main: str = "", **options: Any) -> Key:
     """A key whose own keys are fields of the scenario."""
-    block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main)
+    block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main, partial=True)
     return Key(name=name, kind=block, doc=doc, spread=True, **options)
 
 
@@ -27,7 +27,9 @@ KEYS: tuple[Key, ...] = declared_keys(
 )
 """Every key of a variant, in the order of the documentation."""
 
-SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", may_be_empty=False, read_before=("variants",))
+SCENARIO: Block[Keys] = Block(
+    keys=KEYS, build=dict, noun="scenario", may_be_empty=False, partial=True, read_before=("variants",)
+)
 """One variant."""
 
 VARIANT: Block[Keys] = Block(

@@ -23,7 +23,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 def names_a_folder(name: str) -> bool:
     """Whether a name can be that of a folder: scenarios and variants name the folders of their results."""
-    good = bool(name.strip()) and name not in (".", "..") and len(name.encode()) <= 255
+    good = bool(name.strip()) and name not in (".", "..") and len(name.encode(errors="replace")) <= 255
     return good and all(sign.isprintable() and sign not in "/\\" for sign in name)
 
 

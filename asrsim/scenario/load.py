@@ -39,16 +39,33 @@ def load_scenario(
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
     every problem of the file.
     """
+    scenarios, problems = read_scenarios(path, variant=variant, overrides=overrides, robot=robot)
+    if problems:
+        raise ScenarioError(problems)
+    return scenarios
+
+
+def read_scenarios(
+    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
+) -> tuple[tuple[Scenario, ...], list[Problem]]:
+    """As :func:`load_scenario`, but with every problem of the file beside the scenarios, which go without the keys at fault.
+
+    Raises ScenarioError where the file is no mapping, or has no such variant.
+    """
     if not isinstance(path, str | Path):
         hint = "Of what load_scenario gives, which is one for each variant, choose one"
         raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
+    if not _is_text(str(path.absolute())):
+        message = "the name of the file, or of a folder above it, is no UTF-8"
+        raise ScenarioError(message, file=path, hint="Rename it: logs and summaries name the file", code="encoding")
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
-    common, variants = _split(root, faults)
+    common, variants, wrong = _split(root)
+    faults += wrong
     if variant is not None and variant not in variants:
         names = tuple(variants)
         hint = did_you_mean(str(variant), names)
@@ -67,10 +84,7 @@ def load_scenario(
         reading = Reading(base=path.parent)
         readings.append(reading)
         scenarios.append(build_scenario(merged, reading, name=path.stem, variant=name, path=path, text=text))
-    problems = _distinct([*faults, *(problem for reading in readings for problem in reading.problems)])
-    if problems:
-        raise ScenarioError(problems)
-    return tuple(scenario for scenario in scenarios if scenario is not None)
+    return tuple(scenarios), _distinct([*faults, *(problem for reading in readings for problem in reading.problems)])
 
 
 def scenario_from_data(
@@ -95,7 +109,7 @@ def scenario_from_data(
     root = apply_overrides(root, overrides)
     reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
-    if scenario is None:
+    if reading.problems:
         raise ScenarioError(_distinct(reading.problems))
     return scenario
 
@@ -108,15 +122,15 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
     return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
 
 
-def _split(root: Node, faults: Sequence[Problem]) -> tuple[Node, dict[str, Node]]:
-    """What all variants share, and every variant merged with it. Raises ScenarioError, with the faults found so far."""
+def _split(root: Node) -> tuple[Node, dict[str, Node], list[Problem]]:
+    """What all variants share, every variant merged with it, and what is wrong with the variants."""
     assert isinstance(root.value, dict)
     items = dict(root.value)
     node = items.pop("variants", None)
     common = Node(items, root.line, root.key_lines, root.file)
     if node is None or node.value is None:
         only = items.get("variant")
-        return common, {str(only.value) if only is not None and only.value is not None else DEFAULT: common}
+        return common, {str(only.value) if only is not None and only.value is not None else DEFAULT: common}, []
     problems: list[Problem] = []
     if not isinstance(node.value, dict) or not node.value:
         problems.append(_problem("must be a mapping from names to the keys that differ", node, "variants"))
@@ -134,10 +148,8 @@ def _split(root: Node, faults: Sequence[Problem]) -> tuple[Node, dict[str, Node]
             problems.append(_problem("is no name: it names a folder too", over, f"variants.{name}"))
         if over.value is not None and not isinstance(over.value, dict):
             problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
-        merged[name] = common if over.value is None else SCENARIO.merge(common, over)
-    if problems:
-        raise ScenarioError([*faults, *problems])
-    return common, merged
+        merged[name] = SCENARIO.merge(common, over) if isinstance(over.value, dict) else common
+    return common, merged or {DEFAULT: common}, problems
 
 
 def _faults_of_claims(common: Node, variants: tuple[str, ...]) -> list[Problem]:
@@ -160,3 +172,12 @@ def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:
     """Each problem once: variants share most of theirs."""
     return list({str(problem): problem for problem in problems}.values())
+
+
+def _is_text(name: str) -> bool:
+    """Whether a file's name can be written as UTF-8."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -10,6 +10,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot.attributes import LARGEST
 from asrsim.robot.sanity import beyond_reach, own_weight
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
@@ -28,24 +29,32 @@ OFTEN = 0.05
 """Share of the steps that do so, from which on it is no accident."""
 ABSURD = 100.0
 """Times the arm's own weight, or its moment, that no load on it is."""
+FARTHEST = 1e6
+"""rad or m: a wanted position beyond it has lost the digits in which a motion differs from rest."""
 MOST_JUMPS = 100
 """Jumps a step that are still worked through."""
 
 
 def signal_faults(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: signals that fail, that are not finite, or that jump more often than anybody would wait for."""
+    """Errors: signals that fail, that are not finite or absurdly large, or that jump more often than anybody would wait for."""
     steps = scenario.duration / scenario.step
+    wanted = _wanted(scenario)
     for key, signal in _signals(scenario):
+        section = key.rpartition(".")[0]
         try:
             with np.errstate(all="ignore"):
                 time = _grid(scenario, signal)
-                bad = np.flatnonzero(~np.isfinite(signal.values(time)))
+                values = signal.values(time)
+                bad = np.flatnonzero(~np.isfinite(values))
         except Exception as error:  # a user's own signal may raise anything
             yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
             continue
         jumps = len(time) - LOOKS - 1
         if bad.size:
             yield Problem(f"is not finite at {time[bad[0]]:g} s", key=key, code="signal")
+        elif (largest := float(np.abs(values).max())) > (bound := LARGEST if section not in wanted else FARTHEST):
+            message = f"is larger than {bound:g}, {'where no joint goes' if section in wanted else 'which no robot has'}"
+            yield Problem(message, key=key, value=largest, code="signal")
         elif jumps > MOST_JUMPS * max(steps, LOOKS):
             message = f"jumps {jumps} times in {steps:.0f} steps, too often to follow"
             yield Problem(message, key=key, code="signal")

@@ -40,7 +40,7 @@ def _of_the_motor(block: ActuatorBlock, columns: dict[tuple[str, str], Column]) 
     """A torque that nobody said to be the link's, where motor and link were recorded and the deflection does not explain it."""
     actuator = ACTUATORS.get(block.actuator)
     torque, motor, link = (columns.get((block.joint, name)) for name in ("link_torque", "motor_1_position", "link_position"))
-    if torque is None or motor is None or link is None or actuator.motors > 1 or not torque.origin.startswith("guessed"):
+    if torque is None or motor is None or link is None or actuator.motors > 1 or torque.given:
         return None
     if not MODES[block.mode].spring:
         return None

@@ -188,7 +188,7 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
         return mode.number
     if command.unit in ("N m", "N"):
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
-    if not command.unit and command.quantity == "reference_1" and command.origin in ("command line", "map file"):
+    if not command.unit and command.quantity == "reference_1" and command.given:
         # The user says that it is what the mode takes, and in no other unit.
         return mode.number
     if mode.direct or mode.number == 0:
@@ -201,7 +201,7 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
 def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
     changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
-    direct = recording.format == "csv" and _plays(recording.path, column, lag)
+    direct = recording.format == "text" and _plays(recording.path, column, lag)
     return Played(joint=joint, slot=slot, column=column, direct=direct, hold=following < STAIRS)
 
 

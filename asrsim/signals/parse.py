@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from asrsim.document.block import Block, declared_keys
-from asrsim.document.kinds import Kind, Schema
+from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node, node_from_data
-from asrsim.document.reading import KeyPath, Reading, Rejected
+from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import ScenarioError, did_you_mean
 from asrsim.signals.base import Signal
 
@@ -99,7 +99,7 @@ def parse_signal(data: object, *, base: Path | None = None) -> Signal:
     with every problem.
     """
     reading = Reading(base=base or Path())
-    try:
-        return SIGNAL.read(node_from_data(data), (), reading)
-    except Rejected:
-        raise ScenarioError(reading.problems) from None
+    found = attempt(SIGNAL, node_from_data(data), (), reading)
+    if found is None or reading.problems:
+        raise ScenarioError(reading.problems)
+    return found[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,16 +12,15 @@ import numpy as np
 from asrsim.document.block import declare
 from asrsim.document.kinds import NUMBER, Choice, File, Optional, Text
 from asrsim.samples import Array
-from asrsim.signals.bag_series import read_bag_series
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require
-from asrsim.signals.csv_series import read_csv_series
 from asrsim.signals.curve import Curve, curve_through
+from asrsim.signals.recorded import read_column, read_topic
 
 STAMP_LIMIT = 1e6
 """s: first times beyond it are taken for stamps of a clock, and start at 0."""
 
-_RECORDING = File(noun="recording", folder=True)
+_RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
 
 def since(times: Array, zero: float, start: float = 0.0) -> Array:
@@ -36,9 +35,9 @@ class Playback(Signal):
 
     kind: ClassVar[str] = "playback"
 
-    file: Path = declare(_RECORDING, doc="CSV, MCAP, or ROS 1 or ROS 2 bag")
+    file: Path = declare(_RECORDING, doc="a recording of any format; a document beside it says how it is read")
     column: str | None = declare(
-        Optional(Text(noun="name of a column")), doc="CSV: the column, with or without its unit", default=None
+        Optional(Text(noun="name of a column")), doc="tables: the column, with or without its unit", default=None
     )
     topic: str | None = declare(Optional(Text(noun="name of a topic")), doc="bags: the topic", default=None)
     message_field: str = declare(
@@ -49,7 +48,7 @@ class Playback(Signal):
     )
     time: str | None = declare(
         Optional(Text(noun="name of a column, or `header`")),
-        doc="CSV: the time's column (default: time or t); bags: `header` for the messages' own stamps",
+        doc="tables: the time's column (default: the one that is named so); bags: `header` for the messages' own stamps",
         default=None,
     )
     start: float | None = declare(
@@ -68,14 +67,13 @@ class Playback(Signal):
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        require((self.column is None) != (self.topic is None), "needs the key column (CSV) or topic (bags)", key="")
+        require((self.column is None) != (self.topic is None), "needs the key column (tables) or topic (bags)", key="")
         require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
-        newest = path.stat().st_mtime_ns if path.exists() else 0
         if self.column is not None:
-            times, values = _csv(path, newest, self.column, self.time)
+            times, values = read_column(path, self.column, self.time)
         else:
-            times, values = _bag(path, newest, self.topic or "", self.message_field, self.time == "header")
+            times, values = read_topic(path, self.topic or "", self.message_field, header_time=self.time == "header")
         first = float(times[0])
         if self.start is not None:
             times = since(times, first, self.start)
@@ -101,14 +99,3 @@ class Playback(Signal):
         if self.interpolation == "smooth":
             return between(self._curve.jumps, start, end)
         return hold_jumps(*self._series, start, end) if self.interpolation == "hold" else np.empty(0)
-
-
-# A scenario's variants play the same recordings: each is read once. The time of change keeps the cache honest.
-@lru_cache(maxsize=64)
-def _csv(path: Path, _newest: int, column: str, time: str | None) -> tuple[Array, Array]:
-    return read_csv_series(path, column, time)
-
-
-@lru_cache(maxsize=64)
-def _bag(path: Path, _newest: int, topic: str, message_field: str, header_time: bool) -> tuple[Array, Array]:
-    return read_bag_series(path, topic, message_field, header_time=header_time)

@@ -24,7 +24,7 @@ _BEFORE_SPEED = (
 _AFTER_SPEED = (
     "step", "log_every", "substeps", "motor_substeps", "total_substeps", "samples", "stepping", "engine", "loop", "seed",
 )  # fmt: skip
-_OF_CLAIM = ("joint", "body", "quantity", "measure", "comparison", "value", "tolerance")
+_OF_CLAIM = ("joint", "body", "quantity", "measure", "engine", "reference", "comparison", "value", "tolerance")
 """What stands in `summary.json` as it is, in its order."""
 
 

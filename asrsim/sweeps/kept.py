@@ -87,6 +87,8 @@ def read_rows(path: Path, schema: Any, **options: Any) -> Any:
         table = pq.read_table(path, page_checksum_verification=True, **options)
         there = pq.read_schema(path)
         problem = "" if there.equals(schema) else "its columns are not those of the study"
+        if "filters" not in options and len(table) != pq.read_metadata(path).num_rows:
+            problem = "a column has another number of rows than the file"
     except (OSError, ValueError, pa.ArrowException) as error:
         problem = f"cannot be read: {(str(error).splitlines() or [type(error).__name__])[0]}"
     if problem:

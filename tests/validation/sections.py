@@ -53,7 +53,8 @@ SECTIONS: tuple[Section, ...] = (
             "then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim lets it go on to 500 iterations or 1e-18, "
             "which most steps do not need. MuJoCo's contacts are springs of some steps: nothing sinks or creeps that rests, "
             "but a box that slides fast loses touch now and then, and friction works on average only. Forces of a contact are "
-            "those on the first body, and keep the balance of each body."
+            "those on the first body in the last substep of a row; they are the body's mass times its acceleration in every "
+            "step (`tests/test_contact_worlds.py`)."
         ),
         measures=(
             contacts.sliding,

@@ -1,0 +1,222 @@
+"""Combinations: directions that a recording does not tell, and what it tells in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from asrsim.identification.layout import Entry
+from asrsim.identification.problem import Problem, residuals
+from asrsim.identification.told import UNKNOWN, Told, percent
+from asrsim.identification.uncertainty import Uncertainty
+from asrsim.samples import Array
+
+NOTHING = 1.0
+"""The same from which on its estimate is noise."""
+CHANCE = 6.0
+"""Chi squared that noise alone gives to a few directions."""
+NICE, NICER = 1.5, 2e-3
+"""How many times wider, and by how much more, the interval of a simpler form may be."""
+HIGHEST = 8.0
+"""Power in a combination, at most."""
+NEARLY = 0.15
+"""By which a power may be off a whole number, if its interval is no wider."""
+MOST, WHOLE = 4, 0.08
+"""Times that a part of a sum is in it, at most, and share by which that may be off a whole number."""
+AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
+"""Moments of inertia about the axes; share by which a power may differ from that of an inertia about its joint."""
+SWAY = 0.7
+"""Relative change along an unknown direction, at most, under which a combination is looked at again."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """What is known of several parameters together."""
+
+    text: str
+    """Such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
+    value: float
+    margin: float
+    """Relative half width of its 95 % interval."""
+    keys: tuple[int, ...]
+    """Entries in it."""
+
+    def __str__(self) -> str:
+        return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
+
+
+def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
+    """What is known of the entries that lie together in unknown directions.
+
+    free: entries that are not at a bound and have an effect.
+    """
+    if len(free) < 2:
+        return []
+    told = Told(problem.layout, x, found, free)
+    rows, pivots = _sparse(told.directions)
+    parts = [told.parts(row) for row in rows]
+    places, result = _swayed(told, x, partial(residuals, problem)), []
+    for j in set(range(len(free))) - set(pivots):
+        exponents = np.eye(len(free))[j]
+        for row, pivot, mine in zip(rows, pivots, parts, strict=True):
+            # Along a direction its pivot changes by 1 and entry j by row[j]: what stays is their product to these powers.
+            exponents[pivot] = -row[j] if {j, pivot} <= set(mine) else 0.0
+        if np.count_nonzero(exponents) > 1 and (one := _form(problem, told, exponents, places)) is not None:
+            result.append(one)
+    return result
+
+
+def _form(problem: Problem, told: Told, exponents: Array, places: Sequence[Array]) -> Combination | None:
+    """A product of powers in its simplest form: a ratio to an inertia about its joint, a sum, or whole powers."""
+    moving = np.flatnonzero(exponents)
+    if len(moving) == 2:
+        first, second = moving.tolist()
+        power = float(exponents[second] / exponents[first])
+        special = _about_joint(problem, told, first, second, power, places) or _sum(told, first, second, power, places)
+        if special is not None:
+            return special
+    if np.any(told.values[told.free][moving] <= 0.0):
+        return None
+    best = None
+    for powers in (exponents, *_whole(exponents)):
+        # The same combination: margins are compared at one power of the same entry.
+        size = float(np.abs(powers[moving]).min())
+        margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
+        if margin < UNKNOWN and (best is None or margin / size < NICE * best[0] + NICER):
+            best = margin / size, margin, powers
+    if best is None or float(np.abs(best[2]).max()) > HIGHEST * float(np.abs(best[2][moving]).min()):
+        return None
+    _, margin, powers = best
+    # What has the least power is no divisor.
+    least = moving[int(np.argmin(np.abs(powers[moving]) - 1e-9 * (powers[moving] > 0.0)))]
+    powers = powers * np.sign(powers[least])
+    named = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in moving]
+    text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
+    text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
+    value = float(np.exp(np.sum(powers[moving] * np.log(told.values[told.free][moving]))))
+    return Combination(text, value, margin, tuple(told.free[i] for i in moving))
+
+
+def _power(name: str, power: float) -> str:
+    return name if abs(power - 1.0) < 5e-3 else f"{name}^{power:.2g}"
+
+
+def _whole(exponents: Array) -> Iterator[Array]:
+    """The same in whole numbers, of small ones the nearest."""
+    least = float(np.abs(exponents[exponents != 0.0]).min())
+    for factor in (1.0, 2.0, 3.0, 4.0):
+        powers = factor * exponents / least
+        if float(np.abs(powers - np.round(powers)).max()) < NEARLY * factor:
+            yield np.round(powers)
+            return
+
+
+def _swayed(told: Told, x: Array, left: Callable[[Array], Array]) -> list[Array]:
+    """Values (n,) of vectors that fit as x does, some way along the unknown directions."""
+    base, found = left(x), []
+    for direction, extent in zip(told.directions, told.extent.tolist(), strict=True):
+        for sway in (-min(extent, SWAY), min(extent, SWAY)):
+            there = told.moved(x, sway * direction / np.abs(direction).max())
+            found.append(told.layout.values(told.fitted(there, base, left)))
+    return found
+
+
+def _sway(told: Told, exponents: Array, places: Sequence[Array]) -> float:
+    """By how much a product of powers differs, at most, where others fit as well."""
+    moving = np.flatnonzero(exponents)
+    here = told.values[told.free][moving]
+    ratios = [there[told.free][moving] / here for there in places]
+    return max((abs(float(exponents[moving] @ np.log(r))) for r in ratios if np.all(r > 0.0)), default=0.0)
+
+
+def _about_joint(
+    problem: Problem, told: Told, first: int, second: int, power: float, places: Sequence[Array]
+) -> Combination | None:
+    """k / (izz + m r^2): what a motion tells of an inertia is that about the joint. first * second^power is constant."""
+    for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
+        entries = [problem.layout.entries[told.free[i]] for i in (other, inertia)]
+        beside = _beside(problem, entries[1])
+        size = float(told.values[told.free[inertia]])
+        if beside <= 0.0 or abs(exponent * (size + beside) / size + 1.0) > ABOUT:
+            continue
+        exponents = np.zeros(len(told.free))
+        exponents[other], exponents[inertia] = 1.0, -size / (size + beside)
+        value, *moved = (
+            float(there[told.free[other]] / (there[told.free[inertia]] + beside)) for there in (told.values, *places)
+        )
+        margin = float(np.hypot(told.margin(exponents), max((abs(one / value - 1.0) for one in moved), default=0.0)))
+        if margin < UNKNOWN:
+            text = f"{entries[0].name} / ({entries[1].name} + {beside:.3g} kg m^2, the inertia about the joint)"
+            return Combination(text, value, margin, (told.free[other], told.free[inertia]))
+    return None
+
+
+def _beside(problem: Problem, entry: Entry) -> float:
+    """m r^2 of the link whose moment of inertia about the joint's axis an entry is; 0 of others, and where m or r is free."""
+    link, _, name = entry.parameter.key.rpartition(".")
+    free = {one.parameter.key for one in problem.layout.entries}
+    if name not in AXES or free & {f"{link}.{what}" for what in ("mass", *"xyz")}:
+        return 0.0
+    robot = problem.tracks[0].door.robot
+    body = next((one for one in robot.links if one.name == link), None)
+    joint = next((one for one in robot.moving_joints if one.child == link and one.kind != "prismatic"), None)
+    if body is None or body.mass is None or joint is None or abs(joint.axis[AXES.index(name)]) < 0.99:
+        return 0.0
+    place = np.array(body.centre_of_mass)
+    return body.mass * float(place @ place - (place @ np.array(joint.axis)) ** 2)
+
+
+def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
+    """other + n pivot, of one unit, n a small whole number, if that is known: its parts may change much while it stays."""
+    first, second = (told.layout.entries[told.free[i]] for i in (other, pivot))
+    a, b = (float(told.values[told.free[i]]) for i in (other, pivot))
+    # d a / a + power d b / b = 0: a + times b is constant nearby.
+    times = power * a / b if b else 0.0
+    signed, whole = min(a, b) <= 0.0, round(times)
+    if 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole):
+        times = float(whole)
+    elif not signed:
+        return None
+    total = a + times * b
+    if first.parameter.unit != second.parameter.unit or not times or (total <= 0.0 and not signed):
+        return None
+    exponents = np.zeros(len(told.free))
+    exponents[other], exponents[pivot] = 1.0, times * b / a
+    moved = [float(there[told.free[other]] + times * there[told.free[pivot]]) / total - 1.0 for there in places]
+    margin = float(np.hypot(told.margin(exponents) * abs(a / total), max(map(abs, moved), default=0.0)))
+    if margin > UNKNOWN:
+        return None
+    size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
+    text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
+    return Combination(text, total, margin, (told.free[other], told.free[pivot]))
+
+
+def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
+    """x with what its recordings do not tell as it was at the start, where noise alone has moved that, and the rest found anew;
+    x where that does not fit as well.
+    """
+    told = Told(problem.layout, x, found, free, NOTHING)
+    if not len(told.directions):
+        return x
+    away = (start - x)[told.free] / told.units
+    there = x.copy()
+    there[told.free] += told.directions.T @ (told.directions @ away) * told.units
+    there = told.fitted(there, np.zeros(len(found.jacobian)), partial(residuals, problem), 5)
+    worse = float(np.sum(residuals(problem, there) ** 2) - np.sum(residuals(problem, x) ** 2))
+    return x if worse > CHANCE * found.variance else there
+
+
+def _sparse(directions: Array) -> tuple[Array, list[int]]:
+    """The same space by directions with few parts, reduced to echelon form by largest parts, and these: 1 in one row alone."""
+    rows, pivots = directions.copy(), []
+    for i in range(len(rows)):
+        pivot = int(np.argmax(np.abs(rows[i])))
+        pivots.append(pivot)
+        rows[i] /= rows[i, pivot]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, pivot] * rows[i]
+    return rows, pivots

@@ -1,0 +1,320 @@
+"""A fit as one frozen value: recordings, what is free, how residuals count. Residuals, derivatives and searches are functions
+of it; another problem is made by `replace`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import RobotError, UnresolvedSpringError
+from asrsim.identification.data import Channel
+from asrsim.identification.layout import Layout
+from asrsim.identification.noise import whiten
+from asrsim.identification.track import Playing, Track, numbers_of
+from asrsim.samples import Array
+
+STEP = 1e-6
+"""Of differences, in the vector's units: logarithms, or typical sizes."""
+FAR = 1e3
+"""Deviations that a motion counts which is not sane."""
+REACH, ROUNDS = 0.3, 60
+"""First steps of a search: a third of a parameter's size; its evaluations with derivatives, at most."""
+LINEAR = 0.3
+"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
+HUBER = 3.0
+"""Deviations beyond which a residual counts by its size, not its square."""
+IDLE, PATIENCE, HOPELESS = 3e-3, 3, 10.0
+"""A search ends after `PATIENCE` steps that improve its cost by less than `IDLE`, while the mean square error is above
+`HOPELESS`: where a model cannot fit, its valleys are long.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """How the residuals of a channel count."""
+
+    noise: float
+    """Its standard deviation."""
+    model: Array = field(default_factory=lambda: np.empty(0))
+    """Coefficients of the autoregression that whitens it."""
+
+    def weigh(self, values: Array, quantum: float) -> Array:
+        """Differences (n,) or (n, k), whitened, in deviations of the noise.
+
+        The zero of an encoder with steps of `quantum` is known within one only: the mean counts as this uncertainty lets it.
+        """
+        white = whiten(values, self.model) / self.noise
+        zero = len(values) * (quantum / self.noise) ** 2 / 12.0
+        return white - (1.0 - (1.0 + zero) ** -0.5) * white.mean(axis=0) if zero else white
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One channel among the residuals."""
+
+    rows: slice
+    track: int
+    channel: Channel
+    weights: Weights
+
+
+@dataclass
+class Meter:
+    """Counts evaluations, and tells who watches."""
+
+    evaluations: int = 0
+    cost: float = np.inf
+    """Mean square of the present search's best residuals."""
+    tell: Callable[[], None] = lambda: None
+
+    def count(self) -> None:
+        """One more is done."""
+        self.evaluations += 1
+        self.tell()
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What a vector of parameters is fitted to. Residuals are those of the fitted recordings, up to each one's end of training.
+
+    tracks, playing, weights and ends stand side by side, one of each recording; fitted recordings come first.
+    """
+
+    tracks: tuple[Track, ...]
+    layout: Layout
+    playing: tuple[Playing, ...]
+    weights: tuple[tuple[Weights, ...], ...]
+    ends: tuple[float, ...]
+    """s; 0 for recordings that are only predicted."""
+    meter: Meter
+    share: float = 1.0
+    """Of each recording's training part that counts."""
+
+    @property
+    def fitted(self) -> range:
+        """Numbers of the recordings that are fitted."""
+        return range(sum(not track.data.held for track in self.tracks))
+
+    @property
+    def whole(self) -> Problem:
+        """With the part that was held out."""
+        return replace(self, ends=tuple(0.0 if track.data.held else track.data.duration for track in self.tracks))
+
+    @property
+    def held(self) -> frozenset[str]:
+        """Commands that are played as stairs."""
+        return self.playing[0].held
+
+    def played(self, held: frozenset[str]) -> Problem:
+        """With these commands as stairs, in all recordings."""
+        return replace(self, playing=tuple(replace(one, held=held) for one in self.playing))
+
+    def under(self, layout: Layout) -> Problem:
+        """With other parameters free."""
+        return replace(self, layout=layout)
+
+    def until(self, track: int) -> float:
+        """s, end of what counts."""
+        onset = self.tracks[track].onset
+        return onset + (self.ends[track] - onset) * self.share
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Where each channel's residuals are."""
+        found: list[Part] = []
+        first = 0
+        for track in self.fitted:
+            until = self.until(track) + 1e-9
+            for channel, weights in zip(self.tracks[track].channels, self.weights[track], strict=True):
+                count = int(np.sum(channel.time <= until))
+                found.append(Part(slice(first, first + count), track, channel, weights))
+                first += count
+        return tuple(found)
+
+    def rows(self, track: int) -> slice:
+        """Residuals of a recording."""
+        mine = [part.rows for part in self.parts if part.track == track]
+        return slice(mine[0].start, mine[-1].stop)
+
+    def weighted(self, differences: Sequence[Array], track: int) -> Array:
+        """Differences (n,) of each channel of a recording, weighted, one after the other."""
+        parts = zip(differences, self.tracks[track].channels, self.weights[track], strict=True)
+        return np.concatenate([weights.weigh(one, channel.quantum) for one, channel, weights in parts])
+
+    def blocks(self, count: int) -> NDArray[np.intp]:
+        """(m,) number of the block, of about `count` per recording, that each residual belongs to."""
+        numbers = []
+        for part in self.parts:
+            time = part.channel.time[: part.rows.stop - part.rows.start]
+            inside = np.minimum(np.floor(time / self.until(part.track) * count), count - 1)
+            numbers.append(part.track * count + inside)
+        return np.concatenate(numbers).astype(np.intp)
+
+
+def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> list[Array] | None:
+    """Predicted less recorded, by channel; whole: of all of a recording. None where the motion is not sane."""
+    one, until = problem.tracks[track], None if whole else problem.until(track)
+    predicted = one.predict(problem.layout.table(x, track), problem.playing[track], until)
+    problem.meter.count()
+    if predicted is None:
+        return None
+    return [a - channel.values[: len(a)] for a, channel in zip(predicted, one.channels, strict=True)]
+
+
+def residuals(problem: Problem, x: Array) -> Array:
+    """(m,) differences, weighted."""
+    return np.concatenate([_weighted(problem, errors(problem, x, track), track) for track in problem.fitted])
+
+
+def _weighted(problem: Problem, differences: list[Array] | None, track: int) -> Array:
+    if differences is None:
+        rows = problem.rows(track)
+        return np.full(rows.stop - rows.start, FAR)
+    return np.clip(problem.weighted(differences, track), -1e8, 1e8)
+
+
+def jacobian(
+    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, central: bool = False,
+    columns: Sequence[int] | None = None,
+) -> Array:  # fmt: skip
+    """(m, n) by differences of one side, that which the bounds allow; central: of both, where they allow it: at a corner, where
+    joints stick, columns of different sides would not belong together. base: (m,) residuals at x; columns: only these.
+    """
+    at = residuals(problem, x) if base is None else base
+    wanted = range(len(x)) if columns is None else columns
+    matrix = np.zeros((len(at), len(wanted)))
+    low, high = problem.layout.bounds
+    above = x + step <= high
+    both = above & (x - step >= low) & central
+    for track in problem.fitted:
+        moves = [
+            (column, i, move)
+            for column, i in enumerate(wanted) if track in problem.layout.touched(i)
+            for move in ([step, -step] if both[i] else [step if above[i] else -step])
+        ]  # fmt: skip
+        rows = problem.rows(track)
+        for (column, i, move), there in zip(moves, _worlds(problem, x, track, moves), strict=True):
+            # A step into motions that are not sane tells no slope.
+            if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
+                matrix[rows, column] += (there - at[rows]) / (2.0 * move if both[i] else move)
+    return matrix
+
+
+def _worlds(problem: Problem, x: Array, track: int, moves: Sequence[tuple[int, int, float]]) -> Iterator[Array]:
+    """Weighted residuals of a recording beside x: one rollout."""
+    one, tables = problem.tracks[track], []
+    for _, i, move in moves:
+        there = x.copy()
+        there[i] += move
+        tables.append(problem.layout.table(there, track))
+    for predicted in one.predictions(tables, problem.playing[track], problem.until(track)):
+        problem.meter.count()
+        pairs = zip(predicted or (), one.channels, strict=predicted is not None)
+        yield _weighted(problem, None if predicted is None else [a - c.values[: len(a)] for a, c in pairs], track)
+
+
+def cost_of(values: Array, loss: str) -> float:
+    """Mean of squares; of Huber's loss beyond :data:`HUBER` of sizes."""
+    size = np.abs(values)
+    return float(np.mean(np.where((size <= HUBER) | (loss == "linear"), size**2, HUBER * (2.0 * size - HUBER))))
+
+
+def mean_square(problem: Problem, x: Array) -> float:
+    """Of the residuals."""
+    return cost_of(residuals(problem, x), "linear")
+
+
+def with_own_substeps(problem: Problem, x: Array) -> Problem:
+    """With the substeps that a run with x's numbers takes; the same where these are its own already."""
+    playing = []
+    for number, (track, one) in enumerate(zip(problem.tracks, problem.playing, strict=True)):
+        try:
+            playing.append(replace(one, substeps=track.door.substeps_of(numbers_of(problem.layout.table(x, number)))))
+        except (RobotError, UnresolvedSpringError):
+            playing.append(one)
+    changed = any(a.substeps != b.substeps for a, b in zip(playing, problem.playing, strict=True))
+    return replace(problem, playing=tuple(playing)) if changed else problem
+
+
+class _EnoughError(Exception):
+    """Raised with the place at which a search may end."""
+
+    def __init__(self, x: Array) -> None:
+        super().__init__()
+        self.x = x
+
+
+Known = tuple[Array, Array, Array]
+"""A place (n,), the residuals there (m,) and their derivatives (m, n)."""
+
+
+class _Slopes:
+    """Derivatives along a search: by differences, and where a step did what it promised, by Broyden's update of the last."""
+
+    def __init__(self, problem: Problem, known: Known | None) -> None:
+        self._problem, self._known = problem, known
+        self._seen: tuple[Array, Array] = np.empty(0), np.empty(0)
+        self._cost, self._idle, self._updates = np.inf, 0, 0
+
+    def residuals(self, x: Array) -> Array:
+        """(m,), kept for the Jacobian, which is asked for where a step was good."""
+        self._seen = x.copy(), residuals(self._problem, x)
+        self._problem.meter.cost = min(self._problem.meter.cost, cost_of(self._seen[1], "huber"))
+        return self._seen[1]
+
+    def jacobian(self, x: Array) -> Array:
+        """(m, n)."""
+        there = self._seen[1] if np.array_equal(x, self._seen[0]) else residuals(self._problem, x)
+        cost = cost_of(there, "linear")
+        self._idle = self._idle + 1 if cost > (1.0 - IDLE) * self._cost else 0
+        self._cost = cost
+        if self._idle >= PATIENCE and cost > HOPELESS:
+            raise _EnoughError(x)
+        matrix = self._updated(x, there)
+        if matrix is None:
+            matrix, self._updates = jacobian(self._problem, x, base=there), 0
+        self._known = x.copy(), there, matrix
+        return matrix
+
+    def _updated(self, x: Array, there: Array) -> Array | None:
+        if self._known is None or self._updates >= max(2, len(x) // 2) or np.array_equal(x, self._known[0]):
+            return None
+        at, here, matrix = self._known
+        step = x - at
+        surprise = there - here - matrix @ step
+        # The better the last one foretold the step, the less differences would tell.
+        if float(np.linalg.norm(surprise)) >= LINEAR * float(np.linalg.norm(matrix @ step)):
+            return None
+        self._updates += 1
+        return matrix + np.outer(surprise, step / float(step @ step))
+
+
+def solve(
+    problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROUNDS, tolerance: float = 1e-6,
+    known: Known | None = None,
+) -> Array:  # fmt: skip
+    """Least squares from x within the bounds, by a trust region; known: what was looked at near x already."""
+    from scipy.optimize import least_squares
+
+    low, high = problem.layout.bounds
+    # The start must be inside; counted from it, the first trust region is REACH wide.
+    span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
+    inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
+    slopes = _Slopes(problem, known)
+    # What is not searched over its logarithm may have grown far beyond the size of its start.
+    grown = [not entry.parameter.logarithmic for entry in problem.layout.entries]
+    scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
+    try:
+        found = least_squares(
+            lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
+            bounds=(low - inside, high - inside), method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance,
+            xtol=tolerance, gtol=1e-12, max_nfev=rounds,
+        )  # fmt: skip
+    except _EnoughError as end:
+        return end.x
+    return np.asarray(inside + found.x, dtype=np.float64)

@@ -1,0 +1,292 @@
+"""How a file is read: a small document beside it, `lab.csv.yaml`, and items of `--map`, which overrule it."""
+
+from __future__ import annotations
+
+import codecs
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from asrsim.document.block import block_of, declare
+from asrsim.document.composite import Either, ListOf, MapOf, is_list
+from asrsim.document.file import read_file
+from asrsim.document.kinds import NUMBER, Choice, Integer, Number, Optional, Text
+from asrsim.errors import InputError, Problem, RecordingError, did_you_mean
+from asrsim.recordings.names import ALIASES, KNOWN
+from asrsim.recordings.units import Unit, find_unit, parse_unit
+
+ENDING = ".yaml"
+"""Behind a recording's name: the document that says how it is read."""
+SEPARATORS = {"tab": "\t", "blanks": None, ",": ",", ";": ";", "|": "|"}
+"""Word in a document -> what stands between cells; None: runs of white space."""
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_SHIFT = re.compile(rf"\s+(?P<sign>[-+])\s*(?:(?P<number>{_NUMBER})|(?P<word>start|mean))$")
+_FACTOR = re.compile(rf"(-?{_NUMBER})\s*\*\s*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnMap:
+    """What one column is."""
+
+    column: str
+    """Its header, or its number counted from 1."""
+    joint: str | None = None
+    quantity: str | None = None
+    """None: the column is not used."""
+    unit: Unit | None = None
+    """Replaces the unit in the header."""
+    scale: float = 1.0
+    """Factor on the numbers beside the unit, such as -1 for a reversed axis."""
+    offset: float = 0.0
+    """Added after scaling, in SI units."""
+    zero: str = ""
+    """`start` or `mean`: what is taken away after scaling, of the column's own numbers."""
+    unwrapped: bool = False
+    """An angle goes on where it jumps by a whole turn."""
+    origin: str = "command line"
+
+    @property
+    def text(self) -> str:
+        """The same as an item of `--map`, behind `COLUMN=`."""
+        if self.quantity is None:
+            return "ignore"
+        unit = f" [{self.unit.symbol}]" if self.unit is not None else ""
+        unit += " unwrapped" if self.unwrapped else ""
+        factor = "" if self.scale == 1.0 else "-" if self.scale == -1.0 else f"{self.scale:.12g}*"
+        sign = f" {'+' if self.offset > 0 else '-'} {abs(self.offset):.12g}" if self.offset else ""
+        return f"{factor}{self.joint}.{self.quantity}{unit}{f' - {self.zero}' if self.zero else sign}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeKeys:
+    """Where the time is."""
+
+    column: str | tuple[str, ...] | None = declare(
+        Optional(Either(((is_list, ListOf(of=Text(noun="name of a column"), minimum=1)), (lambda _: True, Text())))),
+        doc="its column, by header or number from 1; a list of two that are added: seconds and nanoseconds, a date and a "
+        "time of day; of messages `header` or `received`", default=None,
+    )  # fmt: skip
+    unit: str | None = declare(Optional(Text(noun="unit of time")), doc="of its numbers", default=None, shown="the header's")
+    rate: float | None = declare(
+        Optional(Number(above=0.0)), doc="sampling rate that replaces the file's time by an even one from 0", unit="Hz",
+        default=None,
+    )  # fmt: skip
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Its columns."""
+        return () if self.column is None else (self.column,) if isinstance(self.column, str) else self.column
+
+    @property
+    def factor(self) -> float | None:
+        """s of its unit; None where it states none."""
+        unit = None if self.unit is None else parse_unit(self.unit)
+        return None if unit is None else unit.factor
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and (find_unit(self.unit) is None or parse_unit(self.unit).si != "s"):
+            raise _error("unit", f"time cannot be in {self.unit}", choices=("s", "ms", "us", "ns"))
+
+
+_TIME = block_of(TimeKeys, "time", main="column")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """How a file is read. What it does not state is found in the file; with `columns`, no meaning is taken from a name."""
+
+    file: str | None = declare(
+        Optional(Text(noun="name of a file")), doc="the recording, where this document is given in its place", default=None
+    )
+    time: TimeKeys = declare(_TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
+    separator: str | None = declare(
+        Optional(Choice(tuple(SEPARATORS))), doc="text: what stands between cells", default=None, shown="found"
+    )
+    decimal: str | None = declare(Optional(Choice((".", ","))), doc="text: the decimal mark", default=None, shown="found")
+    encoding: str | None = declare(Optional(Text()), doc="text: such as utf-8, latin-1, shift_jis", default=None, shown="found")
+    header: int | None = declare(
+        Optional(Integer(minimum=0)), doc="text and sheets: line of the names, counted from 1; 0: there are none",
+        default=None, shown="found",
+    )  # fmt: skip
+    sheet: str | None = declare(
+        Optional(Text(noun="name of a sheet")), doc="workbooks: the sheet", default=None, shown="the first with numbers"
+    )
+    window: tuple[float | None, ...] | None = declare(
+        Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))), doc="the part that is kept, on its clock",
+        unit="s", default=None,
+    )  # fmt: skip
+    columns: Mapping[str, str] | None = declare(
+        Optional(MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False)), key="map",
+        doc="what each column is that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
+    )  # fmt: skip
+    maps: tuple[ColumnMap, ...] = ()
+    """`columns` and the items of `--map`."""
+    origin: Path | None = None
+
+    def __post_init__(self) -> None:
+        problems: list[Problem] = []
+        if self.encoding is not None:
+            try:
+                codecs.lookup(self.encoding)
+            except LookupError:
+                problems.append(Problem("is no encoding that Python knows", key="encoding", value=self.encoding, code="choice"))
+        if self.window is not None and not self.start < self.end:
+            problems.append(Problem("must be START..END in s", key="window", value=list(self.window), code="range"))
+        known = {one.column for one in self.maps}
+        maps = []
+        for column, text in (self.columns or {}).items():
+            try:
+                maps += [] if column in known else [parse_mapping(f"{column}={text}", origin="")]
+            except RecordingError as error:
+                problems += [
+                    replace(problem, key="columns", message=f"{column}: {problem.message}") for problem in error.problems
+                ]
+        if problems:
+            raise RecordingError(problems)
+        object.__setattr__(self, "maps", (*self.maps, *maps))
+
+    @property
+    def start(self) -> float:
+        """s, where the window begins."""
+        return -math.inf if self.window is None or self.window[0] is None else self.window[0]
+
+    @property
+    def end(self) -> float:
+        """s, where the window ends."""
+        return math.inf if self.window is None or self.window[1] is None else self.window[1]
+
+    @property
+    def items(self) -> list[str]:
+        """What it says of columns and the window, as items of `--map`."""
+        ends = ["" if end is None else f"{end:.12g}" for end in self.window or ()]
+        unit = f" [{self.time.unit}]" if self.time.unit else ""
+        times = [f"{column}=time{unit}" for column in self.time.columns[:1]]
+        return [*times, *(f"{one.column}={one.text}" for one in self.maps), *([f"window={'..'.join(ends)}"] if ends else [])]
+
+    @property
+    def ignored(self) -> set[str]:
+        """Columns and topics that are not read."""
+        return {one.column for one in self.maps if one.quantity is None}
+
+
+READING = block_of(Reading, "reading")
+"""The document's keys."""
+
+
+def reading_file(path: Path) -> Path | None:
+    """The document beside a recording that says how it is read, or None."""
+    beside = path.with_name(path.name + ENDING)
+    return beside if beside.is_file() else None
+
+
+def load_reading(path: Path) -> Reading:
+    """A document that says how a file is read. Raises RecordingError with all problems."""
+    try:
+        found = read_file(READING, path)
+    except InputError as error:
+        old = any(problem.key == "columns" and problem.code == "unknown-key" for problem in error.problems)
+        hint = "In asrsim 0.2 they stood under 'columns', beside what was guessed: list all that are used under 'map'"
+        raise RecordingError(
+            [replace(one, hint=hint) if old and one.key == "columns" else one for one in error.problems]
+        ) from None
+    return replace(found, maps=tuple(replace(one, origin=path.name) for one in found.maps), origin=path)
+
+
+def resolve_reading(
+    mapping: Mapping[str, str] | Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
+) -> Reading:
+    """How a file is read: by the document beside it or that `mapping` names, and by items, which overrule it."""
+    items = [mapping] if isinstance(mapping, str | Path) else [*mapping] if isinstance(mapping, Sequence) else []
+    documents = [Path(item) for item in items if is_document(item)]
+    texts = [str(item) for item in items if not is_document(item)]
+    texts += [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else []
+    document = documents[-1] if documents else reading_file(path) if beside else None
+    reading = Reading() if document is None else load_reading(document)
+    problems: list[Problem] = []
+    given: list[ColumnMap] = []
+    for text in texts:
+        try:
+            found = parse_item(text)
+        except RecordingError as error:
+            problems += error.problems
+            continue
+        if isinstance(found, TimeKeys):
+            reading = replace(reading, time=found)
+        elif isinstance(found, tuple):
+            reading = replace(reading, window=found)
+        else:
+            given.append(found)
+    if rate is not None:
+        if not (math.isfinite(rate) and rate > 0):
+            problems.append(Problem("the sampling rate must be positive", value=rate, code="bad-rate"))
+        reading = replace(reading, time=replace(reading.time, rate=rate))
+    if problems:
+        raise RecordingError(problems)
+    taken = {one.column for one in given}
+    return replace(reading, maps=(*given, *(one for one in reading.maps if one.column not in taken)))
+
+
+def is_document(item: str | Path) -> bool:
+    """Whether an item of `--map` is the path of a document that says how a file is read."""
+    return isinstance(item, Path) or (Path(item).suffix.lower() in (".yaml", ".yml") and Path(item).is_file())
+
+
+def parse_item(text: str) -> ColumnMap | TimeKeys | tuple[float | None, ...]:
+    """One item of `--map`: a column's meaning, `COLUMN=time [ms]`, or `window=2..12`, which gives start and end.
+
+    Raises RecordingError.
+    """
+    column, equals, target = (part.strip() for part in text.rpartition("="))
+    if column == "window" and ".." in target:
+        try:
+            return tuple(float(end) if end.strip() else None for end in target.split(".."))
+        except ValueError:
+            raise _error("window", f"must be START..END in s, is {target}") from None
+    if equals and re.fullmatch(r"time(\s*\[.*\])?", target, re.IGNORECASE):
+        unit = target.partition("[")[2].rstrip("]")
+        return TimeKeys(column=column, unit=unit or None)
+    return parse_mapping(text)
+
+
+def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
+    """What a column is: `COLUMN=JOINT.QUANTITY [unit]`, or `COLUMN=ignore`.
+
+    A minus before the joint turns the sign: `COLUMN=-JOINT.QUANTITY`; a factor stands there as well: `COLUMN=0.01*JOINT...`.
+    An offset comes last, in SI: `... [deg] - 0.02`, or `- start`, `- mean` of the column's own numbers; before it `unwrapped`,
+    for an angle that jumps by whole turns. Raises RecordingError.
+    """
+    column, equals, target = (part.strip() for part in text.rpartition("="))
+    if not equals or not column or not target:
+        raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
+    offset, zero = 0.0, ""
+    if (match := _SHIFT.search(target)) is not None:
+        target, zero = target[: match.start()], match["word"] or ""
+        offset = float(f"{match['sign']}{match['number']}") if match["number"] else 0.0
+        if zero and match["sign"] == "+":
+            raise _error(column, f"'+ {zero}' is no offset", hint=f"A column's own {zero} is taken away: - {zero}")
+    unwrapped, unit = target.endswith(" unwrapped"), None
+    target = target.removesuffix(" unwrapped").rstrip()
+    if target.endswith("]") and "[" in target:
+        target, _, symbol = target[:-1].rpartition("[")
+        target, unit = target.strip(), parse_unit(symbol)
+    if target.lower() == "ignore":
+        return ColumnMap(column=column, origin=origin)
+    scale = -1.0 if target.startswith("-") else 1.0
+    if (factor := _FACTOR.match(target)) is not None:
+        scale, target = float(factor[1]), target[factor.end() :]
+    joint, dot, name = target.removeprefix("-").strip().rpartition(".")
+    if not dot or not joint:
+        hint = f"Did you mean {target}.link_position?" if find_unit(target) is None else None
+        raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=hint)
+    quantity = ALIASES.get(name, name)
+    if quantity not in KNOWN:
+        choices = (*KNOWN, *ALIASES)
+        raise _error(column, f"no quantity is called '{name}'", choices=choices, hint=did_you_mean(name, choices))
+    return ColumnMap(column=column, joint=joint, quantity=quantity, unit=unit, scale=scale, offset=offset, zero=zero,
+                     unwrapped=unwrapped, origin=origin)  # fmt: skip
+
+
+def _error(key: str, message: str, *, choices: tuple[str, ...] = (), hint: str | None = None) -> RecordingError:
+    return RecordingError(message, key=key, choices=choices, hint=hint, code="bad-mapping")

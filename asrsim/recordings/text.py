@@ -1,0 +1,394 @@
+"""Reads delimited text: how it is laid out by its first lines, then blocks of lines, fast where they are clean."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import Problem, RecordingError, listed
+from asrsim.recordings.cells import COMMENTS, MISSING, kind_of, number, printable, share_of_values, split, stamp_ns
+from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.recordings.reading import SEPARATORS, Reading
+from asrsim.recordings.units import find_unit
+from asrsim.samples import Array
+
+_SAMPLE = 200
+"""Lines by which it is found out how a file is laid out."""
+_BLOCK = 20_000
+"""Lines read at a time; bounds the memory beside the numbers themselves."""
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:[.,' ]\d{3})+")
+_PLACE = r"(.*?)(?:name|position|velocity|effort)[\[_]?(\d+)\]?"
+"""An entry of a JointState: `field.name0`, `position[1]`."""
+Row = tuple[int, list[str]]
+"""Line and cells."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How the rows of a table are read."""
+
+    separator: str | None = ","
+    """None: runs of white space."""
+    decimal: str = "."
+    quoted: bool = False
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    """Of a row of their own beside the names, else empty."""
+    kinds: tuple[str, ...]
+    """Of columns: number, stamp or text."""
+    header_line: int | None
+    first: int
+    """Line of the first row of numbers."""
+    skipped: tuple[int, ...] = ()
+    """Lines above it that are neither header nor comment."""
+    remarks: str = ""
+
+
+@dataclass
+class Faults:
+    """Lines that were not plain numbers, by what was wrong with them."""
+
+    ragged: list[int] = field(default_factory=list)
+    lengths: set[int] = field(default_factory=set)
+    cells: dict[int, list[tuple[int, str]]] = field(default_factory=dict)
+    """Column -> line and cell."""
+    missing: Counter[int] = field(default_factory=Counter)
+    headers: list[int] = field(default_factory=list)
+    words: dict[int, set[str]] = field(default_factory=dict)
+    """Column of text -> its first two words."""
+
+
+def read_text(path: Path, reading: Reading) -> Content:
+    """The table of a text file. Raises RecordingError if there is none."""
+    encoding = reading.encoding or _encoding(path)
+    with path.open(encoding=encoding, errors="replace") as stream:
+        lines = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE + 100), start=1)]
+    comments = [(i, line) for i, line in lines if line.lstrip().startswith(COMMENTS)]
+    filled = [(i, line) for i, line in lines if line.strip("\0 \t") and not line.lstrip().startswith(COMMENTS)][:_SAMPLE]
+    declared = re.fullmatch(r'"?sep=(.)"?', filled[0][1].strip(), re.IGNORECASE) if filled else None
+    filled = filled[1:] if declared else filled
+    if not filled:
+        raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
+    quoted = any('"' in line for _, line in filled)
+    separator, decimal = _separator([line for _, line in filled], reading, declared[1] if declared else None, quoted=quoted)
+    glued = [(i, _glued(line, separator)) for i, line in filled]
+    rows = [(i, split(line, separator, quoted=quoted)) for i, line in glued]
+    above = [(i, _comment_cells(line, separator)) for i, line in comments]
+    layout = layout_of(rows, above, reading, decimal, "\n".join(line for _, line in comments), separator, quoted=quoted)
+    faults, zeros = Faults(), dict[int, int]()
+    blocks: list[Array] = []
+    numbers: list[NDArray[np.int64]] = []
+    with path.open(encoding=encoding, errors="replace") as stream:
+        for start, block in _blocks(itertools.islice(stream, layout.first - 1, None), layout.first):
+            values, kept = _fast(block, layout), np.arange(start, start + len(block), dtype=np.int64)
+            if values is None:
+                cells = ((i, split(line.strip("\r\n"), separator, quoted=quoted)) for i, line in enumerate(block, start=start))
+                values, kept = rows_of(cells, layout, faults, zeros)
+            blocks.append(values)
+            numbers.append(kept)
+    found = content_of_table("text", np.concatenate(blocks), np.concatenate(numbers), layout, faults, zeros)
+    word = next(word for word, sign in SEPARATORS.items() if sign == separator) if separator in SEPARATORS.values() else ","
+    laid_out: dict[str, str | int] = {
+        "separator": word,
+        "decimal": decimal,
+        "encoding": encoding,
+        "header": layout.header_line or 0,
+    }
+    return replace(found, layout=laid_out)
+
+
+def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
+    """The table of rows of cells, as a sheet or a list of records has them."""
+    counted = [(i, row) for i, row in enumerate(rows, start=1) if any(row)]
+    if not counted:
+        raise RecordingError("holds no rows", code="empty")
+    width = max(len(row) for _, row in counted)
+    counted = [(i, row + [""] * (width - len(row))) for i, row in counted]
+    layout = layout_of(counted[: 2 * _SAMPLE], [], reading, ".", "", ",", quoted=False)
+    faults, zeros = Faults(), dict[int, int]()
+    values, lines = rows_of((row for row in counted if row[0] >= layout.first), layout, faults, zeros)
+    return content_of_table(form, values, lines, layout, faults, zeros)
+
+
+def layout_of(
+    rows: Sequence[Row], comments: Sequence[Row], reading: Reading, decimal: str, remarks: str, separator: str | None,
+    *, quoted: bool,
+) -> Layout:  # fmt: skip
+    """The layout by the first rows. Raises RecordingError where they hold no table, or a header of another length."""
+    lengths = [len(cells) for _, cells in rows[len(rows) // 2 :]]
+    columns = Counter(lengths).most_common(1)[0][0]
+    after = reading.header or 0
+    share = [share_of_values(cells, decimal) if len(cells) == columns and i > after else 0.0 for i, cells in rows]
+    # "Samples 400 400" above a header is no row of numbers: it has fewer of them than most rows.
+    usual = max(0.5, sorted(share)[len(share) // 2])
+    pairs = enumerate(zip(share, [*share[1:], 1.0], strict=True))
+    place = next((i for i, (own, then) in pairs if own >= 0.5 and max(own, then) >= usual), None)
+    if place is None:
+        raise RecordingError(
+            "no row of numbers found", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
+            hint="Expected columns separated by comma, semicolon, tab or blanks, with at most a header above",
+        )  # fmt: skip
+    first = rows[place][0]
+    data = [cells for _, cells in rows[place:] if len(cells) == columns]
+    titles = sorted([*rows[:place], *(row for row in comments if row[0] < first)])
+    if reading.header is not None:
+        titles = [row for row in titles if row[0] == reading.header]
+    fitting = [(i, _fitted(cells, data)) for i, cells in titles]
+    fitting = [(i, cells) for i, cells in fitting if len(cells) == columns and share_of_values(cells, decimal) < 0.5]
+    units = next((row for row in reversed(fitting[-2:]) if len(fitting) > 1 and _are_units(row[1])), None)
+    header = next((row for row in reversed(fitting) if row is not units), None)
+    last = rows[place - 1] if place else None
+    words = sum(bool(cell) and share_of_values([cell], decimal) == 0.0 for cell in last[1]) if last else 0
+    misfit = (
+        last is not None and (header is None or last[0] > header[0]) and words >= max(2, 0.5 * columns) and len(last[1]) > 2
+    )
+    if (
+        misfit
+        and last is not None
+        and not (units and units[0] == last[0])
+        and not _by_numbers(reading)
+        and reading.header is None
+    ):
+        raise RecordingError(
+            f"the header has {len(last[1])} names, its rows have {columns} fields", line=last[0], code="header-misfit",
+            hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
+        )  # fmt: skip
+    names = header[1] if header else [""] * columns
+    known = {row[0] for row in (header, units) if row is not None}
+    return Layout(
+        separator=separator, decimal=decimal, quoted=quoted, names=_unique(names),
+        units=tuple(_unit(cell) for cell in units[1]) if units else ("",) * columns,
+        kinds=tuple(kind_of([cells[i] for cells in data], decimal) for i in range(columns)),
+        header_line=header[0] if header else None, first=first, remarks=remarks,
+        skipped=tuple(i for i, _ in rows[:place] if i not in known),
+    )  # fmt: skip
+
+
+def rows_of(rows: Iterable[Row], layout: Layout, faults: Faults, zeros: dict[int, int]) -> tuple[Array, NDArray[np.int64]]:
+    """Numbers of rows, and their lines. Rows of another length are left out, cells that are no numbers are NaN; both noted."""
+    columns = len(layout.names)
+    found: list[list[float]] = []
+    kept: list[int] = []
+    header = [re.sub(r"#\d+$", "", name) for name in layout.names]
+    for line, cells in rows:
+        if not any(cell.strip("\0") for cell in cells) or cells[0].startswith(COMMENTS):
+            continue
+        while len(cells) > columns and not cells[-1]:
+            cells.pop()
+        if len(cells) != columns:
+            faults.ragged.append(line)
+            faults.lengths.add(len(cells))
+        elif cells == header:
+            faults.headers.append(line)
+        else:
+            found.append([_value(cell, i, line, layout, faults, zeros) for i, cell in enumerate(cells)])
+            kept.append(line)
+    return np.array(found, dtype=float).reshape(len(found), columns), np.array(kept, dtype=np.int64)
+
+
+def _value(cell: str, column: int, line: int, layout: Layout, faults: Faults, zeros: dict[int, int]) -> float:
+    """One cell's number; NaN, and a note of it, where it has none."""
+    kind = layout.kinds[column]
+    if kind == "text":
+        if len(words := faults.words.setdefault(column, set())) < 2:
+            words.add(cell)
+        return float("nan")
+    if kind == "stamp":
+        moment = stamp_ns(cell)
+        if moment is not None:
+            return (moment - zeros.setdefault(column, moment)) * 1e-9
+    elif (value := number(cell, layout.decimal)) is not None:
+        if cell.lower() in MISSING:
+            faults.missing[column] += 1
+        return value
+    faults.cells.setdefault(column, []).append((line, cell))
+    return float("nan")
+
+
+def content_of_table(
+    form: str, values: Array, lines: NDArray[np.int64], layout: Layout, faults: Faults, zeros: dict[int, int]
+) -> Content:
+    """The table with its findings, one a kind. Raises RecordingError where numbers have marks between their thousands."""
+    findings: list[Problem] = []
+
+    def add(message: str, where: Sequence[int], code: str, key: str | None = None, hint: str | None = None) -> None:
+        findings.append(Problem(message, line=where[0] if where else None, key=key, code=code, hint=hint))
+
+    if layout.skipped:
+        add(f"passed over above the numbers: {lines_text(layout.skipped)}", layout.skipped, "preamble")
+    if layout.header_line is None:
+        add("has no header; columns are called column_1, column_2, ...", (), "no-header",
+            hint="Name them with --map 2=joint_1.link_position")  # fmt: skip
+    if faults.ragged:
+        lengths = ", ".join(str(length) for length in sorted(faults.lengths))
+        add(f"{len(faults.ragged)} rows with {lengths} instead of {len(layout.names)} fields are left out: "
+            f"{lines_text(faults.ragged)}", faults.ragged, "ragged-row")  # fmt: skip
+    for column, bad in sorted(faults.cells.items()):
+        if any(_THOUSANDS.fullmatch(cell) for _, cell in bad):
+            raise RecordingError(
+                f"numbers have marks between their thousands: {printable(bad[0][1])}", line=bad[0][0], key=layout.names[column],
+                code="thousands", hint="Export it without them",
+            )  # fmt: skip
+        add(f"{len(bad)} cells are no numbers and count as missing, such as '{printable(bad[0][1][:30])}': "
+            f"{lines_text([line for line, _ in bad])}", [bad[0][0]], "not-a-number", layout.names[column])  # fmt: skip
+    for column, count in sorted(faults.missing.items()):
+        if count < len(values):
+            add(f"{count} of {len(values)} cells are empty", (), "missing-cells", layout.names[column])
+    if texts := [name for name, kind in zip(layout.names, layout.kinds, strict=True) if kind == "text"]:
+        add("text is not read", (), "text-column", listed(texts, 6))
+    if faults.headers:
+        add(f"the header is repeated: {lines_text(faults.headers)}", faults.headers, "repeated-header",
+            hint="Two recordings in one file?")  # fmt: skip
+    joints = _named_joints(layout, faults)
+    columns = tuple(
+        RawColumn(name=name, values=np.ascontiguousarray(values[:, i]), unit=layout.units[i], zero=zeros.get(i), place=i + 1,
+                  joint=joints.get(re.sub(_PLACE, r"\1name\2", name)))
+        for i, name in enumerate(layout.names)
+        if layout.kinds[i] != "text"
+    )  # fmt: skip
+    table = RawTable(columns=columns, lines=lines)
+    return Content(format=form, tables=(table,), findings=tuple(findings), remarks=layout.remarks)
+
+
+def _named_joints(layout: Layout, faults: Faults) -> dict[str, str]:
+    """Of a JointState in a table: the column of a name, `field.name0`, and the joint whose name all of its rows have."""
+    found: dict[str, str] = {}
+    for column, words in faults.words.items():
+        if re.fullmatch(_PLACE, label := layout.names[column]) is not None:
+            if len(words) > 1:
+                raise RecordingError(
+                    "names other joints from row to row: its columns are of several joints", key=label, code="mixed-joints",
+                    hint="Keep the rows of one publisher",
+                )  # fmt: skip
+            found[re.sub(_PLACE, r"\1name\2", label)] = printable(next(iter(words)))
+    return found
+
+
+def lines_text(lines: Iterable[int]) -> str:
+    """`line 4`, `lines 4, 7, 9` or `lines 4, 7, ... (312 in all)`."""
+    numbers = [int(line) for line in lines]
+    said = ", ".join(str(number) for number in numbers[:8])
+    return f"line{'s' if len(numbers) > 1 else ''} {said}" + (f", ... ({len(numbers)} in all)" if len(numbers) > 8 else "")
+
+
+def _encoding(path: Path) -> str:
+    """By the byte-order mark, else UTF-8 or UTF-16 if the start is, else Latin-1. Raises RecordingError for binary files."""
+    with path.open("rb") as stream:
+        start = stream.read(65536).rstrip(b"\0")
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
+        if zeros and zeros.count(b"\0") > 0.9 * len(zeros):
+            return encoding
+    if b"\0" in re.sub(rb"(?m)^\0+(?=\r?$)", b"", start):
+        raise RecordingError(
+            "is not a text file (it holds zero bytes)", file=path, code="binary", hint="The ending of its name says the format"
+        )
+    try:
+        start.decode("utf-8")
+    except UnicodeDecodeError as error:
+        # A character cut at the end of the sample is no sign of another encoding.
+        if error.start < len(start) - 4:
+            return "latin-1"
+    return "utf-8-sig"
+
+
+def _separator(lines: Sequence[str], reading: Reading, declared: str | None, *, quoted: bool) -> tuple[str | None, str]:
+    """Separator and decimal mark that turn most cells of the later lines into numbers, of those that are not stated."""
+    sample = lines[len(lines) // 2 :]
+    stated = [SEPARATORS[reading.separator]] if reading.separator else [declared] if declared else [*SEPARATORS.values()]
+    best: tuple[float, str | None, str] = (-1.0, None, ".")
+    for separator in [one for one in ("\t", ";", ",", "|", None) if one in stated] or stated:
+        rows = [split(line, separator, quoted=quoted) for line in sample]
+        columns = Counter(len(row) for row in rows).most_common(1)[0][0]
+        for decimal in (reading.decimal,) if reading.decimal else (".", ","):
+            if decimal == separator and not quoted:
+                continue
+            # A separator that ends each line makes a blank cell there, which is no sign against it.
+            whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
+            good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
+            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # one column is the last resort
+            if score > best[0]:
+                best = score, separator, decimal
+    return best[1], best[2]
+
+
+def _glued(line: str, separator: str | None) -> str:
+    """`t [ms]  q1 [deg]`: a unit in brackets belongs to the word before it where blanks separate."""
+    if separator is not None:
+        return line
+    return re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
+
+
+def _comment_cells(line: str, separator: str | None) -> list[str]:
+    """The cells of a comment, which may be the header: `# t, q1`, `%Time (s)`."""
+    plain = re.sub(r"^[ #%/]*(?:units?\s*:)?", "", line, flags=re.IGNORECASE).strip()
+    used = separator if separator is None or separator in plain else next((sign for sign in "\t;," if sign in plain), None)
+    return split(_glued(plain, used), used, quoted='"' in plain)
+
+
+def _fitted(cells: list[str], data: Sequence[Sequence[str]]) -> list[str]:
+    """The names over their columns where one is missing or too many and it is clear which."""
+    columns = len(data[0])
+    while len(cells) > columns and cells[-1].lower() in ("", "comment", "comments", "remark", "note"):
+        cells = cells[:-1]
+    if len(cells) == columns - 1:
+        if not any(row[-1] for row in data):
+            return [*cells, ""]
+        index = [row[0].strip("\"'") for row in data]
+        if any(index == [str(i + start) for i in range(len(index))] for start in (0, 1)):
+            return ["", *cells]  # pandas and R write row numbers without a name for them
+    return cells
+
+
+def _unit(cell: str) -> str:
+    return "" if cell.strip("[]()- ").lower() in ("", "unit", "units") else cell.strip("[](){}<> ")
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    units = [unit for cell in cells if (unit := _unit(cell))]
+    return 2 * sum(find_unit(unit) is not None for unit in units) > len(units)
+
+
+def _unique(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without repeats or blanks: the second q becomes q#2, a blank one column_4."""
+    seen: Counter[str] = Counter()
+    result = []
+    for i, name in enumerate(names):
+        name = printable(name.strip()) or f"column_{i + 1}"
+        seen[name] += 1
+        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return tuple(result)
+
+
+def _by_numbers(reading: Reading) -> bool:
+    """Whether columns are named by their numbers, so that no header is needed."""
+    return any(name.lstrip("#").isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
+
+
+def _blocks(stream: Iterator[str], first: int) -> Iterator[tuple[int, list[str]]]:
+    start = first
+    while block := list(itertools.islice(stream, _BLOCK)):
+        yield start, block
+        start += len(block)
+
+
+def _fast(block: list[str], layout: Layout) -> Array | None:
+    """All lines at once by NumPy's C reader; None if any line needs a closer look."""
+    if layout.quoted or {*layout.kinds} != {"number"}:
+        return None
+    if layout.decimal == ",":
+        block = [line.replace(",", ".") for line in block]
+    try:
+        values = np.loadtxt(block, delimiter=layout.separator, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    # Blank lines are passed over by the reader and would shift the line numbers.
+    return values if values.shape == (len(block), len(layout.names)) else None

@@ -1,0 +1,121 @@
+"""`check` tells every fault of a scenario and of its robot at once, and nothing that only follows from another fault."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+
+LINK = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+REQUIRED = "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>"
+MOTORS = "<mot_1_kt>0.02</mot_1_kt><mot_1_R>1</mot_1_R><mot_2_R>1</mot_2_R><mot_2_kt>0.02</mot_2_kt>"
+JOINTS = ("hip", "knee", "ankle", "toe")
+LINKS = ("base", "thigh", "shank", "foot", "sole")
+URDF = "\n".join(
+    [
+        '<robot name="leg">',
+        *(f'<link name="{link}">{LINK}</link>' for link in LINKS),
+        *(
+            f'<joint name="{joint}" type="revolute"><parent link="{LINKS[i]}"/><child link="{LINKS[i + 1]}"/>'
+            f'<axis xyz="0 {i % 2} {1 - i % 2}"/><limit effort="50" velocity="9" lower="-{i + 1}" upper="{i + 1}"/></joint>'
+            for i, joint in enumerate(JOINTS)
+        ),
+        *(
+            f'<gazebo><plugin name="{joint}_drive" filename="libqbmove_plugin.so"><joint>{joint}</joint>'
+            f"<operation_mode>6</operation_mode>{REQUIRED}<spring_k1>0.0{i + 1}</spring_k1><mot_1_J>0.00{i + 1}</mot_1_J>"
+            f"<mot_1_minPos>-{i + 2}</mot_1_minPos></plugin></gazebo>"
+            for i, joint in enumerate(JOINTS)
+        ),
+        "</robot>",
+    ]
+).replace("<joint>toe</joint><operation_mode>6<", f"<joint>toe</joint>{MOTORS}<operation_mode>7<")
+SCENARIO = """robot: leg.urdf
+duration: 0.1
+gravity: [0, 0, -9.81]
+initial: {hip: 0.1}
+parameters:
+  hip: {mot_2_J: 0.001}
+  knee: {mot_2_J: 0.002}
+  ankle: {mot_2_minPos: -3}
+references:
+  hip: {equilibrium_position: 0.1, stiffness_preset: 0.1}
+  knee: {equilibrium_position: 0.2, stiffness_preset: 0.2}
+  ankle: {equilibrium_position: 0.3, stiffness_preset: 0.3}
+  toe: {motor_1_voltage: 0.4, motor_2_voltage: 0.4}
+external_torques: {knee: 0.5}
+expect:
+- {joint: hip, quantity: link_position, measure: maximum, comparison: "<", value: 3}
+"""
+FAULTS = {
+    # name: (file, sound text, faulty text, words of the message)
+    "axis of length 0": ("leg.urdf", 'xyz="0 0 1"', 'xyz="0 0 0"', "axis of a moving joint is zero"),
+    "crossed joint limits": ("leg.urdf", 'lower="-2" upper="2"', 'lower="2" upper="-2"', "2 > -2"),
+    "unknown joint type": ("leg.urdf", 'name="ankle" type="revolute"', 'name="ankle" type="revolt"', "joint type is unknown"),
+    "negative mass": ("leg.urdf", 'name="foot"><inertial><mass value="1"', 'name="foot"><inertial><mass value="-1"', "-1"),
+    "inertia that is no number": ("leg.urdf", 'ixx="0.1"', 'ixx="heavy"', "heavy"),
+    "unknown child link": ("leg.urdf", '<child link="sole"', '<child link="soul"', "soul"),
+    "tag that is no number": ("leg.urdf", "<spring_k1>0.02<", "<spring_k1>stiff<", "stiff"),
+    "tag out of range": ("leg.urdf", "<mot_1_J>0.002<", "<mot_1_J>-2<", "larger than 0"),
+    "unknown mode": ("leg.urdf", "<joint>ankle</joint><operation_mode>6<", "<joint>ankle</joint><operation_mode>66<", "66"),
+    "mode without constants": ("leg.urdf", "<mot_2_kt>0.02</mot_2_kt>", "", "mode 7 (MotorVoltages) cannot drive"),
+    "crossed motor stops": ("leg.urdf", "<mot_1_minPos>-3<", "<mot_1_maxPos>-9</mot_1_maxPos><mot_1_minPos>-3<", "-3 > -9"),
+    "plugin of no actuator": ("leg.urdf", 'name="hip_drive" filename="libqbmove', 'name="hip_drive" filename="libqbmoove',
+                              "no actuator belongs"),
+    "unknown key": ("s.yaml", "duration: 0.1", "duration: 0.1\nduratoin: 3", "duratoin"),
+    "list that is too short": ("s.yaml", "[0, 0, -9.81]", "[0, -9.81]", "gravity"),
+    "unknown joint at the start": ("s.yaml", "{hip: 0.1}", "{hip: 0.1, hipp: 0.2}", "initial.hipp"),
+    "start beyond a limit": ("s.yaml", "initial: {hip: 0.1", "initial: {toe: 4.5, hip: 0.1", "initial.toe"),
+    "unknown parameter": ("s.yaml", "hip: {mot_2_J: 0.001", "hip: {mot_2_JJ: 1, mot_2_J: 0.001", "mot_2_JJ"),
+    "parameter out of range": ("s.yaml", "mot_2_J: 0.002", "mot_2_J: -0.002", "parameters.knee.mot_2_J"),
+    "parameter that is no number": ("s.yaml", "mot_2_minPos: -3", "mot_2_minPos: low", "low"),
+    "unknown reference": ("s.yaml", "{equilibrium_position: 0.2,", "{equilibrium_positon: 0.2,", "equilibrium_positon"),
+    "unknown kind of signal": ("s.yaml", "motor_1_voltage: 0.4", "motor_1_voltage: {sinn: {}}", "sinn"),
+    "signal that is not finite": ("s.yaml", "knee: 0.5}", "knee: {sum: [1.0e+308, 1.0e+308]}}", "not finite"),
+    "external torque on no joint": ("s.yaml", "external_torques: {", "external_torques: {kne: 1, ", "external_torques.kne"),
+    "claim about no joint": ("s.yaml", "{joint: hip, quantity", "{joint: hop, quantity", "'hop'"),
+}  # fmt: skip
+DRAWN = [random.Random(seed).sample(sorted(FAULTS), 3 + seed) for seed in range(8)]
+
+
+def told(folder: Path, faults: list[str]) -> list[str]:
+    texts = {"leg.urdf": URDF, "s.yaml": SCENARIO}
+    for fault in faults:
+        file, sound, faulty, _ = FAULTS[fault]
+        assert sound in texts[file], fault
+        texts[file] = texts[file].replace(sound, faulty, 1)
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    report = json.loads(CliRunner().invoke(app, ["check", "--json", str(folder / "s.yaml")]).stdout)
+    return [json.dumps(error, ensure_ascii=False) for error in report["files"][0]["errors"]]
+
+
+def test_the_sound_files_have_no_fault(tmp_path: Path) -> None:
+    assert told(tmp_path, []) == []
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_each_fault_alone_is_told_once(fault: str, tmp_path: Path) -> None:
+    (error,) = told(tmp_path, [fault])
+    assert FAULTS[fault][3] in error
+    assert FAULTS[fault][0] in error
+
+
+@pytest.mark.parametrize("faults", DRAWN, ids=lambda faults: str(len(faults)))
+def test_every_fault_of_both_files_is_told_at_once_and_nothing_else(faults: list[str], tmp_path: Path) -> None:
+    errors = told(tmp_path, faults)
+    missing = [fault for fault in faults if not any(FAULTS[fault][3] in error for error in errors)]
+    assert missing == []
+    assert len(errors) == len(faults), errors
+
+
+def test_a_mode_whose_constants_the_scenario_gives_is_no_fault(tmp_path: Path) -> None:
+    (tmp_path / "leg.urdf").write_text(URDF.replace(MOTORS, ""))
+    constants = "{mot_1_kt: 0.02, mot_2_kt: 0.02, mot_1_R: 1, mot_2_R: 1}"
+    (tmp_path / "s.yaml").write_text(SCENARIO.replace("parameters:", f"parameters:\n  toe: {constants}"))
+    outcome = CliRunner().invoke(app, ["check", str(tmp_path / "s.yaml")])
+    assert outcome.exit_code == 0, outcome.stdout

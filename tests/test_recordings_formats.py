@@ -1,0 +1,208 @@
+"""Formats besides delimited text: one reader each, the same numbers from every one."""
+
+from __future__ import annotations
+
+import json
+import os
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings import READERS, Reader, Recording, read_recording
+from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.signals import Playback
+
+TIME = np.arange(50) * 0.01
+Q1, Q2 = np.sin(5 * TIME), np.cos(5 * TIME)
+HEADER = ["time", "q1", "q2 [deg]"]
+ROWS = [list(row) for row in zip(TIME.tolist(), Q1.tolist(), np.degrees(Q2).tolist(), strict=True)]
+
+
+def excel(path: Path) -> None:
+    book(path, {"notes": [["made on a Monday"]], "data": [["Laboratory 5"], HEADER, *ROWS]})
+
+
+def parquet(path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import feather
+    from pyarrow import parquet as writer
+
+    columns = [*zip(*ROWS, strict=True)]
+    flat = pyarrow.table({"time": columns[0], "q1": columns[1], "q2 [deg]": columns[2]})
+    (feather.write_feather if path.suffix == ".feather" else writer.write_table)(flat, str(path))
+
+
+def hdf5(path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        run = file.create_group("run")
+        run["time"], run["q1"] = TIME[None, :], Q1[None, :]
+        run["q2_deg"] = np.degrees(Q2)[None, :]
+    data = path.read_bytes()
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + data[512:])
+
+
+WRITERS = {
+    "lab.xlsx": excel,
+    "lab.parquet": parquet,
+    "lab.feather": parquet,
+    "lab.mat": lambda path: savemat(path, {"run": {"time": TIME, "q1": Q1, "q2_deg": np.degrees(Q2)}}),
+    "lab73.mat": hdf5,
+    "lab.npz": lambda path: np.savez(path, time=TIME, q1=Q1, q2_deg=np.degrees(Q2)),
+    "lab.jsonl": lambda path: path.write_text("\n".join(json.dumps(dict(zip(HEADER, row, strict=True))) for row in ROWS)),
+    "records.json": lambda path: path.write_text(json.dumps([dict(zip(HEADER, row, strict=True)) for row in ROWS])),
+    "lists.json": lambda path: path.write_text(
+        json.dumps({"run": 3, "units": {"q2": "deg"}, "time": TIME.tolist(), "q1": Q1.tolist(), "q2": np.degrees(Q2).tolist()})
+    ),
+    "split.json": lambda path: path.write_text(json.dumps({"columns": HEADER, "data": ROWS})),
+}
+
+
+def book(path: Path, sheets: dict[str, list[list[object]]]) -> None:
+    """A workbook by hand: what it holds is what Excel writes."""
+    import zipfile
+    from xml.sax.saxutils import escape
+
+    def cell(value: object) -> str:
+        if isinstance(value, str):
+            return f'<c t="inlineStr"><is><t>{escape(value)}</t></is></c>'
+        if isinstance(value, datetime):
+            return f'<c s="1"><v>{(value - datetime(1899, 12, 30)) / timedelta(days=1)!r}</v></c>'
+        return f"<c><v>{value!r}</v></c>"
+
+    space = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
+    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    package = "http://schemas.openxmlformats.org/package/2006"
+    names = list(enumerate(sheets, start=1))
+    with zipfile.ZipFile(path, "w") as target:
+        listed = "".join(f'<sheet name="{name}" sheetId="{i}" r:id="rId{i}"/>' for i, name in names)
+        target.writestr("xl/workbook.xml", f'<workbook {space} xmlns:r="{office}"><sheets>{listed}</sheets></workbook>')
+        related = "".join(
+            f'<Relationship Id="rId{i}" Type="{office}/worksheet" Target="worksheets/sheet{i}.xml"/>' for i, _ in names
+        )
+        links = {
+            "_rels/.rels": f'<Relationship Id="rId1" Type="{office}/officeDocument" Target="xl/workbook.xml"/>',
+            "xl/_rels/workbook.xml.rels": related,
+        }
+        for place, inner in links.items():
+            target.writestr(place, f'<Relationships xmlns="{package}/relationships">{inner}</Relationships>')
+        formats = '<cellXfs><xf numFmtId="0"/><xf numFmtId="22"/></cellXfs>'
+        target.writestr("xl/styles.xml", f"<styleSheet {space}>{formats}</styleSheet>")
+        for i, name in names:
+            rows = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in sheets[name])
+            target.writestr(f"xl/worksheets/sheet{i}.xml", f"<worksheet {space}><sheetData>{rows}</sheetData></worksheet>")
+
+
+def check(recording: Recording) -> None:
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_numbers_as_a_recording_and_as_a_signal(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    WRITERS[name](path)
+    recording = read_recording(path)
+    check(recording)
+    times, values = Playback(file=path, column=recording.column("joint_2", "link_position").source).samples
+    np.testing.assert_allclose(times, TIME, atol=1e-9)
+    np.testing.assert_allclose(values, Q2, atol=1e-9)
+
+
+def test_a_sheet_is_named_by_the_document_and_dates_in_cells_are_its_time(tmp_path: Path) -> None:
+    begin = datetime(2024, 5, 6, 10)
+    rows = [[begin + timedelta(seconds=0.25 * i), *row[1:]] for i, row in enumerate(ROWS)]
+    path = tmp_path / "lab.xlsx"
+    book(path, {"first": [HEADER, *[[t, -a, b] for t, a, b in ROWS]], "second": [HEADER, *rows]})
+    assert "several-sheets" in [one.code for one in read_recording(path).findings]
+    (tmp_path / "lab.xlsx.yaml").write_text("sheet: second\n")
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-12)
+    np.testing.assert_allclose(recording.time, 0.25 * np.arange(50), atol=2e-3)
+    assert recording.epoch == pytest.approx(1714989600.0, abs=1e-2)
+    (tmp_path / "lab.xlsx.yaml").write_text("sheet: third\n")
+    with pytest.raises(RecordingError, match="no such sheet"):
+        read_recording(path)
+
+
+def test_lists_in_cells_of_parquet_are_columns(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet as writer
+
+    writer.write_table(
+        pyarrow.table({"time": TIME, "q": np.stack([Q1, Q2], axis=1).tolist(), "task": ["a"] * 50}), tmp_path / "a.parquet"
+    )
+    recording = read_recording(tmp_path / "a.parquet")
+    np.testing.assert_allclose(recording.channels["q[1]"].values, Q2)
+    assert recording.channels["q[1]"].quantity == "link_position"
+
+
+def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path) -> None:
+    """The second one begins 0.5 s after the first."""
+    savemat(tmp_path / "lab.mat", {"a": {"time": 1.7e9 + TIME, "q1": Q1}, "b": {"time": 1.7e9 + 0.5 + TIME, "q2": Q2}})
+    recording = read_recording(tmp_path / "lab.mat")
+    first, second = (recording.column(f"joint_{i}", "link_position").time for i in (1, 2))
+    np.testing.assert_allclose(first, TIME, atol=3e-7)
+    np.testing.assert_allclose(second, TIME + 0.5, atol=3e-7)
+
+
+def test_every_matrix_has_the_time_in_its_first_column(tmp_path: Path) -> None:
+    np.savez(tmp_path / "lab.npz", run=np.column_stack([TIME, Q1]), slow=np.column_stack([2 * TIME, Q2]))
+    recording = read_recording(tmp_path / "lab.npz", mapping=["run_2=joint_1.link_position", "slow_2=joint_1.link_velocity"])
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").time, TIME)
+    np.testing.assert_allclose(recording.column("joint_1", "link_velocity").time, 2 * TIME)
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_negative_numbers_that_were_read_without_their_sign_are_suspected_and_kept(tmp_path: Path, bits: int) -> None:
+    counts = np.round(3 * np.sin(20 * TIME)).astype(int) % 2**bits
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack([TIME, counts]), delimiter=",", header="time,q1", comments="", fmt="%.10g")
+    recording = read_recording(path, mapping=["q1=0.01*elbow.link_position [rad]"])
+    assert [one.key for one in recording.findings if one.code == "unsigned"] == ["q1"]
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, 0.01 * counts)
+
+
+def test_objects_of_python_are_never_run(tmp_path: Path) -> None:
+    marker = tmp_path / "ran"
+
+    class Evil:
+        def __reduce__(self) -> object:
+            return os.mkdir, (str(marker),)
+
+    np.savez(tmp_path / "lab.npz", time=TIME, q1=Q1, evil=np.array([Evil()], dtype=object))
+    recording = read_recording(tmp_path / "lab.npz")
+    assert "objects" in [one.code for one in recording.findings]
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b"PK\x03\x04" + bytes(40), "zip archive"), (b"\x1f\x8b" + bytes(40), "gzip"), (b"\x80\x04" + bytes(40), "pickle"),
+     (b"TDSm" + bytes(40), "TDMS"), (b"<html>" + b"a" * 40, "HTML"), (b"ab\0cd" * 40, "zero bytes")],
+)  # fmt: skip
+def test_what_is_not_read_is_named(tmp_path: Path, data: bytes, words: str) -> None:
+    (tmp_path / "lab.bin").write_bytes(data)
+    with pytest.raises(RecordingError, match=words):
+        read_recording(tmp_path / "lab.bin")
+
+
+def test_a_users_reader_is_one_entry_of_the_registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def read(path: Path, reading: object) -> Content:
+        values = np.frombuffer(path.read_bytes()[4:]).reshape(-1, 3)
+        columns = [RawColumn(name=name, values=values[:, i]) for i, name in enumerate(HEADER)]
+        note = Problem("was read by mine", code="mine")
+        return Content(format="mine", tables=(RawTable(columns=tuple(columns)),), findings=(note,))
+
+    monkeypatch.setattr(READERS, "_entries", dict(READERS._entries))
+    READERS.add("mine", Reader(suffixes=(".mine",), magic=(b"MINE",), read=read, doc="doubles in threes", confined=False))
+    (tmp_path / "lab.mine").write_bytes(b"MINE" + np.array(ROWS).tobytes())
+    recording = read_recording(tmp_path / "lab.mine")
+    check(recording)
+    assert recording.format == "mine"
+    assert recording.findings[0].code == "mine"
