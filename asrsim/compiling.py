@@ -54,7 +54,8 @@ def compile_function(
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        dispatcher: Any = numba.njit(signature, cache=cached)(copy)
+        # Threads may run worlds side by side.
+        dispatcher: Any = numba.njit(signature, cache=cached, nogil=True)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
         # The machine code itself: the dispatcher would check the types at every call. It owns that code, so it is kept alive.
@@ -127,27 +128,71 @@ def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction
     _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
 
 
+def compile_law(function: Any, names: Mapping[str, Any], kinds: str) -> Callback:
+    """`function` as a C function; names: as in :func:`compile_function`. kinds: of its arguments, one letter each: `d` a
+    number, `i` an integer, `a` an address."""
+    import numba
+
+    types_of: Any = {"d": numba.types.float64, "i": numba.types.intp, "a": numba.types.intp}
+
+    def compiled(copy: types.FunctionType, cached: bool) -> Callback:
+        signature = numba.types.void(*(types_of[kind] for kind in kinds))
+        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        return Callback(callback.address, callback)
+
+    return _through_cache(compiled, function, names, kinds, ())
+
+
+@dataclass(frozen=True)
+class Callback:
+    """A compiled function at an address; the owner must live."""
+
+    address: int
+    owner: Any
+
+
 @cache
-def caller() -> Any:
-    """What compiled code may call: call(address, record, state, exchange, wrenches, fraction) of a
-    :class:`asrsim.engines.base.Native`; the address of the function, and those of what it is given, are integers."""
+def numbers_reader(count: int) -> Any:
+    """A function that compiled code may call: read(address) -> `count` numbers that stand there, as a tuple."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
 
     kinds: Any = types
-    word, number = ir.IntType(64), ir.DoubleType()
-    kind = ir.FunctionType(ir.VoidType(), [word, word, word, word, number])
 
-    def call_step(typing: Any, address: Any, record: Any, state: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
+    def read(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
-            return context.get_dummy_value()
+            first = builder.inttoptr(arguments[0], ir.DoubleType().as_pointer())
+            places = (ir.Constant(ir.IntType(64), i) for i in range(count))
+            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(first, [at])) for at in places])
 
-        whole = kinds.intp
-        return kinds.void(whole, whole, whole, whole, whole, kinds.float64), generate
+        return kinds.UniTuple(kinds.float64, count)(kinds.intp), generate
 
-    return intrinsic(call_step)
+    # The name is all that the digest of code that calls it sees of it.
+    read.__name__ = f"read_{count}_numbers"
+    return intrinsic(read)
+
+
+@cache
+def row_at(integers: bool = False) -> Any:
+    """A function that compiled code may call: row(address) -> the array (n,) of floats, or integers, there; of unknown length."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    from asrsim.packed import array_at
+
+    kinds: Any = types
+    layout = kinds.Array(kinds.int64 if integers else kinds.float64, 1, "C")
+
+    def row(typing: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return array_at(context, builder, layout, arguments[0], [ir.Constant(ir.IntType(64), 1 << 30)])
+
+        return layout(kinds.intp), generate
+
+    row.__name__ = f"row_of_{'integers' if integers else 'floats'}"
+    return intrinsic(row)
 
 
 @cache
@@ -175,64 +220,6 @@ def type_of(value: Any) -> Any:
 
     kinds: Any = numba
     return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
-
-
-def tuple_reader(start: int, count: int) -> Any:
-    """A function that compiled code may call: `count` numbers of a C-contiguous row from `start` on, as a tuple."""
-    import numba
-    from llvmlite import ir
-    from numba.extending import intrinsic
-
-    kinds: Any = numba.types
-
-    def read_numbers(typing: Any, row: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            data = context.make_array(row)(context, builder, arguments[0]).data
-            # Loads one by one: a loop over them would put them into memory once more, and wait for it.
-            places = (ir.Constant(ir.IntType(64), start + i) for i in range(count))
-            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(data, [at])) for at in places])
-
-        return (kinds.UniTuple(row.dtype, count)(row), generate) if row.layout == "C" else None
-
-    # The name is all that the digest of code that calls it sees of it.
-    read_numbers.__name__ = f"read_{count}_from_{start}"
-    read: Any = intrinsic(read_numbers)
-    return read
-
-
-@cache
-def borrow() -> Any:
-    """What compiled code may call: arrays, in nested tuples, without their count of references.
-
-    Counting is most of what a short substep costs: each call counts every array of every tuple that it is given. The caller
-    holds the arrays meanwhile.
-    """
-    from numba import types
-    from numba.core import cgutils
-    from numba.extending import intrinsic
-
-    helpers: Any = cgutils
-
-    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = helpers.get_null_value(array.meminfo.type)
-            array.parent = helpers.get_null_value(array.parent.type)
-            return array._getvalue()
-        if isinstance(kind, types.BaseTuple):
-            whole: Any = kind
-            members: Any = zip(tuple(whole), helpers.unpack_tuple(builder, value), strict=True)
-            parts = [uncounted(context, builder, part, member) for part, member in members]
-            return context.make_tuple(builder, kind, parts)
-        return value
-
-    def borrowed(typing: Any, values: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return uncounted(context, builder, signature.args[0], arguments[0])
-
-        return values(values), generate
-
-    return intrinsic(borrowed)
 
 
 def _through_cache(

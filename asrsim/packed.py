@@ -39,7 +39,7 @@ def reader(kind: Any) -> Any:
                     return context.make_tuple(builder, member, [read(part) for part in tuple(whole)])
                 if not isinstance(member, types.Array):
                     return take()
-                return _array(context, builder, member, take(), [take() for _ in range(member.ndim)])
+                return array_at(context, builder, member, take(), [take() for _ in range(member.ndim)])
 
             return read(kind)
 
@@ -59,7 +59,7 @@ def table_reader() -> Any:
 
     def read_table(typing: Any, address: Any, rows: Any, columns: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return _array(context, builder, layout, arguments[0], list(arguments[1:]))
+            return array_at(context, builder, layout, arguments[0], list(arguments[1:]))
 
         return layout(kind.intp, kind.intp, kind.intp), generate
 
@@ -76,7 +76,7 @@ def _words_at(builder: Any, address: Any) -> Any:
     return lambda: builder.load(builder.gep(table, [ir.Constant(word, next(places))]))
 
 
-def _array(context: Any, builder: Any, layout: Any, address: Any, shape: list[Any]) -> Any:
+def array_at(context: Any, builder: Any, layout: Any, address: Any, shape: list[Any]) -> Any:
     from llvmlite import ir
     from numba.core import cgutils
     from numba.np import arrayobj

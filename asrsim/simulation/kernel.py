@@ -20,34 +20,38 @@ from asrsim.simulation.ledger import count_limits, settle_accounts
 
 FASTEST = 1e4
 """rad/s (m/s) that no spring or motor of a robot gives."""
+ENDLESS = 1e300
+"""N m from which on a torque counts as infinite."""
 
 
 def run(
     which: Any, count: int, every: int, last: int, done: Any, fault: Any, S: Any, P: Any, K: Any, z: Any, X: Any, U: Any,
     W: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Advance the worlds `which` by `count` substeps.
+    """Advance worlds by `count` substeps.
 
-    every, last: rows are recorded at multiples of `every` substeps up to `last`; done: substeps that each world has done, and
-    fault: (worlds, 2) its health, and the joint; S, P: (worlds, joints, ...) of :mod:`asrsim.simulation.layout`, K: (joints,
-    ...), z: the stepping's numbers; X: (worlds, ...) states of the engine; U: (worlds, count, joints, ...) inputs; W: (worlds,
-    count, w, 6) wrenches; cuts: (worlds, m, 3) substeps of this call in which an input jumps, and their first and last piece;
-    fractions, on_time: of the pieces, parts of a substep and whether the whole substep's time is at their start, pieces: their
-    inputs, (n, joints, ...); exchange: (joints, 5) with the engine, whose step is at the address `engine`; columns: of S that are
-    recorded, out: (worlds, rows, joints, columns) to where.
+    which: (m, 2) the worlds, and the number of each one's inputs; every, last: rows are recorded at multiples of `every` substeps
+    up to `last`; done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; S, P: (worlds,
+    joints, ...) of :mod:`asrsim.simulation.layout`, K: (joints, ...), z: the stepping's numbers; X: (worlds, ...) states of the
+    engine; U: (inputs, count, joints, ...); W: (inputs, count, w, 6) wrenches; cuts: (inputs, c, 3) substeps of this call in which
+    an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces, parts of a
+    substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...); exchange: (joints, 5)
+    with the engine, whose step is at the address `engine`; columns: of S that are recorded, out: (m, rows, joints, columns) to
+    where.
     """
-    for w in which:
+    for place in range(len(which)):
+        w, given = which[place][0], which[place][1]
         row = 0
         cut = 0
-        s_all, p_all, x, u_all, wrenches = S[w], P[w], X[w], U[w], W[w]
+        s_all, p_all, x, u_all, wrenches, own_cuts = S[w], P[w], X[w], U[given], W[given], cuts[given]
         for step in range(count):
             if fault[w, 0] != HEALTHY:
                 break
             substep = done[w]
-            jumped = cut < len(cuts[w]) and cuts[w][cut][0] == step
+            jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
             length, first_piece, last_piece = 1.0, 0, 0
             if jumped:
-                first_piece, last_piece = cuts[w][cut][1], cuts[w][cut][2]
+                first_piece, last_piece = own_cuts[cut][1], own_cuts[cut][2]
                 length = 0.0
                 for piece in range(first_piece, last_piece):
                     length += fractions[piece]
@@ -68,7 +72,7 @@ def run(
                 exchange[j, E_TORQUE] = torque
                 exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
                 exchange[j, E_FRICTION] = friction_of(s, p, v)
-                if not abs(torque) < 1e300:
+                if not abs(torque) < ENDLESS:
                     fault[w, 0], fault[w, 1] = NO_VALUE, j
                     break
             if fault[w, 0] != HEALTHY:
@@ -86,7 +90,7 @@ def run(
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
-                        out[w, row, j, c] = s[columns[c]]
+                        out[place, row, j, c] = s[columns[c]]
                 # Before the start a staggered run moved as if its first kick had been a whole one.
                 s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
                 s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]

@@ -18,6 +18,8 @@ from asrsim.actuators.vectorised import GAUSS
 FUNCTIONS: dict[int, Callable[..., None]] = {}
 """Address -> function."""
 _numbers = itertools.count(1)
+MOTOR_NUMBERS = 16
+"""Numbers of a motor that its law takes."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 
@@ -51,7 +53,7 @@ def engine_step(address: int, record: int, x: Any, exchange: Any, wrenches: Any,
 
 def numbers(p: Any, at: int) -> Any:
     """Parameters of a motor from place `at` of a row on, as its law takes them."""
-    return p[at : at + 16]
+    return p[at : at + MOTOR_NUMBERS]
 
 
 @cache

@@ -10,58 +10,80 @@ import numpy as np
 from asrsim import compiling
 from asrsim.actuators.base import Actuator
 from asrsim.simulation import kernel
-from asrsim.simulation.laws import energy_law
+from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
 
-INLINE = (
-    "asrsim.simulation.kernel", "asrsim.simulation.joint", "asrsim.simulation.ledger", "asrsim.actuators.motor",
-    "asrsim.actuators.hysteresis",
-)  # fmt: skip
-"""Modules whose functions become part of their callers."""
+INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis")
+"""Modules whose functions become part of their callers. More would make compiling slow and the loop hardly faster."""
 
 
 @cache
 def compiled_run() -> Any:
     """:func:`asrsim.simulation.kernel.run` for arrays."""
-    table, rows, cube = np.zeros((1, 1)), np.zeros((1, 1, 1)), np.zeros((1, 1, 1, 1))
-    whole = np.zeros(1, dtype=np.int64)
+    whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
+    floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
-        whole, 1, 1, 1, whole, np.zeros((1, 2), dtype=np.int64), rows, rows, np.zeros((1, 1), dtype=np.int64), np.zeros(1),
-        table, cube[:, ::1], cube, np.zeros((1, 1, 3), dtype=np.int64), np.zeros(1), np.zeros(1, dtype=bool), rows, table, 1, 1,
-        whole, cube,
+        whole[2], 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
+        floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
 @cache
-def compiled_laws(actuator: type[Actuator], motors: int) -> tuple[int, int]:
-    """Addresses of an actuator's torques, and of its stiffness and energy; see :func:`asrsim.simulation.laws.plain_laws`."""
+def compiled_laws(actuator: type[Actuator], motors: int) -> tuple[compiling.Callback, compiling.Callback]:
+    """An actuator's torques, and its stiffness and energy; see :func:`asrsim.simulation.laws.plain_laws`."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
-        "positions": compiling.pointer_reader(motors), "parameters": compiling.pointer_reader(len(actuator.parameters)),
-        "store": compiling.pointer_writer(),
+        "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
+        "row": compiling.row_at(),
     }  # fmt: skip
-    return compiling.compile_law(_torques, names), compiling.compile_law(_state, names)
+    return compiling.compile_law(_torques, names, "daaa"), compiling.compile_law(_state, names, "daaa")
 
 
-def _torques(q: float, thetas: Any, law: Any, result: Any) -> None:
+# What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no value
+# the world stops, and the run names the joint.
+def _torques(q: float, thetas: int, law: int, result: int) -> None:
+    found = row(result)
     try:
-        store(result, torques(q, *positions(thetas), parameters(law)))
-    except Exception:  # noqa: BLE001  (a law may be any code; what has no value stops the world, which names it)
-        store(result, (np.nan,))
-
-
-def _state(q: float, thetas: Any, law: Any, result: Any) -> None:
-    try:
-        store(result, (stiffness(q, *positions(thetas), parameters(law)), energy(q, *positions(thetas), parameters(law))))
+        _put_torques(q, thetas, law, found)
     except Exception:  # noqa: BLE001
-        store(result, (np.nan, np.nan))
+        found[0] = np.nan
+
+
+def _put_torques(q: float, thetas: int, law: int, found: Any) -> None:
+    values = torques(q, *positions(thetas), parameters(law))
+    for i in range(len(values)):
+        found[i] = values[i]
+
+
+def _state(q: float, thetas: int, law: int, result: int) -> None:
+    found = row(result)
+    try:
+        _put_state(q, thetas, law, found)
+    except Exception:  # noqa: BLE001
+        found[0] = found[1] = np.nan
+
+
+def _put_state(q: float, thetas: int, law: int, found: Any) -> None:
+    found[0] = stiffness(q, *positions(thetas), parameters(law))
+    found[1] = energy(q, *positions(thetas), parameters(law))
+
+
+@cache
+def compiled_joint_step(function: Any) -> compiling.Callback:
+    """A stepping's own step of a joint; see :func:`asrsim.simulation.laws.joint_step`."""
+    names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
+    return compiling.compile_law(_joint_step, names, "aaaadi")
+
+
+def _joint_step(s: int, p: int, k: int, u: int, h: float, note: int) -> None:
+    own_step(row(s), row(p), whole_row(k), row(u), h, note)
 
 
 def _unbound(*arguments: Any) -> Any:
-    raise NotImplementedError("bound by compiled_laws")
+    raise NotImplementedError("bound where it is compiled")
 
 
-torques = stiffness = energy = positions = parameters = store = _unbound
+torques = stiffness = energy = positions = parameters = row = whole_row = own_step = _unbound
 
 
 @cache
@@ -71,58 +93,54 @@ def _pointers() -> dict[str, Any]:
     from numba import types
     from numba.extending import intrinsic
 
-    double, word = ir.DoubleType(), ir.IntType(64)
-    void = ir.VoidType()
+    kinds: Any = types
+    double, word, void = ir.DoubleType(), ir.IntType(64), ir.VoidType()
+    doubles, words = double.as_pointer(), word.as_pointer()
 
     def data(context: Any, builder: Any, kind: Any, value: Any, offset: Any = None) -> Any:
         pointer = context.make_array(kind)(context, builder, value).data
-        return builder.gep(pointer, [offset]) if offset is not None else pointer
+        return pointer if offset is None else builder.gep(pointer, [offset])
 
-    def law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any) -> Any:
+    def call(builder: Any, address: Any, given: list[Any], arguments: list[Any]) -> None:
+        builder.call(builder.inttoptr(address, ir.FunctionType(void, given).as_pointer()), arguments)
+
+    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             at, q, s, thetas, p, law, result = arguments
-            kinds = signature.args
-            shape = ir.FunctionType(void, [double, double.as_pointer(), double.as_pointer(), double.as_pointer()])
-            function = builder.inttoptr(at, shape.as_pointer())
-            own, law_at = data(context, builder, kinds[2], s, thetas), data(context, builder, kinds[4], p, law)
-            builder.call(function, [q, own, law_at, data(context, builder, kinds[2], s, result)])
+            _, _, of_s, _, of_p, _, _ = signature.args
+            places = [data(context, builder, kind, row, i) for kind, row, i in ((of_s, s, thetas), (of_p, p, law), (of_s, s, result))]
+            call(builder, at, [double, doubles, doubles, doubles], [q, *places])
             return context.get_dummy_value()
 
-        return types.void(types.int64, types.float64, s, types.int64, p, types.int64, types.int64), generate
+        return kinds.void(kinds.int64, kinds.float64, s, kinds.int64, p, kinds.int64, kinds.int64), generate
 
-    def engine(typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
+    def call_engine(typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            at, record, x, exchange, wrenches, fraction = arguments
-            kinds = signature.args
-            pointer = double.as_pointer()
-            shape = ir.FunctionType(void, [word, pointer, pointer, pointer, double])
-            places = [data(context, builder, kinds[i], value) for i, value in ((2, x), (3, exchange), (4, wrenches))]
-            builder.call(builder.inttoptr(at, shape.as_pointer()), [record, *places, fraction])
+            at, record, *arrays, fraction = arguments
+            places = [data(context, builder, kind, array) for kind, array in zip(signature.args[2:5], arrays, strict=True)]
+            call(builder, at, [word, doubles, doubles, doubles, double], [record, *places, fraction])
             return context.get_dummy_value()
 
-        return types.void(types.int64, types.int64, x, exchange, wrenches, types.float64), generate
+        return kinds.void(kinds.int64, kinds.int64, x, exchange, wrenches, kinds.float64), generate
 
-    def step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
+    def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            at, s, p, k, u, h, note = arguments
-            kinds = signature.args
-            pointer, words = double.as_pointer(), word.as_pointer()
-            shape = ir.FunctionType(void, [pointer, pointer, words, pointer, double, word])
-            rows = [data(context, builder, kinds[i], value) for i, value in ((1, s), (2, p), (3, k), (4, u))]
-            builder.call(builder.inttoptr(at, shape.as_pointer()), [*rows, h, note])
+            at, *rows, h, note = arguments
+            places = [data(context, builder, kind, row) for kind, row in zip(signature.args[1:5], rows, strict=True)]
+            call(builder, at, [doubles, doubles, words, doubles, double, word], [*places, h, note])
             return context.get_dummy_value()
 
-        return types.void(types.int64, s, p, k, u, types.float64, types.int64), generate
+        return kinds.void(kinds.int64, s, p, k, u, kinds.float64, kinds.int64), generate
 
-    def read(typing: Any, p: Any, at: Any) -> Any:
+    def read_numbers(typing: Any, p: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             first = data(context, builder, signature.args[0], arguments[0], arguments[1])
-            values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(16)]
+            values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(MOTOR_NUMBERS)]
             return context.make_tuple(builder, signature.return_type, values)
 
-        return types.UniTuple(types.float64, 16)(p, types.int64), generate
+        return kinds.UniTuple(kinds.float64, MOTOR_NUMBERS)(p, kinds.int64), generate
 
     return {
-        "spring_law": intrinsic(law), "state_law": intrinsic(law), "engine_step": intrinsic(engine), "joint_step": intrinsic(step),
-        "numbers": intrinsic(read),
+        "spring_law": intrinsic(call_law), "state_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
+        "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers),
     }  # fmt: skip
