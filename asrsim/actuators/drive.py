@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
     from asrsim.actuators.modes import Mode
 
+
 @dataclass(frozen=True, kw_only=True)
 class Drive:
     """An actuator on its joint, with what simulation, gravity compensation and learning must know of it.
@@ -106,14 +107,17 @@ class Drive:
 
     def without_friction(self) -> Drive:
         """The same with motors that nothing but their damping brakes."""
-        names = [f"motor_{i}_{name}" for i in (1, 2) for name in ("friction_torque", "stribeck_friction", "load_friction")]
+        motors = range(1, self.actuator.motors + 1)
+        names = [f"motor_{i}_{name}" for i in motors for name in ("friction_torque", "stribeck_friction", "load_friction")]
         return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
-    def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
-        """What the motors or springs are to follow, arrays of equal shape: through the reference map in modes 3 and 6."""
+    def goals(self, references: Array) -> Array:
+        """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
+        goals = references.copy()
         if self.mode.mapped:
-            return references_over_arrays(self.actuator)(reference_1, reference_2)
-        return reference_1, reference_2
+            mapped = references_over_arrays(self.actuator)(references[0], references[1])
+            goals[: len(mapped)] = mapped
+        return goals
 
     def _gains(self, name: str) -> tuple[float, ...]:
         if not self.mode.controller:

@@ -232,28 +232,28 @@ class Core:
     # -- running ----------------------------------------------------------------------------------------------------
 
     def run(
-        self, which: NDArray[np.int64], given: Given, out: Array, *, every: int, last: int, columns: NDArray[np.int64]
+        self, which: NDArray[np.int64], given: Given, out: Array, *, every: int, columns: NDArray[np.int64]
     ) -> None:
         """Advance worlds by the rows that are given; see :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine
         raises."""
         if self._native is not None:
-            self._call(which, given, out, every, last, columns)
+            self._call(which, given, out, every, columns)
             return
         for place, (world, own) in enumerate(which.tolist()):
             self._switch(world)
             (self._call if self.compiled else self._plain)(
-                np.array([[world, own]]), given, out[place : place + 1], every, last, columns
+                np.array([[world, own]]), given, out[place : place + 1], every, columns
             )
 
     def _call(
-        self, which: NDArray[np.int64], given: Given, out: Array, every: int, last: int, columns: NDArray[np.int64]
+        self, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
     ) -> None:
         from asrsim.simulation.native import compiled_run
 
         native = self._native is not None
         self._wrenches = given.wrenches[0, 0]
         compiled_run()(
-            which, len(given), every, last, self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            which, len(given), every, self.done, self.fault, self.S, self.P, self._kinds, self._z,
             self.X if native else self._dummy, given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
             given.pieces, self._exchange, self._engine_step, self._record.address if native else 0, columns, out,
         )  # fmt: skip
@@ -262,14 +262,14 @@ class Core:
             raise error
 
     def _plain(
-        self, which: NDArray[np.int64], given: Given, out: Array, every: int, last: int, columns: NDArray[np.int64]
+        self, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
     ) -> None:
         world, own = which[0].tolist()
         state = self.S[world].tolist()
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
         try:
             kernel.run(
-                [(0, 0)], len(given), every, last, done, fault, [state], [self.P[world].tolist()], self._kinds.tolist(),
+                [(0, 0)], len(given), every, done, fault, [state], [self.P[world].tolist()], self._kinds.tolist(),
                 self._z.tolist(), [None], [given.inputs[own].tolist()], [given.wrenches[own]], [given.cuts[own].tolist()],
                 given.fractions.tolist(), given.on_time.tolist(), given.pieces.tolist(), self._exchange.data,
                 self._engine_step, 0, columns.tolist(), out.data,

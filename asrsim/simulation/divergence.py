@@ -11,41 +11,12 @@ import numpy as np
 
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.recorder import COLUMN
-from asrsim.simulation.substep import RAW
 from asrsim.simulation.substeps import COARSE
 
 SHARE = 0.5
 """Energy from nowhere, as a share of all that went through, that no resolved run shows."""
 FLOOR = 5e-3
 """J below which energy is not checked."""
-FASTEST = 1e4
-"""rad/s (m/s) that no spring or motor of a robot gives."""
-
-
-def not_finite(raw: Array) -> int | None:
-    """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
-    # No number is larger than the root of this sum.
-    if (np.einsum("kjc,kjc->jc", raw, raw) <= FASTEST**2).all():
-        return None
-    velocity = raw[:, :, COLUMN["engine_velocity"]]
-    with np.errstate(all="ignore"):
-        # One sum tells of any NaN or infinity; which number it was is seldom asked.
-        if np.isfinite(raw.sum()) and np.abs(velocity).max(initial=0.0) <= FASTEST:
-            return None
-    numbers = raw[:, :, [i for i, name in enumerate(RAW) if not name.startswith("drive")]]
-    bad = ~np.isfinite(numbers).all(axis=(1, 2)) | (np.abs(velocity) > FASTEST).any(axis=1)
-    return int(np.argmax(bad)) if bad.any() else None
-
-
-def blame(raw: Array, row: int, drives: Sequence[SteppedJoint]) -> str:
-    """The joint that moves fastest, in the rows before `row`, for its inertia: the one that ran away."""
-    window = raw[max(row - 5, 0) : row + 1, :, COLUMN["engine_velocity"]]
-    speeds = np.nanmax(np.abs(np.where(np.isfinite(window), window, 1e300)), axis=0)
-    return drives[int(np.argmax(speeds))].name
-
-
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
     """The error with likely cause and cure."""
     cause = (

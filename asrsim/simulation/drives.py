@@ -101,9 +101,9 @@ class SteppedJoint:
         integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), *[0.0] * count][:count]
         return list(zip(positions, velocities, positions, integrals, strict=True))
 
-    def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
-        """What `advance` takes for references, arrays (n,): through the reference map in modes 3 and 6."""
-        return self.drive.goals(reference_1, reference_2) if self.drive else (reference_1, reference_2)
+    def goals(self, references: Array) -> Array:
+        """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
+        return self.drive.goals(references) if self.drive else references
 
 
 def references_of(drive: SteppedJoint) -> tuple[str, ...]:

@@ -25,13 +25,13 @@ ENDLESS = 1e300
 
 
 def run(
-    which: Any, count: int, every: int, last: int, done: Any, fault: Any, S: Any, P: Any, K: Any, z: Any, X: Any, U: Any,
+    which: Any, count: int, every: int, done: Any, fault: Any, S: Any, P: Any, K: Any, z: Any, X: Any, U: Any,
     W: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 2) the worlds, and the number of each one's inputs; every, last: rows are recorded at multiples of `every` substeps
-    up to `last`; done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; S, P: (worlds,
+    which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
+    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; S, P: (worlds,
     joints, ...) of :mod:`asrsim.simulation.layout`, K: (joints, ...), z: the stepping's numbers; X: (worlds, ...) states of the
     engine; U: (inputs, count, joints, ...); W: (inputs, count, w, 6) wrenches; cuts: (inputs, c, 3) substeps of this call in which
     an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces, parts of a
@@ -78,7 +78,7 @@ def run(
             if fault[w, 0] != HEALTHY:
                 break
             engine_step(engine, record, x, exchange, wrenches[step], length if substep == 0 else 1.0)
-            asked = substep <= last and substep % every == 0
+            asked = substep % every == 0
             for j in range(len(K)):
                 s, p, k = s_all[j], p_all[j], K[j]
                 velocity = exchange[j, E_VELOCITY]
@@ -86,8 +86,7 @@ def run(
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
                 settle_accounts(s, p, k, z, substep == 0, jumped, asked)
-                if substep <= last:
-                    count_limits(s, p, k)
+                count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
                         out[place, row, j, c] = s[columns[c]]

@@ -17,7 +17,7 @@ from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import Counts
+from asrsim.simulation.counts import Counts
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
@@ -108,7 +108,6 @@ def run_to_end(
     prepared = simulation.prepared
     status, error = "complete", None
     began = clock.perf_counter()
-    # One row beyond the end completes the last velocity.
     total = simulation.total
     waiting = iter(commands)
     command = next(waiting, None)
@@ -134,13 +133,9 @@ def run_to_end(
     return run
 
 
-def run_of(
-    simulation: Simulation, status: str, *, wall_time: float, message: str = "", prepared: Prepared | None = None,
-    counts: Counts | None = None,
-) -> Run:  # fmt: skip
-    """What a simulation has done so far, as a run. prepared, counts: of another such run of it."""
-    prepared, recording = prepared or simulation.prepared, simulation.recording
-    counts = counts or recording.recorder.counts
+def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
+    """What a simulation has done so far, as a run."""
+    prepared, recording, counts = simulation.prepared, simulation.recording, simulation.counts
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
