@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines.base import Engine
+from asrsim.actuators.base import Actuator
+from asrsim.engines.base import Engine, Native
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import kernel
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block
-from asrsim.simulation.laws import FUNCTIONS, address_of, plain_laws
-from asrsim.simulation.layout import E_VELOCITY, HEALTHY, JOINT_STEP, SPRING_LAW, STATE_LAW
+from asrsim.simulation.laws import plain_laws
+from asrsim.simulation.layout import E_VELOCITY, HEALTHY, JOINT_STEP, SPRING_LAW, STATE_LAW, STEP
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
 
@@ -64,101 +65,68 @@ def given_by(block: Block, begin: int, end: int) -> Given:
     )
 
 
-class Core:
-    """N worlds in one engine."""
+class BoundEngine:
+    """An engine as the kernel calls it: its step in plain Python, with one world's state in the engine at a time."""
 
-    def __init__(self, prepared: Prepared, engine: Engine, *, worlds: int = 1, compiled: bool = False) -> None:
-        """Raises SimulationError where compiled code is asked for and cannot be had."""
+    record = 0
+
+    def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self.compiled = compiled
-        self._plain_step = address_of(self._step_engine)
-        self._raised: BaseException | None = None
-        self._in_engine = 0
-        """World whose state the engine has."""
-        self._wrenches = np.zeros((0, 6))
-        self._count = worlds
-        self.done = np.zeros(worlds, dtype=np.int64)
-        """(worlds,) substeps."""
-        self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        """(worlds, 2) health, and a joint."""
-        self._lay_out(prepared)
+        self.step: Any = self._step
+        """Address of its step."""
+        self._exchange = np.zeros((len(engine.joints), 5))
+        self._world: int | None = None
+        """Whose state the engine has."""
 
-    def _lay_out(self, prepared: Prepared) -> None:
-        drives, sensors, stepping = prepared.drives, prepared.sensors, prepared.stepping
-        self._sensors, self.stepping = sensors, stepping
-        self.shape: Shape = shape_of(drives, sensors)
-        now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
-        self._link_implicitness = prepared.resolution.link_implicitness
-        self._z = np.array([
-            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, self._link_implicitness,
-            float(stepping.staggered),
-        ])  # fmt: skip
-        self._options = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
-        kinds, constants = tables(drives, sensors, self.shape, **self._options)
-        self.S = np.zeros((self._count, len(drives), self.shape.state))
-        """(worlds, joints, columns): see :mod:`asrsim.simulation.layout`."""
-        self.P = np.repeat(constants[None], self._count, axis=0)
-        """(worlds, joints, columns)."""
-        self._exchange = np.zeros((len(drives), 5))
-        self._bind_laws(drives, kinds)
-        self._bind_engine()
+    def exchange(self, joints: int, wrenches: Array) -> Array:
+        """(joints, 5) for the calls of one run; wrenches: (w, 6) an example."""
+        return self._exchange
 
-    # -- binding ----------------------------------------------------------------------------------------------------
-
-    def _bind_laws(self, drives: Sequence[SteppedJoint], kinds: NDArray[np.int64]) -> None:
-        self._kinds, self._owners = kinds, list[Any]()
-        for k, drive in zip(kinds, drives, strict=True):
-            if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-                k[SPRING_LAW], k[STATE_LAW] = self._laws_of(drive)
-            if self.stepping.joint_step is not None:
-                k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
-
-    def _laws_of(self, drive: SteppedJoint) -> tuple[int, int]:
-        assert drive.actuator is not None
-        if not self.compiled:
-            return plain_laws(drive.actuator, positions_of(drive))
-        from asrsim.simulation.native import compiled_laws
-
-        try:
-            torques, state = compiled_laws(drive.actuator, positions_of(drive))
-        except Exception as error:
-            raise SimulationError(
-                f"Numba cannot compile the laws of '{drive.actuator.name}': {str(error).strip().splitlines()[0]}"
-            ) from error
-        self._owners += [torques, state]
-        return torques.address, state.address
-
-    def _joint_step(self, function: Callable[..., None]) -> int:
-        if not self.compiled:
-            return address_of(function)
-        from asrsim.simulation.native import compiled_joint_step
-
-        callback = compiled_joint_step(function)
-        self._owners.append(callback)
-        return callback.address
-
-    def _bind_engine(self) -> None:
-        """The engine's states and its step, as the kernel takes them."""
-        self._native = self.engine.native if self.compiled else None
-        self.X: Any = [None] * self._count
-        """States of the engine: an array (worlds, numbers) where the engine has native code, else whatever it has."""
-        if self._native is not None:
-            self.X = np.zeros((self._count, self._native.size))
-            self._record = self._native.make_record()
-            self._engine_step = self._native.address
-        elif self.compiled:
-            self._dummy = np.zeros((self._count, 1))
-            kind = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)
-            self._callback = kind(self._called_back)
-            self._engine_step = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        else:
-            self._engine_step = self._plain_step
-
-    def _step_engine(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
+    def _step(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
         self.engine.step(self._exchange, wrenches, fraction)
 
-    def _called_back(self, record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
-        """From compiled code, which no exception may cross: the world stops instead."""
+    def raise_again(self) -> None:
+        """Raise what the engine raised where nothing could be raised."""
+
+    def leave(self, states: Any, world: int | None) -> None:
+        """The engine's state is about to become that of another world, or a fresh one."""
+        if self._world is not None and self._world != world:
+            states[self._world] = self.engine.state
+
+    def entered(self, states: Any, world: int) -> None:
+        """The engine has that world's state."""
+        self._world = world
+
+    def enter(self, states: Any, world: int) -> None:
+        """Let the engine have a world's state."""
+        if self._world != world:
+            self.leave(states, world)
+            self.engine.state = states[world]
+            self._world = world
+
+    def state(self, states: Any, world: int) -> Any:
+        """A copy of the engine's state in that world."""
+        return self.engine.state if self._world == world else states[world]
+
+
+class CalledEngine(BoundEngine):
+    """Its step in Python, called from compiled code."""
+
+    def __init__(self, engine: Engine) -> None:
+        super().__init__(engine)
+        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)
+        self._callback = kind(self._called)
+        self.step = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self._wrenches = np.zeros((0, 6))
+        self._raised: BaseException | None = None
+
+    def exchange(self, joints: int, wrenches: Array) -> Array:
+        """As of its base."""
+        self._wrenches = wrenches
+        return self._exchange
+
+    def _called(self, record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
+        # No exception may cross compiled code: the world stops instead.
         try:
             if self._raised is None:
                 row = self._wrenches
@@ -170,64 +138,161 @@ class Core:
             self._raised = error
         self._exchange[:, E_VELOCITY] = np.nan
 
+    def raise_again(self) -> None:
+        """Raise what the engine raised."""
+        if self._raised is not None:
+            error, self._raised = self._raised, None
+            raise error
+
+
+class NativeEngine(BoundEngine):
+    """Its step as a C function, for the states of many worlds."""
+
+    def __init__(self, engine: Engine, native: Native) -> None:
+        self.engine = engine
+        self.size = native.size
+        self.step = native.address
+        self._owner = native.make_record()
+        self.record = self._owner.address
+
+    def exchange(self, joints: int, wrenches: Array) -> Array:
+        """Of its own for each call."""
+        return np.zeros((joints, 5))
+
+    def raise_again(self) -> None:
+        """Native code raises nothing."""
+
+    def leave(self, states: Any, world: int | None) -> None:
+        """All states stand in the array."""
+
+    def entered(self, states: Any, world: int) -> None:
+        """The engine has a state that the array has not yet."""
+        states[world] = self.engine.state
+
+    def enter(self, states: Any, world: int) -> None:
+        """Let the engine have a world's state."""
+        self.engine.state = states[world]
+
+    def state(self, states: Any, world: int) -> Any:
+        """A copy."""
+        return states[world].copy()
+
+
+def bind_engine(engine: Engine, *, compiled: bool) -> BoundEngine:
+    """The engine for plain or compiled runs."""
+    if not compiled:
+        return BoundEngine(engine)
+    native = engine.native
+    return CalledEngine(engine) if native is None else NativeEngine(engine, native)
+
+
+class Core:
+    """N worlds of one robot. They share an engine; a world whose links have other inertias has one of its own."""
+
+    def __init__(self, prepared: Prepared, engine: Engine, *, worlds: int = 1, compiled: bool = False) -> None:
+        """Raises SimulationError where compiled code is asked for and cannot be had."""
+        self.compiled = compiled
+        drives, stepping = prepared.drives, prepared.stepping
+        self._sensors, self.stepping = prepared.sensors, stepping
+        self.shape: Shape = shape_of(drives, prepared.sensors)
+        now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
+        self._link_implicitness = prepared.resolution.link_implicitness
+        self._z = np.array([
+            prepared.substep, now, past, stepping.first_drift, stepping.implicitness, self._link_implicitness,
+            float(stepping.staggered),
+        ])  # fmt: skip
+        self._options = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
+        kinds, constants = tables(drives, prepared.sensors, self.shape, **self._options)
+        self._kinds: Any = kinds if compiled else kinds.tolist()
+        """K; in plain Python a list, with functions as addresses."""
+        self._owners: list[Any] = []
+        self._bind_laws(drives)
+        self.S = np.zeros((worlds, len(drives), self.shape.state))
+        """(worlds, joints, columns): see :mod:`asrsim.simulation.layout`."""
+        self.P = np.repeat(constants[None], worlds, axis=0)
+        """(worlds, joints, columns)."""
+        self.done = np.zeros(worlds, dtype=np.int64)
+        """(worlds,) substeps."""
+        self.fault = np.zeros((worlds, 2), dtype=np.int64)
+        """(worlds, 2) health, and a joint."""
+        self._engines = [bind_engine(engine, compiled=compiled)] * worlds
+        self.X: Any = [None] * worlds
+        """States of the engine: an array (worlds, numbers) where it has native code, else whatever it has."""
+        if isinstance(self._engines[0], NativeEngine):
+            self.X = np.zeros((worlds, self._engines[0].size))
+
+    # -- binding ----------------------------------------------------------------------------------------------------
+
+    def _bind_laws(self, drives: Sequence[SteppedJoint]) -> None:
+        for k, drive in zip(self._kinds, drives, strict=True):
+            if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
+                k[SPRING_LAW], k[STATE_LAW] = self._laws_of(drive.actuator, positions_of(drive))
+            if self.stepping.joint_step is not None:
+                k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
+
+    def _laws_of(self, actuator: type[Actuator], motors: int) -> tuple[Any, Any]:
+        """Addresses."""
+        if not self.compiled:
+            return plain_laws(actuator, motors)
+        from asrsim.simulation.native import compiled_laws
+
+        try:
+            torques, state = compiled_laws(actuator, motors)
+        except Exception as error:
+            reason = str(error).strip().splitlines()[0]
+            raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
+        self._owners += [torques, state]
+        return torques.address, state.address
+
+    def _joint_step(self, function: Callable[..., None]) -> Any:
+        if not self.compiled:
+            return function
+        from asrsim.simulation.native import compiled_joint_step
+
+        callback = compiled_joint_step(function)
+        self._owners.append(callback)
+        return callback.address
+
+    def take_over(self, world: int, prepared: Prepared, engine: Engine) -> None:
+        """Let a world have other numbers, and maybe another engine; it has to be started anew."""
+        _, self.P[world] = tables(prepared.drives, prepared.sensors, self.shape, **self._options)
+        if engine is not self._engines[world].engine:
+            self._engines[world] = bind_engine(engine, compiled=self.compiled)
+
     # -- state ------------------------------------------------------------------------------------------------------
 
     def start(self, world: int, drives: Sequence[SteppedJoint], positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Put a world at the start of a run."""
-        z, stepping = self._z, self.stepping
-        placed = self.engine.start(
-            positions, velocities, step=float(z[0]), staggered=stepping.staggered, implicitness=self._link_implicitness
-        )
+        bound, stepping = self._engines[world], self.stepping
+        bound.leave(self.X, None)
+        placed = bound.engine.start(
+            positions, velocities, step=float(self._z[STEP]), staggered=stepping.staggered,
+            implicitness=self._link_implicitness,
+        )  # fmt: skip
         rows = zip(drives, self._sensors, *placed, strict=True)
         self.S[world] = [start_of(drive, sensor, self.shape, q, v) for drive, sensor, q, v in rows]
         self.done[world] = 0
         self.fault[world] = HEALTHY
-        self._in_engine = world
-        if self._native is not None:
-            self.X[world] = self.engine.state
+        bound.entered(self.X, world)
 
     def state(self, world: int) -> tuple[int, Array, Array, Any]:
         """A copy of all that decides how a world goes on."""
-        return int(self.done[world]), self.S[world].copy(), self.P[world].copy(), self.engine_state(world)
+        engine = self._engines[world].state(self.X, world)
+        return int(self.done[world]), self.S[world].copy(), self.P[world].copy(), engine
 
     def put(self, world: int, state: tuple[int, Array, Array, Any]) -> None:
         """Continue from a state, to the bit."""
         self.done[world], self.S[world], self.P[world], engine = state
         self.fault[world] = HEALTHY
-        if self._native is not None:
-            self.X[world] = engine
-        self.engine.state = engine
-        self._in_engine = world
-
-    def engine_state(self, world: int) -> Any:
-        """The engine's, a copy."""
-        if self._native is not None:
-            return self.X[world].copy()
-        return self.engine.state if self._in_engine == world else self.X[world]
+        bound = self._engines[world]
+        bound.leave(self.X, None)
+        bound.engine.state = engine
+        bound.entered(self.X, world)
 
     def look(self, world: int) -> Engine:
         """The engine, with the world's state in it."""
-        if self._native is not None:
-            self.engine.state = self.X[world]
-        else:
-            self._switch(world)
-        return self.engine
-
-    def _switch(self, world: int) -> None:
-        if self._in_engine != world:
-            self.X[self._in_engine] = self.engine.state
-            self.engine.state = self.X[world]
-            self._in_engine = world
-
-    def take_over(self, prepared: Prepared, engine: Engine) -> None:
-        """Go on with other numbers, and maybe another engine; all worlds have to be started anew."""
-        kinds, constants = tables(prepared.drives, prepared.sensors, self.shape, **self._options)
-        laws = [SPRING_LAW, STATE_LAW, JOINT_STEP]
-        kinds[:, laws] = self._kinds[:, laws]
-        self._kinds, self.P[:] = kinds, constants
-        if engine is not self.engine:
-            self.engine, self._in_engine = engine, 0
-            self._bind_engine()
+        self._engines[world].enter(self.X, world)
+        return self._engines[world].engine
 
     # -- running ----------------------------------------------------------------------------------------------------
 
@@ -236,48 +301,45 @@ class Core:
     ) -> None:
         """Advance worlds by the rows that are given; see :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine
         raises."""
-        if self._native is not None:
-            self._call(which, given, out, every, columns)
+        first = self._engines[int(which[0, 0])]
+        if isinstance(first, NativeEngine) and all(self._engines[w] is first for w in which[:, 0].tolist()):
+            self._call(first, which, given, out, every, columns)
             return
-        for place, (world, own) in enumerate(which.tolist()):
-            self._switch(world)
-            (self._call if self.compiled else self._plain)(
-                np.array([[world, own]]), given, out[place : place + 1], every, columns
-            )
+        for place, (world, _) in enumerate(which.tolist()):
+            bound = self._engines[world]
+            run = self._call if self.compiled else self._plain
+            run(bound, which[place : place + 1], given, out[place : place + 1], every, columns)
 
     def _call(
-        self, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
     ) -> None:
         from asrsim.simulation.native import compiled_run
 
-        native = self._native is not None
-        self._wrenches = given.wrenches[0, 0]
+        native = isinstance(bound, NativeEngine)
+        if not native:
+            bound.enter(self.X, int(which[0, 0]))
+        exchange = bound.exchange(len(self._kinds), given.wrenches[0, 0])
         compiled_run()(
             which, len(given), every, self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self._dummy, given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
-            given.pieces, self._exchange, self._engine_step, self._record.address if native else 0, columns, out,
+            self.X if native else self.S[:, 0], given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
+            given.pieces, exchange, bound.step, bound.record, columns, out,
         )  # fmt: skip
-        if self._raised is not None:
-            error, self._raised = self._raised, None
-            raise error
+        bound.raise_again()
 
     def _plain(
-        self, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
     ) -> None:
-        world, own = which[0].tolist()
+        ((world, own),) = which.tolist()
+        bound.enter(self.X, world)
         state = self.S[world].tolist()
+        exchange = bound.exchange(len(self._kinds), given.wrenches[0, 0])
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
         try:
             kernel.run(
-                [(0, 0)], len(given), every, done, fault, [state], [self.P[world].tolist()], self._kinds.tolist(),
+                [(0, 0)], len(given), every, done, fault, [state], [self.P[world].tolist()], self._kinds,
                 self._z.tolist(), [None], [given.inputs[own].tolist()], [given.wrenches[own]], [given.cuts[own].tolist()],
-                given.fractions.tolist(), given.on_time.tolist(), given.pieces.tolist(), self._exchange.data,
-                self._engine_step, 0, columns.tolist(), out.data,
+                given.fractions.tolist(), given.on_time.tolist(), given.pieces.tolist(), exchange.data, bound.step, 0,
+                columns.tolist(), out.data,
             )  # fmt: skip
         finally:
             self.S[world] = state
-
-    def close(self) -> None:
-        """Forget the engine."""
-        FUNCTIONS.pop(self._plain_step, None)
-        self.engine.close()

@@ -1,12 +1,11 @@
 """Functions that the kernel calls by address. Here is what an address means in plain Python; compiled code calls through the
 pointer (:mod:`asrsim.simulation.native`), which is why they are called by these names and no other.
 
-An address in plain Python is the key of a function in :data:`FUNCTIONS`.
+In plain Python an address is the function itself.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from functools import cache
@@ -15,40 +14,30 @@ from typing import Any
 from asrsim.actuators.base import Actuator
 from asrsim.actuators.vectorised import GAUSS
 
-FUNCTIONS: dict[int, Callable[..., None]] = {}
-"""Address -> function."""
-_numbers = itertools.count(1)
 MOTOR_NUMBERS = 16
 """Numbers of a motor that its law takes."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 
 
-def address_of(function: Callable[..., None]) -> int:
-    """An address of a plain function, for this process."""
-    address = next(_numbers)
-    FUNCTIONS[address] = function
-    return address
-
-
-def spring_law(address: int, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
+def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
     """Torques of the springs in N m into s[result:], for a link at q rad and motors at s[thetas:]; parameters: p[law:]."""
-    FUNCTIONS[address](q, s, thetas, p, law, s, result)
+    address(q, s, thetas, p, law, s, result)
 
 
-def state_law(address: int, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
+def state_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
     """Stiffness in N m/rad and energy of the springs in J into s[result:]; arguments as in :func:`spring_law`."""
-    FUNCTIONS[address](q, s, thetas, p, law, s, result)
+    address(q, s, thetas, p, law, s, result)
 
 
-def joint_step(address: int, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
+def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
     """A stepping's own step of a joint, in place of :func:`asrsim.simulation.joint.advance`: torque into s[TORQUE]."""
-    FUNCTIONS[address](s, p, k, u, h, note)
+    address(s, p, k, u, h, note)
 
 
-def engine_step(address: int, record: int, x: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
     """One step of the engine; see :mod:`asrsim.engines.base`."""
-    FUNCTIONS[address](x, exchange, wrenches, fraction)
+    address(x, exchange, wrenches, fraction)
 
 
 def numbers(p: Any, at: int) -> Any:
@@ -57,8 +46,8 @@ def numbers(p: Any, at: int) -> Any:
 
 
 @cache
-def plain_laws(actuator: type[Actuator], motors: int) -> tuple[int, int]:
-    """Addresses of an actuator's torques, and of its stiffness and energy, for plain Python. Where a law has no finite value,
+def plain_laws(actuator: type[Actuator], motors: int) -> tuple[Callable[..., None], Callable[..., None]]:
+    """An actuator's torques, and its stiffness and energy, for plain Python. Where a law has no finite value,
     they are NaN.
 
     motors: positions that the law takes, 2 at least.
@@ -81,7 +70,7 @@ def plain_laws(actuator: type[Actuator], motors: int) -> tuple[int, int]:
         except UNDEFINED:
             out[result] = out[result + 1] = math.nan
 
-    return address_of(torques_at), address_of(state_at)
+    return torques_at, state_at
 
 
 def energy_law(actuator: type[Actuator]) -> Callable[..., float]:

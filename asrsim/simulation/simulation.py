@@ -323,7 +323,7 @@ class Simulation:
         self.recording.take_over(varied, self.engine)
         if moved and self.engine.model is not None:
             check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))
-        self._core.take_over(varied, self.engine)
+        self._core.take_over(0, varied, self.engine)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
