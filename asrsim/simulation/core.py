@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators.base import Actuator
-from asrsim.engines.base import Engine, Native
+from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import kernel
+from asrsim.simulation.bound_engine import BoundEngine, NativeEngine, bind_engine
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block
 from asrsim.simulation.laws import plain_laws
-from asrsim.simulation.layout import E_VELOCITY, HEALTHY, JOINT_STEP, SPRING_LAW, STATE_LAW, STEP
+from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STATE_LAW, STEP
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
 
@@ -65,127 +65,6 @@ def given_by(block: Block, begin: int, end: int) -> Given:
     )
 
 
-class BoundEngine:
-    """An engine as the kernel calls it: its step in plain Python, with one world's state in the engine at a time."""
-
-    record = 0
-
-    def __init__(self, engine: Engine) -> None:
-        self.engine = engine
-        self.step: Any = self._step
-        """Address of its step."""
-        self._exchange = np.zeros((len(engine.joints), 5))
-        self._world: int | None = None
-        """Whose state the engine has."""
-
-    def exchange(self, joints: int, wrenches: Array) -> Array:
-        """(joints, 5) for the calls of one run; wrenches: (w, 6) an example."""
-        return self._exchange
-
-    def _step(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
-        self.engine.step(self._exchange, wrenches, fraction)
-
-    def raise_again(self) -> None:
-        """Raise what the engine raised where nothing could be raised."""
-
-    def leave(self, states: Any, world: int | None) -> None:
-        """The engine's state is about to become that of another world, or a fresh one."""
-        if self._world is not None and self._world != world:
-            states[self._world] = self.engine.state
-
-    def entered(self, states: Any, world: int) -> None:
-        """The engine has that world's state."""
-        self._world = world
-
-    def enter(self, states: Any, world: int) -> None:
-        """Let the engine have a world's state."""
-        if self._world != world:
-            self.leave(states, world)
-            self.engine.state = states[world]
-            self._world = world
-
-    def state(self, states: Any, world: int) -> Any:
-        """A copy of the engine's state in that world."""
-        return self.engine.state if self._world == world else states[world]
-
-
-class CalledEngine(BoundEngine):
-    """Its step in Python, called from compiled code."""
-
-    def __init__(self, engine: Engine) -> None:
-        super().__init__(engine)
-        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)
-        self._callback = kind(self._called)
-        self.step = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        self._wrenches = np.zeros((0, 6))
-        self._raised: BaseException | None = None
-
-    def exchange(self, joints: int, wrenches: Array) -> Array:
-        """As of its base."""
-        self._wrenches = wrenches
-        return self._exchange
-
-    def _called(self, record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
-        # No exception may cross compiled code: the world stops instead.
-        try:
-            if self._raised is None:
-                row = self._wrenches
-                if len(row):
-                    row = np.frombuffer((ctypes.c_double * row.size).from_address(wrenches)).reshape(row.shape)
-                self.engine.step(self._exchange, row, fraction)
-                return
-        except BaseException as error:
-            self._raised = error
-        self._exchange[:, E_VELOCITY] = np.nan
-
-    def raise_again(self) -> None:
-        """Raise what the engine raised."""
-        if self._raised is not None:
-            error, self._raised = self._raised, None
-            raise error
-
-
-class NativeEngine(BoundEngine):
-    """Its step as a C function, for the states of many worlds."""
-
-    def __init__(self, engine: Engine, native: Native) -> None:
-        self.engine = engine
-        self.size = native.size
-        self.step = native.address
-        self._owner = native.make_record()
-        self.record = self._owner.address
-
-    def exchange(self, joints: int, wrenches: Array) -> Array:
-        """Of its own for each call."""
-        return np.zeros((joints, 5))
-
-    def raise_again(self) -> None:
-        """Native code raises nothing."""
-
-    def leave(self, states: Any, world: int | None) -> None:
-        """All states stand in the array."""
-
-    def entered(self, states: Any, world: int) -> None:
-        """The engine has a state that the array has not yet."""
-        states[world] = self.engine.state
-
-    def enter(self, states: Any, world: int) -> None:
-        """Let the engine have a world's state."""
-        self.engine.state = states[world]
-
-    def state(self, states: Any, world: int) -> Any:
-        """A copy."""
-        return states[world].copy()
-
-
-def bind_engine(engine: Engine, *, compiled: bool) -> BoundEngine:
-    """The engine for plain or compiled runs."""
-    if not compiled:
-        return BoundEngine(engine)
-    native = engine.native
-    return CalledEngine(engine) if native is None else NativeEngine(engine, native)
-
-
 class Core:
     """N worlds of one robot. They share an engine; a world whose links have other inertias has one of its own."""
 
@@ -220,6 +99,11 @@ class Core:
         """States of the engine: an array (worlds, numbers) where it has native code, else whatever it has."""
         if isinstance(self._engines[0], NativeEngine):
             self.X = np.zeros((worlds, self._engines[0].size))
+
+    @property
+    def native(self) -> bool:
+        """Whether the whole loop is machine code."""
+        return isinstance(self._engines[0], NativeEngine)
 
     # -- binding ----------------------------------------------------------------------------------------------------
 
@@ -318,13 +202,13 @@ class Core:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
-        exchange = bound.exchange(len(self._kinds), given.wrenches[0, 0])
+        exchange, record = bound.borrow(given.wrenches[0, 0])
         compiled_run()(
             which, len(given), every, self.done, self.fault, self.S, self.P, self._kinds, self._z,
             self.X if native else self.S[:, 0], given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
-            given.pieces, exchange, bound.step, bound.record, columns, out,
+            given.pieces, exchange, bound.step, record.address, columns, out,
         )  # fmt: skip
-        bound.raise_again()
+        bound.give_back(record)
 
     def _plain(
         self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
@@ -332,7 +216,7 @@ class Core:
         ((world, own),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
-        exchange = bound.exchange(len(self._kinds), given.wrenches[0, 0])
+        exchange, _ = bound.borrow(given.wrenches[0, 0])
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
         try:
             kernel.run(

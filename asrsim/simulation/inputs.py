@@ -152,6 +152,16 @@ class Inputs:
                 goals[GOALS + slot, rows] = values
         return goals
 
+    @property
+    def steady(self) -> bool:
+        """Nothing that the scenario says changes, and there are no sensors and no wrenches."""
+        signals = (signal for column in self._signals for signal in column)
+        return not self._wrenches and not any(self._sensors) and all(type(signal) is Constant for signal in signals)
+
+    def mapped(self, references: Array) -> Array:
+        """Input rows without sensors, (n, joints, columns), of external torques and references (columns, joints, n)."""
+        return self._goals(references).transpose(2, 1, 0)
+
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
         tables, cuts = self._plan(first, count)

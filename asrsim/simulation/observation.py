@@ -15,10 +15,10 @@ from asrsim.simulation.layout import LAGGING, MOTOR_POSITION, MOTOR_VELOCITY, OW
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The state at a whole step; arrays are (n,) in the order of the joints, NaN where a joint has no such thing."""
+    """The state at a whole step; arrays are (n,) in the order of the joints, of several worlds (N, n), NaN where a joint has no such thing."""
 
-    time: float
-    """s."""
+    time: Any
+    """s; of several worlds (N,)."""
     link_position: Array
     """rad (m)."""
     link_velocity: Array
@@ -42,19 +42,19 @@ class Snapshot:
     row: Any
 
 
-def observe(time: float, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
-    """A world's state (joints, columns) at a whole step, at `time` s; substep in s."""
-    motors = np.full((4, len(drives)), np.nan)
+def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
+    """States (..., joints, columns) at a whole step, at `time` s; substep in s."""
+    motors = np.full((4, *state.shape[:-1]), np.nan)
     for j, drive in enumerate(drives):
         lag = drive.stepping.first_drift * substep
         for i in range(min(drive.dynamic_motors, 2)):
             m = OWN + i * PER_MOTOR
-            position, velocity = state[j, m + MOTOR_POSITION], state[j, m + MOTOR_VELOCITY]
-            motors[2 * i : 2 * i + 2, j] = position + lag * velocity, velocity
+            position, velocity = state[..., j, m + MOTOR_POSITION], state[..., j, m + MOTOR_VELOCITY]
+            motors[2 * i, ..., j], motors[2 * i + 1, ..., j] = position + lag * velocity, velocity
     return Observation(
         time=time,
-        link_position=state[:, POSITION].copy(),
-        link_velocity=state[:, LAGGING].copy(),
+        link_position=state[..., POSITION].copy(),
+        link_velocity=state[..., LAGGING].copy(),
         motor_1_position=motors[0],
         motor_1_velocity=motors[1],
         motor_2_position=motors[2],

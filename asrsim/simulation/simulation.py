@@ -87,7 +87,7 @@ class Simulation:
         motors = self._core.shape.motors
         self.recording = Recording(prepared, engine, motors=motors, last=self.last, sinks=sinks, keep=record)
         self._whole = self.recording.selection
-        self._inputs = self._inputs_of(prepared)
+        self._inputs = inputs_of(prepared)
         self._chunk = longest_chunk(len(prepared.drives), chunk)
         self._row: tuple[Array, Array] | None = None
         """Of the last whole step: logged columns (joints, columns) of the state, and references (input columns, joints)."""
@@ -98,13 +98,6 @@ class Simulation:
         self._closed, self._owner = False, object()
         self._core.start(0, prepared.drives, prepared.initial_positions, prepared.initial_velocities)
         self._start: Snapshot | None = self.snapshot()
-
-    @staticmethod
-    def _inputs_of(prepared: Prepared) -> Inputs:
-        staggered = prepared.stepping.staggered
-        return Inputs(
-            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors
-        )
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -300,7 +293,7 @@ class Simulation:
         if signals is not None:
             own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
             self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
-            self._inputs, self._first, self._start, self._owner = self._inputs_of(self.prepared), None, None, object()
+            self._inputs, self._first, self._start, self._owner = inputs_of(self.prepared), None, None, object()
         positions, speeds = self.prepared.start(initial or {}, velocities or {})
         if parameters is not None:
             self._take_over(self.prepared.with_numbers(parameters))
@@ -339,6 +332,12 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def inputs_of(prepared: Prepared) -> Inputs:
+    """The input signals of the scenario."""
+    staggered = prepared.stepping.staggered
+    return Inputs(prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors)
 
 
 def make_core(prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1) -> tuple[Core, str]:
