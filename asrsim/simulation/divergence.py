@@ -9,8 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
+from asrsim.simulation.layout import GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.substeps import COARSE
 
 SHARE = 0.5
@@ -38,6 +40,18 @@ class EnergyGuard:
     def __init__(self, energy: float) -> None:
         self._start = energy
         self._fastest = 0.0
+
+    def look(self, model: Model | None, state: Array, names: Sequence[str]) -> tuple[str, str] | None:
+        """Joint and what is wrong with its energy, or None. model: None where contacts or wrenches do work of their own on the
+        links; state: (joints, columns)."""
+        energy, kinetic = None, 0.0
+        if model is not None:
+            positions, velocities = state[:, POSITION], state[:, LAGGING]
+            energy = model.energy(positions, velocities)
+            kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
+        return self.fault(
+            energy, kinetic=kinetic, given=state[:, GIVEN], residual=state[:, RESIDUAL], turnover=state[:, TURNOVER], names=names
+        )
 
     def fault(
         self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, names: Sequence[str]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, MOTOR, OWN, PER_MOTOR
@@ -75,6 +76,16 @@ class Selection:
         """Of S."""
         self._given = {name: given[name] for name in self.names if name in given}
         self._lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+
+    def check(self, names: Sequence[str]) -> None:
+        """Raises InputError for names that are not among them."""
+        problems = [
+            Problem(f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity")
+            for name in names
+            if name not in self.names
+        ]
+        if problems:
+            raise InputError(problems)
 
     def values(self, out: Array, references: Array) -> Mapping[str, Array]:
         """Quantity -> (rows, joints), NaN where a joint does not record it. out: (rows, joints, columns); references: (input

@@ -14,7 +14,6 @@ from asrsim.errors import InputError
 from asrsim.samples import Array, RunInfo, Samples, concatenate
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.inputs import grid
-from asrsim.simulation.layout import GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import Selection
 from asrsim.simulation.world import WorldRecorder
@@ -101,15 +100,7 @@ class Recording:
                 self._check_energy(substep, state)
 
     def _check_energy(self, substep: int, state: Array) -> None:
-        energy, kinetic, model = None, 0.0, self._engine.model
-        if self._alone and model is not None:
-            positions, velocities = state[:, POSITION], state[:, LAGGING]
-            energy = model.energy(positions, velocities)
-            kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
-        fault = self._guard.fault(
-            energy, kinetic=kinetic, given=state[:, GIVEN], residual=state[:, RESIDUAL], turnover=state[:, TURNOVER],
-            names=self._engine.joints,
-        )  # fmt: skip
+        fault = self._guard.look(self._engine.model if self._alone else None, state, self._engine.joints)
         if fault is not None:
             time = min(substep, self._last) * self._prepared.substep
             raise runaway(fault[0], time, fault[1], self._prepared.resolution.omega_h)

@@ -6,7 +6,8 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -135,7 +136,17 @@ def run_to_end(
 
 def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
     """What a simulation has done so far, as a run."""
-    prepared, recording, counts = simulation.prepared, simulation.recording, simulation.counts
+    kept, prepared = simulation.recording.kept, simulation.prepared
+    run = make_run(
+        prepared, simulation.counts, status, wall_time=wall_time, compiled=simulation.compiled, message=message,
+        simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
+        samples=concatenate(kept) if kept else None,
+    )  # fmt: skip
+    return replace(run, warnings=(*run.warnings, *_slow(simulation)))
+
+
+def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Run:
+    """A run of a scenario; more: other fields of :class:`Run`."""
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
@@ -143,12 +154,8 @@ def run_of(simulation: Simulation, status: str, *, wall_time: float, message: st
         status=status,
         resolution=prepared.resolution,
         counts=counts,
-        wall_time=wall_time,
-        simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-        samples=concatenate(recording.kept) if recording.kept else None,
-        message=message,
-        warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, counts)),
-        compiled=simulation.compiled,
+        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, counts)),
+        **more,
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.compiling import available
-from asrsim.engines.base import Engine
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, SimulationError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
@@ -27,7 +27,6 @@ from asrsim.simulation.layout import HEALTHY, LAGGING, NO_VALUE
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import Selection
 from asrsim.simulation.recording import Recording, Sink
 
 ONE = np.zeros((1, 2), dtype=np.int64)
@@ -235,17 +234,27 @@ class Simulation:
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; NaN where a
-        joint does not record it, and before the first step. Raises InputError for a name that no joint records."""
+        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; at the start,
+        as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name that no joint
+        records."""
         self._check_open()
-        unknown = [name for name in names if name not in self._whole.names]
-        if unknown:
-            raise InputError(f"no joint records '{unknown[0]}'", choices=self._whole.names, code="unknown-quantity")
-        if self._row is None:
-            return {name: np.full(len(self.joints), np.nan) for name in names}
-        rows, references = self._row
+        self._whole.check(names)
+        rows, references = self._row or self._first_row()
         values = self._whole.values(rows[None], references[:, :, None])
         return {name: values[name][0] for name in names}
+
+    def _first_row(self) -> tuple[Array, Array]:
+        """What the next step would record; nothing moves."""
+        state, block = self._core.state(0), self._inputs.block(self.substep, 1)
+        out = np.empty((1, 1, len(self.joints), len(self._whole.columns)))
+        self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self._whole.columns)
+        self._core.put(0, state)
+        return out[0, 0], block.references[:, :, 0]
+
+    @property
+    def model(self) -> Model | None:
+        """Kinematics and dynamics of the robot; None where its links have no dynamics."""
+        return self.engine.model
 
     def look(self) -> Engine:
         """The engine in the present state: its model, and what is around the robot."""

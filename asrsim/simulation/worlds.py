@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines.base import Engine
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, SimulationError
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.chunks import SHORTEST
+from asrsim.simulation.chunks import LONGEST, SHORTEST
 from asrsim.simulation.core import Given, given_by
 from asrsim.simulation.counts import Counts, counts_of
+from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import GOALS, HEALTHY
@@ -120,8 +122,11 @@ class Worlds:
         self._threads = threads if self._pool else 1
         self.selection = Selection(prepared.drives, self._core.shape.motors, names)
         self._home_inputs = inputs_of(prepared)
+        self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
+        """Those that worlds had last, and what they are as inputs."""
         self._inputs = [self._home_inputs] * self.count
         self._own = [prepared] * self.count
+        self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * self.count
         columns = GOALS + self._core.shape.motors
         self._held = np.full((self.count, len(self.joints), columns), np.nan)
         """What is set from outside in place of the scenario's signals; NaN: nothing."""
@@ -162,7 +167,7 @@ class Worlds:
         kept = np.full((len(numbers), rows, len(self.joints), len(columns)), np.nan)
         ran = 0
         while ran < count:
-            length = min(SHORTEST, count - ran)
+            length = min(LONGEST if keep else SHORTEST, count - ran)
             before = done[numbers].copy()
             given, sets, references = self._inputs_for(numbers, length)
             out = np.full((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)), np.nan)
@@ -257,11 +262,24 @@ class Worlds:
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """As :meth:`asrsim.Simulation.read`, (N, n) each."""
         self._check_open()
-        unknown = [name for name in names if name not in self.selection.names]
-        if unknown:
-            raise InputError(f"no joint records '{unknown[0]}'", choices=self.selection.names, code="unknown-quantity")
-        values = self.selection.values(self._rows, self._given.transpose(1, 2, 0))
+        self.selection.check(names)
+        rows, given = self._rows, self._given
+        fresh = np.flatnonzero((self._core.done == 0) & self.healthy)
+        if len(fresh):
+            states = [self._core.state(world) for world in fresh.tolist()]
+            before = rows.copy(), given.copy()
+            self._run(fresh, 1, keep=False)
+            rows, given = self._rows, self._given
+            self._rows, self._given = before
+            for world, state in zip(fresh.tolist(), states, strict=True):
+                self._core.put(world, state)
+        values = self.selection.values(rows, given.transpose(1, 2, 0))
         return {name: values[name] for name in names}
+
+    @property
+    def model(self) -> Model | None:
+        """Kinematics and dynamics of the scenario's robot; None where its links have no dynamics."""
+        return self._engines[-1].model
 
     def counts(self, world: int) -> Counts:
         """Limits that a world met since its start."""
@@ -326,7 +344,9 @@ class Worlds:
         if varied is not home or self._own[world] is not home:
             self._take_over(world, varied)
         if start.references:
-            self._inputs[world] = inputs_of(_with_signals(self._own[world], start.references))
+            if self._signals[0] is not start.references:
+                self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
+            self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs
         self._place(world, start)
@@ -335,21 +355,25 @@ class Worlds:
         """Other numbers for a world: its engine is that of all unless a link weighs something else."""
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
-            found = self._engines.get(world)
-            if found is None or not found.vary(varied.robot):
-                if found is not None:
-                    found.close()
-                found = self._engines[world] = varied.make_engine()
-            engine = found
+            engine = self._own_engine(world, varied)
             if engine.model is not None:
                 check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
         self._own[world] = varied = varied.settled(engine.model)
         self._core.take_over(world, varied, engine)
 
+    def _own_engine(self, world: int, varied: Prepared) -> Engine:
+        found = self._engines.get(world)
+        if found is None or not found.vary(varied.robot):
+            if found is not None:
+                found.close()
+            found = self._engines[world] = varied.make_engine()
+        return found
+
     def _place(self, world: int, start: Start) -> None:
         prepared = self._own[world]
         positions, velocities = prepared.start(start.positions, start.velocities)
         self._core.start(world, started(prepared, positions, start.motors), positions, velocities)
+        self._begun[world] = positions, velocities
         self._held[world] = self._rows[world] = self._given[world] = np.nan
 
     # -- whole runs -------------------------------------------------------------------------------------------------
@@ -382,25 +406,51 @@ class Worlds:
             self._begin_world(
                 world, replace(base, parameters=_merged(base.parameters, table), references=_merged(base.references, own))
             )
+        return self.record(names, steps=steps, worlds=numbers)
+
+    def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
+        """Run worlds, or all, from their start on; see :meth:`rollout`."""
+        self.selection.check(names)
+        numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
-        unknown = [name for name in names if name not in self.selection.names]
-        if unknown:
-            raise InputError(f"no joint records '{unknown[0]}'", choices=self.selection.names, code="unknown-quantity")
         kept = self._run(numbers, total, keep=True)
-        found: dict[str, Array] = {}
-        time = np.arange(kept.shape[1]) * self.substeps
-        for world in numbers.tolist():
-            given = self._sampled(world, time)
-            values = self.selection.values(kept[world], given)
+        found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
+        substeps = np.arange(kept.shape[1]) * self.substeps
+        for place, world in enumerate(numbers.tolist()):
+            values = self.selection.values(kept[place], self._sampled(world, substeps))
             for name in names:
-                found.setdefault(name, np.empty((count, *kept.shape[1:3])))[world] = values[name]
+                found[name][place] = values[name]
         return found
 
     def _sampled(self, world: int, substeps: NDArray[np.int64]) -> Array:
         """Inputs (columns, joints, n) of a world at these substeps."""
-        inputs = self._inputs[world]
+        inputs, held = self._inputs[world], self._held[world].T
         inputs.held = {}
-        return inputs.sample(np.round(substeps * self.prepared.substep, 12))
+        sampled = inputs.sample(np.round(substeps * self.prepared.substep, 12))
+        return np.where(np.isnan(held)[:, :, None], sampled, held[:, :, None])
+
+    def sane(self, world: int) -> bool:
+        """Whether the world's motion is finite, and no energy came from nowhere since its start."""
+        prepared, model, state = self._own[world], self._core.look(world).model, self._core.S[world]
+        if not self.healthy[world]:
+            return False
+        if model is None or prepared.stepping.released:
+            return True
+        alone = prepared.scenario.world.empty and prepared.scenario.fixed_base and not prepared.scenario.wrenches
+        fault = EnergyGuard(model.energy(*self._begun[world])).look(model if alone else None, state, self.joints)
+        return fault is None
+
+    def prepared_of(self, world: int) -> Prepared:
+        """The scenario with the numbers that a world has."""
+        return self._own[world]
+
+    def model_of(self, robot: Robot) -> Model | None:
+        """Kinematics and dynamics of a robot that differs in its inertials."""
+        world = self.count
+        engine = self._engines[-1]
+        if robot.links != self.prepared.robot.links:
+            engine = self._own_engine(world, replace(self.prepared, robot=robot, _spare=[]))
+        return engine.model
 
     # -- the rest ---------------------------------------------------------------------------------------------------
 
@@ -462,7 +512,8 @@ def _listed(given: Any) -> list[Any] | None:
     return list(given) if isinstance(given, Sequence) else [given]
 
 
-def _merged(first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
+def _merged(first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None) -> Mapping[str, Mapping[str, Any]]:
     """Two tables of tables; the second counts."""
-    joints = {**first, **(second or {})}
-    return {joint: {**first.get(joint, {}), **(second or {}).get(joint, {})} for joint in joints}
+    if not second:
+        return first
+    return {joint: {**first.get(joint, {}), **second.get(joint, {})} for joint in {**first, **second}}
