@@ -98,12 +98,13 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[in
 def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, motor_substeps: int, cutoff: bool) -> list[float]:
     """A joint's row of P."""
     joint, law, values = drive.joint, drive.link_damping, drive.values
+    follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
     level, length = drive.hysteresis or (0.0, 1.0)
     gains = ("proportional", "integral", "derivative")
     row = [
         joint.most_effort, joint.velocity or np.inf, float(cutoff), low + AT_STOP, high - AT_STOP, drive.constant_damping,
-        law.ratio if law else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness, joint.spring_reference,
+        law.ratio if law and follows else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness, joint.spring_reference,
         joint.friction, joint.stribeck_friction, 1.0 / joint.stribeck_velocity, joint.load_friction,
         *(values.get(f"controller_1_{name}", 0.0) for name in gains), motor_substeps if drive.dynamic_motors else 1,
         values.get("max_deflection", np.inf), level, length,

@@ -199,7 +199,7 @@ def step_worlds(worlds: Worlds, numbers: Sequence[int], tap: Tap) -> list[Run | 
     rows = scenario.steps + 1
     values = {name: table.transpose(1, 0, 2).reshape(rows, -1) for name, table in found.items()}
     tap.write(Samples(time=grid(0, rows, scenario.step), joints=joints, values=values))
-    more = {"wall_time": 0.0, "simulated_time": scenario.steps * scenario.step, "compiled": worlds.compiled}
+    more = {"wall_time": 0.0, "simulated_time": worlds.prepared.last_substep(None) * worlds.prepared.substep, "compiled": worlds.compiled}
     return [
         make_run(worlds.prepared_of(world), worlds.counts(world), "complete", **more) if worlds.sane(world) else None
         for world in numbers
