@@ -1,12 +1,15 @@
-"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal."""
+"""PyBullet, the only module that imports it: clients, their saved states, and a robot into one. It reads files only, may crash on
+a mesh, and writes to the terminal."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 from asrsim.engines.foreign import crashes, quiet
 from asrsim.errors import RobotError
@@ -14,14 +17,46 @@ from asrsim.robot.inertia import principal_axes
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
+"""With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
+1e-3 rad/s. These leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 
 
+def connect(owner: Any) -> tuple[Any, int, list[bool], Callable[[], Any]]:
+    """PyBullet, a client of its own, whether it is alive, and what ends it. It ends with its owner, too: a client that is left
+    holds 28 MB."""
+    with quiet():
+        import pybullet
+
+        client = pybullet.connect(pybullet.DIRECT)
+    alive = [True]
+    return pybullet, client, alive, finalize(owner, disconnect, pybullet, client, alive)
+
+
+class SavedState:
+    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+
+    def __init__(self, p: Any, client: int, alive: list[bool]) -> None:
+        self._p, self._client, self._alive = p, client, alive
+        self.number = p.saveState(physicsClientId=client)
+
+    def __del__(self) -> None:
+        if self._alive[0]:
+            with suppress(Exception):
+                self._p.removeState(self.number, physicsClientId=self._client)
+
+
+def disconnect(p: Any, client: int, alive: list[bool]) -> None:
+    """End the client `client` of `p` (pybullet), and with it all that it keeps; `alive` tells the states."""
+    alive[0] = False
+    with suppress(p.error), quiet():
+        p.disconnect(client)
+
+
 def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
     """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError.
-
-    Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
     """
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
@@ -46,13 +81,13 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
             raise RobotError(message, file=robot.path, code="engine-load") from error
 
 
-def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot) -> None:
-    """Principal moments of the links (name -> Bullet's number) as the data have them.
+def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot, lift: float = 0.0) -> None:
+    """Principal moments of the links (name -> Bullet's number) as the data have them, each by `lift` (kg m^2) larger.
 
     Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
     """
     for link in robot.links:
-        moments, _ = principal_axes(link)
+        moments = tuple(moment + lift for moment in principal_axes(link)[0])
         if p.getDynamicsInfo(body, links[link.name], client)[2] != moments:
             p.changeDynamics(body, links[link.name], localInertiaDiagonal=moments, physicsClientId=client)
 

@@ -32,7 +32,7 @@ class BulletModel:
     """See :class:`asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot have."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self._p, self._client, self.close = connect(self)
+        self._p, self._client, _, self.close = connect(self)
         merged = merge_fixed(robot)
         bare = replace(
             merged.robot,
@@ -104,7 +104,6 @@ class BulletModel:
 
         rotation: (3, 3) of a base that floats; velocity: (v,).
         """
-        p, client = self._p, self._client
         q = self._ordered(positions)
         if rotation is None:
             return self._mass(q), self._forces_at(self._standing @ self.axes, q, self._ordered(velocity), self._zero)
