@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from typing import Any
+from weakref import ref
 
 import numpy as np
 
@@ -20,11 +21,14 @@ class BoundEngine:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self.step: Any = self._step
-        """Address of its step."""
         self._exchange = np.zeros((len(engine.joints), 5))
         self._world: int | None = None
         """Whose state the engine has."""
+
+    @property
+    def step(self) -> Any:
+        """Address of its step."""
+        return self._step
 
     def borrow(self, wrenches: Array) -> tuple[Array, Any]:
         """The exchange (joints, 5) and a record for one call of the kernel; wrenches: (w, 6) an example."""
@@ -62,9 +66,14 @@ class CalledEngine(BoundEngine):
 
     def __init__(self, engine: Engine) -> None:
         super().__init__(engine)
-        kind = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)
-        self._callback = kind(self._called)
-        self.step = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        own = ref(self)  # no circle, which would hold the engine until Python collects those
+
+        def called(record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
+            engine = own()
+            if engine is not None:
+                engine._called(wrenches, fraction)
+
+        self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)(called)
         self._wrenches = np.zeros((0, 6))
         self._raised: BaseException | None = None
 
@@ -73,7 +82,12 @@ class CalledEngine(BoundEngine):
         self._wrenches = wrenches
         return self._exchange, NO_RECORD
 
-    def _called(self, record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
+    @property
+    def step(self) -> Any:
+        """Address of its step."""
+        return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def _called(self, wrenches: int, fraction: float) -> None:
         # No exception may cross compiled code: the world stops instead.
         try:
             if self._raised is None:
@@ -99,10 +113,15 @@ class NativeEngine(BoundEngine):
     def __init__(self, engine: Engine, native: Native) -> None:
         self.engine = engine
         self.size, self._joints = native.size, len(engine.joints)
-        self.step = native.address
+        self._address = native.address
         self._make_record = native.make_record
         self._records: list[Record] = []
         """That no thread uses now."""
+
+    @property
+    def step(self) -> Any:
+        """Address of its step."""
+        return self._address
 
     def borrow(self, wrenches: Array) -> tuple[Array, Any]:
         """Of its own for each call: threads may call at once."""

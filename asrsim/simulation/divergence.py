@@ -12,11 +12,10 @@ import numpy as np
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.layout import GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
+from asrsim.simulation.layout import EXCESS, GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
+from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.substeps import COARSE
 
-SHARE = 0.5
-"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
 FLOOR = 5e-3
 """J below which energy is not checked."""
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
@@ -49,23 +48,25 @@ class EnergyGuard:
             positions, velocities = state[:, POSITION], state[:, LAGGING]
             energy = model.energy(positions, velocities)
             kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
+        given, residual, turnover, excess = (state[:, column] for column in (GIVEN, RESIDUAL, TURNOVER, EXCESS))
         return self.fault(
-            energy, kinetic=kinetic, given=state[:, GIVEN], residual=state[:, RESIDUAL], turnover=state[:, TURNOVER], names=names
+            energy, kinetic=kinetic, given=given, residual=residual, turnover=turnover, excess=excess, names=names
         )
 
     def fault(
-        self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, names: Sequence[str]
-    ) -> tuple[str, str] | None:
+        self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, excess: Array,
+        names: Sequence[str],
+    ) -> tuple[str, str] | None:  # fmt: skip
         """Joint and what is wrong with its energy, or None.
 
         energy: kinetic and gravitational energy of the links in J, None where contacts or wrenches do work of their own;
         kinetic: its first part (the engine has it half a step late, so links that only exchange it with gravity seem to gain);
         by joint, in J: given: work of actuators and external torques on the links; residual: what vanished in the actuators;
-        turnover: sum of the absolute flows.
+        turnover: sum of the absolute flows; excess: most by which a residual was larger than its share of them.
         """
         scale = FLOOR + SHARE * float(turnover.sum())
-        worst = int(np.abs(residual).argmax())
-        if abs(residual[worst]) > scale:
+        worst = int(excess.argmax())
+        if excess[worst] > FLOOR:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:

@@ -12,7 +12,7 @@ from asrsim.simulation.joint import advance, damping_of, friction_of, limit, pus
 from asrsim.simulation.laws import engine_step
 from asrsim.simulation.layout import (
     APPLIED, APPLIED_BEFORE, APPLIED_NEXT, BRAKE, CONTROLLERS, DAMPING, DRAG, DRIVE_BEFORE, DRIVE_NEXT, DRIVE_PIECE,
-    DRIVE_TORQUE, E_DAMPING, E_FRICTION, E_POSITION, E_TORQUE, E_VELOCITY, EXTERNAL, FREE_AFTER, FREE_BEFORE, HEALTHY, LAGGING,
+    DRIVE_TORQUE, E_DAMPING, E_FRICTION, E_POSITION, E_TORQUE, E_VELOCITY, EXTERNAL, FREE, FREE_AFTER, FREE_BEFORE, HEALTHY, LAGGING,
     LINK_IMPLICITNESS, MOTOR_PUSHES, MOTORS, NO_VALUE, NOW, OWN, P_BRAKE, P_EFFORT, P_LEVEL, PAST, PER_MOTOR, POSITION, PREVIOUS,
     PUSH, PUSHES, RAN_AWAY, STAGGERED, STEP, TORQUE, VELOCITY,
 )  # fmt: skip
@@ -110,8 +110,8 @@ def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
         s[APPLIED_BEFORE] += brake * s[FREE_BEFORE]
         s[APPLIED_NEXT] += brake * s[FREE_AFTER]
         s[APPLIED_BEFORE + 2] = s[APPLIED_NEXT + 2] = s[DAMPING]
-        applied = s[APPLIED] + brake
-        s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT]) if s[BRAKE] != 0.0 else s[APPLIED]
+        applied = s[APPLIED] - s[FREE] * p[P_BRAKE] * mean
+        s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
     else:
         s[APPLIED] += brake
 
@@ -140,7 +140,7 @@ def _in_pieces(
         if on_time[piece]:
             # The whole substep's time: what is recorded is the state here, and nothing moves.
             advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
-            limit(s, p, v)
+            s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
             torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
             side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
         advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE)

@@ -40,6 +40,7 @@ JOINT = (
     *(Column(f"{name}_before", "N m", "mean over the half kick before") for name in ("applied", "torque", "damping", "push")),
     *(Column(f"{name}_next", "N m", "mean over the half kick after") for name in ("applied", "torque", "damping", "push")),
     *(Column(f"{name}_last", "N m", "the same of the kick before") for name in ("applied", "torque", "damping", "push")),
+    Column("free", "1", "1 if the brake acts at the whole substep's time"),
     Column("free_before", "1", "share of the half kick before in which the brake acts"),
     Column("free_after", "1", "share of the half kick after in which the brake acts"),
     Column("link_work", "J", "work of the actuator on the link since the start", "link_work"),
@@ -55,6 +56,7 @@ JOINT = (
     Column("residual", "J", "motor work - losses - stored - link work", "energy_residual"),
     Column("given", "J", "work of actuator and external torques on the link, less what its damping took"),
     Column("turnover", "J", "sizes of all work at the joint"),
+    Column("excess", "J", "most by which the residual was larger than the share of the turnover that a resolved run may have"),
     Column("stiffness", "N m/rad", "stiffness of the spring", "stiffness"),
     Column("law_energy", "J", "energy by the spring's law alone, of the last call"),
     Column("stiffest", "N m/rad", "largest stiffness so far"),
@@ -69,9 +71,9 @@ JOINT = (
 (
     POSITION, LAGGING, PREVIOUS, VELOCITY, INTEGRAL, LAST_POSITION, BRAKE, DRAG, JUMPED,
     APPLIED, TORQUE, DAMPING, PUSH,
-    APPLIED_BEFORE, _, _, _, APPLIED_NEXT, _, _, _, APPLIED_LAST, _, _, _, FREE_BEFORE, FREE_AFTER,
+    APPLIED_BEFORE, _, _, _, APPLIED_NEXT, _, _, _, APPLIED_LAST, _, _, _, FREE, FREE_BEFORE, FREE_AFTER,
     LINK_WORK, LIMIT_LOSS, DAMPING_LOSS, MOTOR_WORK, FRICTION_LOSS, WINDING_LOSS, HYSTERESIS_LOSS,
-    SPRING_ENERGY, MOTOR_ENERGY, START_ENERGY, RESIDUAL, GIVEN, TURNOVER, STIFFNESS, LAW_ENERGY, STIFFEST,
+    SPRING_ENERGY, MOTOR_ENERGY, START_ENERGY, RESIDUAL, GIVEN, TURNOVER, EXCESS, STIFFNESS, LAW_ENERGY, STIFFEST,
     EFFORT_COUNT, VELOCITY_COUNT, SATURATION_COUNT, MOTOR_STOP_COUNT, MOTOR_SPEED_COUNT, DEFLECTION_COUNT, STOP_COUNT,
 ) = range(len(JOINT))  # fmt: skip
 OWN = len(JOINT)

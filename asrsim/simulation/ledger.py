@@ -13,7 +13,7 @@ from asrsim.simulation.joint import find_state
 from asrsim.simulation.laws import state_law
 from asrsim.simulation.layout import (
     APPLIED, APPLIED_BEFORE, APPLIED_LAST, APPLIED_NEXT, CURRENT, D_DAMPING, D_HIGH, D_INERTIA, D_LOW, D_MAX_TORQUE, D_MOST, D_RESISTANCE,
-    DAMPING_LOSS, DEFLECTION, DEFLECTION_COUNT, DRIVE_BEFORE, DRIVE_LAST, DRIVE_NEXT, DRIVE_TORQUE, DRIVES, DYNAMIC, EFFORT_COUNT, FRICTION_LOSS, GIVEN,
+    DAMPING_LOSS, DEFLECTION, DEFLECTION_COUNT, DRIVE_BEFORE, DRIVE_LAST, DRIVE_NEXT, DRIVE_TORQUE, DRIVES, DYNAMIC, EFFORT_COUNT, EXCESS, FRICTION_LOSS, GIVEN,
     HELD, HYSTERESIS, HYSTERESIS_LOSS, JUMPED, KICK_POSITION, KIND, LAST_DEFLECTION, LAST_HELD, LAST_HYSTERESIS,
     LAST_KICK_POSITION, LAST_MEAN_VELOCITY, LAST_POSITION, LAST_POWER, LAW, LAW_ENERGY, LIMIT_LOSS, LINK_WORK, MEAN_VELOCITY,
     MOTOR_ENERGY, MOTOR_PUSHES, MOTOR_SPEED_COUNT, MOTOR_STOP_COUNT, MOTOR_WORK, MOTORS, OWN, P_EFFORT, P_FASTEST, P_HIGHEST,
@@ -24,6 +24,8 @@ from asrsim.simulation.layout import (
 
 AT_STOP = 1e-12
 """rad or m before a stop from which on a motor is at it: a step reaches the stop but for rounding."""
+SHARE = 0.5
+"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
 FULL = 1.0 - 1e-9
 """Share of its greatest speed at which a motor is at its limit."""
 
@@ -182,6 +184,7 @@ def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
     s[RESIDUAL] = (
         s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (kept - s[START_ENERGY])
     )
+    s[EXCESS] = max(s[EXCESS], abs(s[RESIDUAL]) - SHARE * s[TURNOVER])
 
 
 def count_limits(s: Any, p: Any, k: Any) -> None:

@@ -203,7 +203,7 @@ def resolve(
         motor_frequency=motor_frequency,
         omega_h=limit,
         stiffness=tuple(float(k) for k in stiffness),
-        link_implicitness=0.0 if explicit else _implicitness(masses, [_damping(*one) for one in zip(drives, stiffness)], h),
+        link_implicitness=_implicitness(masses, list(map(_damping, drives, stiffness)), h, 0.0 if explicit else 0.5),
     )
 
 
@@ -214,15 +214,17 @@ def _damping(drive: SteppedJoint, stiffness: float) -> float:
     return drive.constant_damping + drive.link_brake + following
 
 
-def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: float) -> float:
-    """Weight w of the new velocity in that which damps.
+def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: float, least: float) -> float:
+    """Weight w of the new velocity in that which damps, `least` at least.
 
     A mode that decays by f = c h / I in a substep comes back as (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, is of
     second order; where a mode dies within a step it rings, so w grows until it comes back as -:data:`RINGING` at most.
     """
     root = np.sqrt(np.maximum(dampings, 0.0))
     fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0
-    return max(0.5, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING))) if fastest > 1.0 and math.isfinite(fastest) else 0.5
+    if not fastest > 1.0 or not math.isfinite(fastest):
+        return least
+    return max(least, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING)))
 
 
 def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Array]:
