@@ -77,6 +77,7 @@ def _words_at(builder: Any, address: Any) -> Any:
 
 
 def array_at(context: Any, builder: Any, layout: Any, address: Any, shape: list[Any]) -> Any:
+    """Compiled code's array of a layout and a shape at an address."""
     from llvmlite import ir
     from numba.core import cgutils
     from numba.np import arrayobj

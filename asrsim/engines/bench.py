@@ -26,7 +26,7 @@ class Table(NamedTuple):
     """The motion as native steps read it."""
 
     places: Array
-    """(n, joints) rad, m at whole steps."""
+    """(n, joints) rad, m at whole steps; NaN in the last row, since no motion is known after the scenario's duration."""
     speeds: Array
     """(n, joints) rad/s, m/s between them."""
 
@@ -34,7 +34,7 @@ class Table(NamedTuple):
 def move(table: Any, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
     """One step to the next row: the bench holds the links."""
     state[0] += 1.0
-    row = int(state[0])
+    row = min(int(state[0]), len(table.places) - 1)
     for j in range(len(exchange)):
         exchange[j, POSITION] = table.places[row, j]
         exchange[j, VELOCITY] = table.speeds[row, j]
@@ -104,7 +104,8 @@ class BenchEngine:
         joints, steps = len(self.joints), self._duration / self._step + 4.0
         if not steps * joints < LONGEST or not compiling.available():
             return None
-        table = Table(*map(np.ascontiguousarray, self._motion(0, int(steps))))
+        table = Table(*(np.ascontiguousarray(rows) for rows in self._motion(0, int(steps))))
+        table.places[-1] = table.speeds[-1] = np.nan
         compiled = compiling.compile_packed(move, table, _sizes)
         words = pack(table)
         return Native(compiled.address, 1, lambda: Record(words.ctypes.data, (words, table, compiled)))

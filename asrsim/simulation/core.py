@@ -94,7 +94,7 @@ class Core:
         """(worlds,) substeps."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """(worlds, 2) health, and a joint."""
-        self._engines = [bind_engine(engine, compiled=compiled)] * worlds
+        self._engines = [self._bound(engine, prepared)] * worlds
         self.X: Any = [None] * worlds
         """States of the engine: an array (worlds, numbers) where it has native code, else whatever it has."""
         if isinstance(self._engines[0], NativeEngine):
@@ -104,6 +104,17 @@ class Core:
     def native(self) -> bool:
         """Whether the whole loop is machine code."""
         return isinstance(self._engines[0], NativeEngine)
+
+    def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
+        """Its native code is that of a run that has started."""
+        self._start_engine(engine, prepared.initial_positions, prepared.initial_velocities)
+        return bind_engine(engine, compiled=self.compiled)
+
+    def _start_engine(self, engine: Engine, positions: Sequence[float], velocities: Sequence[float]) -> Any:
+        return engine.start(
+            positions, velocities, step=float(self._z[STEP]), staggered=self.stepping.staggered,
+            implicitness=self._link_implicitness,
+        )  # fmt: skip
 
     # -- binding ----------------------------------------------------------------------------------------------------
 
@@ -141,18 +152,15 @@ class Core:
         """Let a world have other numbers, and maybe another engine; it has to be started anew."""
         _, self.P[world] = tables(prepared.drives, prepared.sensors, self.shape, **self._options)
         if engine is not self._engines[world].engine:
-            self._engines[world] = bind_engine(engine, compiled=self.compiled)
+            self._engines[world] = self._bound(engine, prepared)
 
     # -- state ------------------------------------------------------------------------------------------------------
 
     def start(self, world: int, drives: Sequence[SteppedJoint], positions: Sequence[float], velocities: Sequence[float]) -> None:
         """Put a world at the start of a run."""
-        bound, stepping = self._engines[world], self.stepping
+        bound = self._engines[world]
         bound.leave(self.X, None)
-        placed = bound.engine.start(
-            positions, velocities, step=float(self._z[STEP]), staggered=stepping.staggered,
-            implicitness=self._link_implicitness,
-        )  # fmt: skip
+        placed = self._start_engine(bound.engine, positions, velocities)
         rows = zip(drives, self._sensors, *placed, strict=True)
         self.S[world] = [start_of(drive, sensor, self.shape, q, v) for drive, sensor, q, v in rows]
         self.done[world] = 0

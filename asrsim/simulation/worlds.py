@@ -166,7 +166,7 @@ class Worlds:
         rows = -(-count // every) if keep else 0
         kept = np.full((len(numbers), rows, len(self.joints), len(columns)), np.nan)
         ran = 0
-        while ran < count:
+        while ran < count and len(numbers):
             length = min(LONGEST if keep else SHORTEST, count - ran)
             before = done[numbers].copy()
             given, sets, references = self._inputs_for(numbers, length)
