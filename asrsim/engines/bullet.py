@@ -1,17 +1,22 @@
-"""PyBullet behind the engine interface.
+"""PyBullet behind the engine interface; it asks no other engine.
 
-Without contacts the step is ours (:mod:`asrsim.engines.rigid`), from PyBullet's mass matrix and bias; friction of joints and
-their stops are exact. With contacts the step is Bullet's (:mod:`asrsim.engines.bullet_contacts`).
+Without contacts the step is ours, on Bullet's mass matrix and bias (:class:`BulletEngine`); with contacts it is Bullet's
+(:mod:`asrsim.engines.bullet_contacts`). Of what moves the robot, the MuJoCo engine and this one share :mod:`asrsim.engines.rigid`
+and :mod:`asrsim.engines.exact_friction` only, which neither know the robot.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from asrsim.engines.base import Engine, Scene
-from asrsim.engines.bullet_model import BulletModel
+from asrsim.engines.base import Scene
+from asrsim.engines.bullet_contacts import BulletContacts
+from asrsim.engines.bullet_model import BASE, BulletModel
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem
+from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
@@ -20,75 +25,68 @@ from asrsim.versions import version
 
 
 class BulletEngine(RigidEngine):
-    """One robot that touches nothing."""
+    """A robot that touches nothing."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self.model = model = BulletModel(scenario, robot)
-        self.robot, self.joints = robot, model.joints
         self.version = f"pybullet {version('pybullet')}"
-        self._wrenches = scenario.wrenches
-        self._free = not scenario.fixed_base
-        places, speeds = (7, 6) if self._free else (0, 0)
-        count = len(self.joints)
-        home = np.zeros(places + count)
-        if self._free:
+        self.robot, self._scenario = robot, scenario
+        self.model = model = BulletModel(scenario, robot)
+        self.joints = model.joints
+        count, free = len(self.joints), not scenario.fixed_base
+        self._start = 7 if free else 0
+        base = BASE if free else 0
+        room = make_room(
+            robot, np.zeros(4), qpos=np.zeros(self._start + count), qvel=np.zeros(base + count),
+            joint_q=range(self._start, self._start + count), joint_v=range(base, base + count), free=free,
+        )  # fmt: skip
+        home = np.zeros(self._start + count)
+        if free:
             x, y, z, w = quaternion(scenario.base_rpy)
             home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ model.centre
             home[3:7] = w, x, y, z
-        room = make_room(
-            robot, np.zeros(4), qpos=home.copy(), qvel=np.zeros(speeds + count), joint_q=range(places, places + count),
-            joint_v=range(speeds, speeds + count), free=self._free,
-        )  # fmt: skip
         super().__init__(room, home)
 
     def look(self, wrenches: Array) -> None:
-        """Mass matrix, bias and forces by PyBullet."""
-        room = self._room
-        rotation = rotation_of(room.qpos) if self._free else None
-        positions = room.qpos[7:] if self._free else room.qpos
-        room.matrix[:], room.bias[:] = self.model.look(positions, rotation, room.qvel)
+        """Let Bullet look."""
+        room, model = self._room, self.model
+        rotation = turned(room.qpos[3:7]) if room.free else None
+        positions = room.qpos[self._start :]
+        room.matrix[:] = model.matrix_at(positions, rotation)
+        room.bias[:] = model.bias_at(positions, rotation, room.qvel)
         if len(wrenches):
-            room.force[:] = 0.0
-        for wrench, values in zip(self._wrenches, wrenches, strict=True):
-            room.force[:] += self.model.push(
-                wrench.link, wrench.point, values[:3], values[3:], local=wrench.frame != "world", positions=positions, base=rotation
-            )
+            room.force[:] = model.push(self._scenario.wrenches, wrenches, positions, rotation)
 
     def scene(self) -> Scene:
-        """The pose of the base link if it floats."""
-        if not self._free:
+        """Pose of the base link, if it floats."""
+        if not self._room.free:
             return Scene({}, {})
-        rotation = rotation_of(self._state)
-        w, x, y, z = self._state[3:7].tolist()
-        return Scene({self.model.links[0]: (*(self._state[:3] - rotation @ self.model.centre).tolist(), x, y, z, w)}, {})
+        w, *vector = self._state[3:7].tolist()
+        origin = self._state[:3] - turned(self._state[3:7]) @ self.model.centre
+        return Scene({self.model.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """True where links are the same: Bullet takes over no changed bodies exactly."""
-        if robot.links != self.robot.links:
-            return False
-        self.robot = robot
-        return True
+        """Bodies are as they were loaded."""
+        return robot.links == self.robot.links
 
     def close(self) -> None:
-        """Disconnect the client."""
+        """Disconnect the physics client."""
         self.model.close()
 
 
-def rotation_of(configuration: Array) -> Array:
-    """(3, 3) of a floating base."""
-    w, x, y, z = configuration[3:7].tolist()
-    return np.array((
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    ))  # fmt: skip
+def turned(quaternion: Array) -> Array:
+    """(3, 3) rotation of w, x, y, z."""
+    w, x, y, z = quaternion.tolist()
+    return np.array(
+        (
+            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+        )
+    )
 
 
-def make_bullet(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
+def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
-    if scenario.world.empty:
-        return BulletEngine(scenario, robot), ()
-    from asrsim.engines.bullet_contacts import BulletContacts
-
-    engine = BulletContacts(scenario, robot)
-    return engine, engine.warnings
+    _, warnings = usable_shapes(robot, package_paths=scenario.package_paths)
+    engine: Any = BulletEngine if scenario.world.empty else BulletContacts
+    return engine(scenario, robot), warnings

@@ -42,11 +42,11 @@ class BulletContacts:
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.model = BulletModel(scenario, robot)
-        self._p, self._client, self._alive, self._release = connect(self)
+        self._p, self._client, self._release = connect(self)
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
         merged = merge_fixed(robot)
-        text, self.warnings = engine_urdf(merged.robot, package_paths=scenario.package_paths)
+        text, _ = engine_urdf(merged.robot, package_paths=scenario.package_paths)
         try:
             p, client = self._p, self._client
             self._body = body = load_body(p, client, text, scenario, robot)
@@ -96,7 +96,7 @@ class BulletContacts:
     @property
     def state(self) -> Any:
         """Bullet's, in its memory, and what stands here."""
-        saved = SavedState(self._p, self._client, self._alive)
+        saved = SavedState(self._p, self._client, self._release)
         return saved, self._previous.copy(), self._change.copy(), self._net.copy(), list(self._friction)
 
     @state.setter
@@ -115,12 +115,12 @@ class BulletContacts:
         p, client, body, joints = self._p, self._client, self._body, self.model.base
         positions, velocity, rotation = self._look()
         whole = 1.5 * velocity - 0.5 * self._previous if self._staggered and fraction == 1.0 else velocity
-        matrix, bias = self.model.look(positions, rotation, velocity)
-        push = bias - self.model.look(positions, rotation, whole)[1]
+        bias = self.model.bias_at(positions, rotation, velocity)
+        push = bias - self.model.bias_at(positions, rotation, whole)
         if fraction != 1.0:
-            still = self.model.look(positions, rotation, np.zeros_like(velocity))[1]
+            still = self.model.bias_at(positions, rotation, np.zeros_like(velocity))
             push = fraction * push + (1.0 - fraction) * (bias - still)
-        torque = fraction * (exchange[:, TORQUE] + self._damping(exchange, matrix, bias, velocity, fraction))
+        torque = fraction * (exchange[:, TORQUE] + self._damping(exchange, positions, rotation, bias, velocity, fraction))
         if joints:
             self._push_base(push[:3], rotation @ push[3:6])
         for index, values in enumerate(wrenches):
@@ -155,7 +155,9 @@ class BulletContacts:
         linear, angular = p.getBaseVelocity(body, client)
         return np.array(positions), np.array([*linear, *(rotation.T @ np.array(angular)), *speeds]), rotation
 
-    def _damping(self, exchange: Array, matrix: Array, bias: Array, velocity: Array, fraction: float) -> Array:
+    def _damping(
+        self, exchange: Array, positions: Array, rotation: Any, bias: Array, velocity: Array, fraction: float
+    ) -> Array:
         """(n,) N m of damping at the mean velocity over the kick that it helps to make.
 
         The change of velocity differs from the last kick's by what the torques have changed by; contacts push as they did.
@@ -166,7 +168,7 @@ class BulletContacts:
             self._net = net
             return np.zeros(len(own))
         kick, rows = fraction * self._step, slice(self.model.base, None)
-        implicit = matrix.copy()
+        implicit = self.model.matrix_at(positions, rotation)
         implicit[rows, rows] += np.diag(self._implicitness * kick * drag)
         force = np.zeros(len(velocity))
         if np.isnan(self._net).any():

@@ -1,10 +1,10 @@
-"""PyBullet, the only module that imports it: clients, their saved states, and a robot into one. It reads files only, may crash on
-a mesh, and writes to the terminal."""
+"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal. The only module that imports
+it."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -24,40 +24,37 @@ NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 
 
-def connect(owner: Any) -> tuple[Any, int, list[bool], Callable[[], Any]]:
-    """PyBullet, a client of its own, whether it is alive, and what ends it. It ends with its owner, too: a client that is left
-    holds 28 MB."""
+def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
+    """The module `pybullet`, the number of a new physics client, and what ends it, at the latest when nobody has `owner` any more:
+    a client takes 28 MB."""
     with quiet():
         import pybullet
 
         client = pybullet.connect(pybullet.DIRECT)
-    alive = [True]
-    return pybullet, client, alive, finalize(owner, disconnect, pybullet, client, alive)
+    return pybullet, client, finalize(owner, _disconnect, pybullet, client)
+
+
+def _disconnect(p: Any, client: int) -> None:
+    with suppress(p.error), quiet():
+        p.disconnect(client)
 
 
 class SavedState:
     """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
 
-    def __init__(self, p: Any, client: int, alive: list[bool]) -> None:
-        self._p, self._client, self._alive = p, client, alive
+    def __init__(self, p: Any, client: int, release: finalize[..., Any]) -> None:
+        """release: what ends the client."""
+        self._p, self._client, self._release = p, client, release
         self.number = p.saveState(physicsClientId=client)
 
     def __del__(self) -> None:
-        if self._alive[0]:
+        if self._release.alive:
             with suppress(Exception):
                 self._p.removeState(self.number, physicsClientId=self._client)
 
 
-def disconnect(p: Any, client: int, alive: list[bool]) -> None:
-    """End the client `client` of `p` (pybullet), and with it all that it keeps; `alive` tells the states."""
-    alive[0] = False
-    with suppress(p.error), quiet():
-        p.disconnect(client)
-
-
 def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
-    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError.
-    """
+    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError."""
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(urdf, encoding="utf-8")
@@ -82,7 +79,7 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
 
 
 def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot, lift: float = 0.0) -> None:
-    """Principal moments of the links (name -> Bullet's number) as the data have them, each by `lift` (kg m^2) larger.
+    """Principal moments of the links (name -> Bullet's number) as the data have them, each with `lift` kg m^2 more.
 
     Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
     """

@@ -22,7 +22,7 @@ from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.scenario.data import Scenario, Wrench
 
 BASE = 6
 """Degrees of freedom of a floating base."""
@@ -32,7 +32,7 @@ class BulletModel:
     """See :class:`asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot have."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self._p, self._client, _, self.close = connect(self)
+        self._p, self._client, self.close = connect(self)
         merged = merge_fixed(robot)
         bare = replace(
             merged.robot,
@@ -46,6 +46,7 @@ class BulletModel:
         index = places_of(p, client, self._body)
         self.indices = [index[joint.child] for joint in bare.moving_joints]
         self._places = {name: (index[place.body], place.pose) for name, place in merged.places.items()}
+        self.root = bare.root.name
         self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
         self.base = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
@@ -61,6 +62,7 @@ class BulletModel:
         self.centre, self.axes = np.array(dynamics[3]), self._matrix(dynamics[4])
         self._standing = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1])
         self._parts = [(1.0, self._body)]
+        self._gravity: list[float] = []
         self._set_up()
 
     def _load(self, lift: float) -> int:
@@ -98,42 +100,45 @@ class BulletModel:
 
     # -- for stepping ------------------------------------------------------------------------------------------------
 
-    def look(self, positions: Array, rotation: Array | None, velocity: Array) -> tuple[Array, Array]:
-        """Mass matrix (v, v) and bias (v,) of all degrees of freedom, a floating base first: translation along the world's
+    def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
+        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the world's
         axes, rotation about the base link's own.
 
-        rotation: (3, 3) of a base that floats; velocity: (v,).
+        rotation: (3, 3) of a base that floats.
         """
+        matrix = self._mass(self._ordered(positions))
+        if rotation is not None:
+            for axes, at in ((rotation @ self.axes, slice(0, 3)), (self.axes, slice(3, 6))):
+                matrix[at] = axes @ matrix[at]
+                matrix[:, at] = matrix[:, at] @ axes.T
+        return matrix
+
+    def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
+        """(v,) N m that give no acceleration, in the same order; velocity: (v,)."""
         q = self._ordered(positions)
         if rotation is None:
-            return self._mass(q), self._forces_at(self._standing @ self.axes, q, self._ordered(velocity), self._zero)
+            return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
         turned = rotation @ self.axes
         spins, moves = (self.axes.T @ velocity[3:6]).tolist(), (turned.T @ velocity[:3]).tolist()
-        matrix = self._mass(q)
         bias = self._forces_at(turned, q, [*spins, *moves, *self._ordered(velocity[BASE:])], self._zero)
-        for axes, at in ((turned, slice(0, 3)), (self.axes, slice(3, 6))):
-            matrix[at] = axes @ matrix[at]
-            matrix[:, at] = matrix[:, at] @ axes.T
-            bias[at] = axes @ bias[at]
-        return matrix, bias
+        bias[:3], bias[3:6] = turned @ bias[:3], self.axes @ bias[3:6]
+        return bias
 
-    def push(
-        self, link: str, point: Point, force: Array, torque: Array, *, local: bool, positions: Array, base: Array | None
-    ) -> Array:
-        """(v,) N m that force (3,) N and torque (3,) N m at a point of a link make; local: they are given in the link's frame.
-
-        base: (3, 3) of a floating one.
-        """
-        at, rotation, jacobian = self.link_point(link, point, positions)
+    def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
+        """(v,) N m that wrenches make, whose forces (N) and torques (N m) are `values` (w, 6)."""
+        total = np.zeros(self.base + len(self.indices))
         # The model's own base stands as at the start.
-        turn = np.eye(3) if base is None else base @ self._standing_frame().T
-        if local:
-            force, torque = turn @ rotation @ force, turn @ rotation @ torque
-        joints = jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
-        if base is None:
-            return joints
-        arm = turn @ (at - np.array(self._p.getBasePositionAndOrientation(self._body, self._client)[0]))
-        return np.concatenate([force, base.T @ (torque + np.cross(arm, force)), joints])
+        turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
+        for wrench, value in zip(wrenches, values, strict=True):
+            at, frame, jacobian = self.link_point(wrench.link, wrench.point, positions)
+            axes = np.eye(3) if wrench.frame == "world" else turn @ frame
+            force, torque = axes @ value[:3], axes @ value[3:]
+            total[self.base :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
+            if rotation is not None:
+                arm = turn @ (at - np.array(self._p.getBasePositionAndOrientation(self._body, self._client)[0]))
+                total[:3] += force
+                total[3:6] += rotation.T @ (torque + np.cross(arm, force))
+        return total
 
     def _standing_frame(self) -> Array:
         """(3, 3) of the base link's frame at the start."""
@@ -154,7 +159,10 @@ class BulletModel:
             still = [0.0] * (BASE + len(self.indices) - len(velocities))
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
         # Gravity is turned in the base's place.
-        p.setGravity(*(turned.T @ self._scenario.gravity).tolist(), physicsClientId=client)
+        gravity = (turned.T @ self._scenario.gravity).tolist()
+        if gravity != self._gravity:
+            p.setGravity(*gravity, physicsClientId=client)
+            self._gravity = gravity
         ask = p.calculateInverseDynamics
         total = sum(part * np.array(ask(body, *states, physicsClientId=client)) for part, body in self._parts)
         return np.asarray(total)[self._forces]
@@ -211,8 +219,7 @@ class BulletModel:
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
         )
         jacobian = np.vstack([self._standing @ np.array(linear), self._standing @ np.array(angular)])
-        joints = [self.base + row - self.base for row in self._rows[self.base :].tolist()]
-        return position, rotation @ pose.rotation, jacobian[:, joints]
+        return position, rotation @ pose.rotation, jacobian[:, self._rows[self.base :]]
 
     def _place(self, positions: Sequence[float] | Array) -> None:
         """The robot's joints there."""
