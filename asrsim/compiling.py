@@ -175,7 +175,8 @@ def numbers_reader(count: int) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """A function that compiled code may call: row(address) -> the array (n,) of floats, or integers, there; of unknown length."""
+    """A function that compiled code may call: row(address) -> the array (n,) of floats, or integers, there; of unknown
+    length."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic

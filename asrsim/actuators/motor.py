@@ -37,9 +37,9 @@ def motor_kick(
 
     position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral of the controller in units
     of the command; reference: desired position in rad, or the command itself in the modes without controller; load: torque of
-    the spring on the motor in N m; slowest, fastest: the velocities in rad/s between which its stops and its speed limit keep it
-    (:func:`velocity_bounds`). The velocity in damping, back-EMF and derivative action is (1 - implicitness) old + implicitness
-    new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: of :func:`motor_numbers`.
+    the spring on the motor in N m; slowest, fastest: the velocities in rad/s between which its stops and its speed limit keep
+    it (:func:`velocity_bounds`). The velocity in damping, back-EMF and derivative action is (1 - implicitness) old +
+    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: of :func:`motor_numbers`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """
     p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters

@@ -15,7 +15,10 @@ from asrsim.actuators.base import Actuator, saturate
 from asrsim.rebind import rebind
 
 Array = NDArray[np.float64]
-GAUSS = tuple((0.5 * (node + 1.0), 0.5 * weight) for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True))
+GAUSS = tuple(
+    (0.5 * (node + 1.0), 0.5 * weight)
+    for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True)
+)
 """Nodes and weights of Gauss's rule with twelve points on [0, 1]."""
 
 _ARRAY_MATH: dict[str, Any] = {

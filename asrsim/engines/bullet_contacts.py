@@ -1,8 +1,8 @@
 """Stepping with contacts: Bullet's own step, with velocity motors as the joints' friction.
 
 What Bullet's step lacks is made up for from its own mass matrix and bias: in a staggered run it takes Coriolis and centrifugal
-torques at velocities half a step late; it knows no implicit damping; and it gives velocity torques their whole impulse in a kick
-that is a part of one.
+torques at velocities half a step late; it knows no implicit damping; and it gives velocity torques their whole impulse in a
+kick that is a part of one.
 """
 
 from __future__ import annotations
@@ -257,7 +257,10 @@ def _times(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float,
     """Product of two quaternions x y z w."""
     (x, y, z, w), (i, j, k, r) = a, b
     return (
-        w * i + x * r + y * k - z * j, w * j - x * k + y * r + z * i, w * k + x * j - y * i + z * r, w * r - x * i - y * j - z * k
+        w * i + x * r + y * k - z * j,
+        w * j - x * k + y * r + z * i,
+        w * k + x * j - y * i + z * r,
+        w * r - x * i - y * j - z * k,
     )  # fmt: skip
 
 

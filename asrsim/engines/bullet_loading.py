@@ -25,8 +25,8 @@ NO_CLAMP = 1e9
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client, and what ends it, at the latest when nobody has `owner` any more:
-    a client takes 28 MB."""
+    """The module `pybullet`, the number of a new physics client, and what ends it, at the latest when nobody has `owner` any
+    more: a client takes 28 MB."""
     with quiet():
         import pybullet
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
+
 from asrsim.environment.task import Episode, Single, State, Task
 from asrsim.errors import DivergenceError, InputError
 from asrsim.simulation.simulation import Simulation
@@ -97,4 +98,3 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 def again(kind: Any, scenario: Any, options: dict[str, Any]) -> Any:
     """An environment of that kind, made with these options."""
     return kind(scenario, **options)
-

@@ -55,8 +55,12 @@ class Readings:
         if problems:
             raise InputError(problems)
         # A motor that stands at its reference has no position of its own.
-        self._ideal = any(name in _MOTORS and drives[j].dynamic_motors < int(name[6]) for name in names for j in self._joints[name])
-        self._wanted = [name for name in names if name in _STEP or (self._ideal and name in _MOTORS and name.endswith("position"))]
+        self._ideal = any(
+            name in _MOTORS and drives[j].dynamic_motors < int(name[6]) for name in names for j in self._joints[name]
+        )
+        self._wanted = [
+            name for name in names if name in _STEP or (self._ideal and name in _MOTORS and name.endswith("position"))
+        ]
 
     @property
     def size(self) -> int:

@@ -78,20 +78,25 @@ class Task:
         """Of a simulation or of worlds. Raises InputError for what cannot be observed."""
         return Readings(simulation, self._observe, self._tip)
 
-    def spaces(self, readings: Readings) -> tuple[spaces.Box, spaces.Box]:
+    def spaces(self, readings: Readings) -> tuple[Any, Any]:
         """Of observations and actions of one environment."""
         low, high = readings.bounds()
         ends = self._goal.bounds()
         bounds = [np.clip(np.concatenate(pair), -LARGEST, LARGEST) for pair in ((low, ends[0]), (high, ends[1]))]
         rounded = [np.nextafter(bound.astype(np.float32), side, dtype=np.float32) for bound, side in zip(
             bounds, (np.float32(-LARGEST), np.float32(LARGEST)), strict=True)]  # fmt: skip
-        return spaces.Box(*rounded, dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
+        return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def draw(self, chance: np.random.Generator) -> Episode:
         """What differs in the next episode."""
         goal = self._goal.draw(chance)
         parameters = self._random.draw(chance) if self._random.keys else {}
         return Episode(parameters, goal, self._start.draw(chance) if self._start.keys else {})
+
+    @property
+    def goals(self) -> int:
+        """Numbers of a goal."""
+        return len(self._goal.keys)
 
     @property
     def draws(self) -> bool:

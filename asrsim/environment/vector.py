@@ -18,7 +18,7 @@ from asrsim.samples import Array
 from asrsim.simulation.worlds import Start, Worlds
 
 
-class SoftRobotVectorEnv(VectorEnv[Single, Single, NDArray[np.bool_]]):
+class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     """See :func:`asrsim.environment.make_vec_env`. Environment i is equal to the bit to one alone with the seed of i."""
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -37,7 +37,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, NDArray[np.bool_]]):
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
         """Environments whose next step is a reset."""
-        self._goals = np.zeros((num_envs, self.single_observation_space.shape[0] - self._readings.size))
+        self._goals = np.zeros((num_envs, task.goals))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy begins anew."""
@@ -112,4 +112,3 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, NDArray[np.bool_]]):
     def close_extras(self, **kwargs: Any) -> None:
         """Release the engines."""
         self.worlds.close()
-

@@ -112,9 +112,7 @@ class Door:
             if self.pool is not None:
                 self.pool.seconds += clock.perf_counter() - began
 
-    def _run(
-        self, names: Sequence[tuple[int, str]], world: World, steps: int | None, substeps: Substeps
-    ) -> Array | None:
+    def _run(self, names: Sequence[tuple[int, str]], world: World, steps: int | None, substeps: Substeps) -> Array | None:
         made = self._worlds(substeps)
         quantities = dict.fromkeys(name for _, name in names if name not in DERIVED)
         if len(quantities) < len(dict.fromkeys(name for _, name in names)):
@@ -141,7 +139,10 @@ class Door:
         if name not in DERIVED:
             return found[name][0, :, joint]
         actuator = self.drives[joint].actuator
-        motors = [found[source][0, :, joint] if source in found else np.nan * found["link_position"][0, :, joint] for source in SOURCES[1:]]
+        motors = [
+            found[source][0, :, joint] if source in found else np.nan * found["link_position"][0, :, joint]
+            for source in SOURCES[1:]
+        ]
         rest = motors[0] if actuator is None else equilibrium_over_arrays(actuator)(motors[0], motors[1])
         return np.asarray(rest - found["link_position"][0, :, joint] if name == "deflection" else rest)
 

@@ -18,7 +18,7 @@ LONGEST = 2.5e-3
 class Start(NamedTuple):
     """Where two motors are at the start; with one motor the second entries are not used."""
 
-    positions: tuple[float, float]
+    positions: tuple[float, ...]
     """rad."""
     velocities: tuple[float, float] = (0.0, 0.0)
     """rad/s."""

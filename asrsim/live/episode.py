@@ -27,7 +27,8 @@ from asrsim.summary import Collector, RunSummary, make_summary
 class Episode:
     """A sink of the simulation: samples go to the log that is open.
 
-    To write samples and to close a chunk with them takes up to a millisecond each: they are jobs, of which a tick that has the time does one. A thread would hold Python's lock in the midst of a tick.
+    To write samples and to close a chunk with them takes up to a millisecond each: they are jobs, of which a tick that has
+    the time does one. A thread would hold Python's lock in the midst of a tick.
     """
 
     def __init__(self, scenario: Scenario, info: RunInfo) -> None:

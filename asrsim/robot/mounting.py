@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_parameter

@@ -21,8 +21,20 @@ from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.joint import advance, remember_springs
 from asrsim.simulation.laws import plain_laws
 from asrsim.simulation.layout import (
-    DRIVE_TORQUE, JOINT_STEP, KICK_POSITION, LAGGING, LOAD, MEAN_VELOCITY, MOTOR_POSITION, OWN, P_LEVEL, PER_MOTOR, POSITION,
-    SPRING_LAW, STATE_LAW, TORQUE,
+    DRIVE_TORQUE,
+    JOINT_STEP,
+    KICK_POSITION,
+    LAGGING,
+    LOAD,
+    MEAN_VELOCITY,
+    MOTOR_POSITION,
+    OWN,
+    P_LEVEL,
+    PER_MOTOR,
+    POSITION,
+    SPRING_LAW,
+    STATE_LAW,
+    TORQUE,
 )  # fmt: skip
 from asrsim.simulation.rows import positions_of, shape_of, start_of, tables
 from asrsim.simulation.steppings import STEPPINGS
@@ -97,7 +109,8 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
     k: list[Any] = kinds[0].tolist()
     p = constants[0].tolist()
     if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-        k[SPRING_LAW], k[STATE_LAW] = plain_laws(drive.actuator, positions_of(drive))
+        actuator: Any = drive.actuator
+        k[SPRING_LAW], k[STATE_LAW] = plain_laws(actuator, positions_of(drive))
     if drive.stepping.joint_step is not None:
         k[JOINT_STEP] = drive.stepping.joint_step
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
@@ -142,7 +155,8 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.
     motors = before if released and mode.number == 4 else (x, y)
-    stiffness = actuator.stiffness(q, *motors, drive.elastic)
+    law: Any = actuator.stiffness
+    stiffness = law(q, *motors, drive.elastic)
     if released and not mode.motor:
         x = y = 0.0
     if not released and actuator.motors == 1 and not actuator.adjuster:

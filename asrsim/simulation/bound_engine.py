@@ -12,7 +12,6 @@ from asrsim.engines.base import Engine, Native, Record
 from asrsim.samples import Array
 from asrsim.simulation.layout import E_VELOCITY
 
-
 NO_RECORD = Record(0, None)
 
 
@@ -93,7 +92,7 @@ class CalledEngine(BoundEngine):
             if self._raised is None:
                 row = self._wrenches
                 if len(row):
-                    row = np.frombuffer((ctypes.c_double * row.size).from_address(wrenches)).reshape(row.shape)
+                    row = np.array((ctypes.c_double * row.size).from_address(wrenches)).reshape(row.shape)
                 self.engine.step(self._exchange, row, fraction)
                 return
         except BaseException as error:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.actuators.base import Actuator
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
@@ -52,7 +51,7 @@ class Given:
     pieces: Array
 
     def __len__(self) -> int:
-        return self.inputs.shape[1]
+        return int(self.inputs.shape[1])
 
 
 def given_by(block: Block, begin: int, end: int) -> Given:
@@ -61,7 +60,12 @@ def given_by(block: Block, begin: int, end: int) -> Given:
     own = places[(places[:, 0] >= begin) & (places[:, 0] < end)] - np.array([begin, 0, 0])
     rows = slice(begin, end)
     return Given(
-        block.inputs[None, rows], block.wrenches[None, rows], own[None], block.cuts.fractions, block.cuts.on_time, block.cuts.inputs
+        block.inputs[None, rows],
+        block.wrenches[None, rows],
+        own[None],
+        block.cuts.fractions,
+        block.cuts.on_time,
+        block.cuts.inputs,
     )
 
 
@@ -80,7 +84,10 @@ class Core:
             prepared.substep, now, past, stepping.first_drift, stepping.implicitness, self._link_implicitness,
             float(stepping.staggered),
         ])  # fmt: skip
-        self._options = {"motor_substeps": prepared.resolution.motor_substeps, "cutoff": prepared.velocity_cutoff}
+        self._options: dict[str, Any] = {
+            "motor_substeps": prepared.resolution.motor_substeps,
+            "cutoff": prepared.velocity_cutoff,
+        }
         kinds, constants = tables(drives, prepared.sensors, self.shape, **self._options)
         self._kinds: Any = kinds if compiled else kinds.tolist()
         """K; in plain Python a list, with functions as addresses."""
@@ -125,7 +132,7 @@ class Core:
             if self.stepping.joint_step is not None:
                 k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
 
-    def _laws_of(self, actuator: type[Actuator], motors: int) -> tuple[Any, Any]:
+    def _laws_of(self, actuator: Any, motors: int) -> tuple[Any, Any]:
         """Addresses."""
         if not self.compiled:
             return plain_laws(actuator, motors)
@@ -156,7 +163,9 @@ class Core:
 
     # -- state ------------------------------------------------------------------------------------------------------
 
-    def start(self, world: int, drives: Sequence[SteppedJoint], positions: Sequence[float], velocities: Sequence[float]) -> None:
+    def start(
+        self, world: int, drives: Sequence[SteppedJoint], positions: Sequence[float], velocities: Sequence[float]
+    ) -> None:
         """Put a world at the start of a run."""
         bound = self._engines[world]
         bound.leave(self.X, None)
@@ -188,9 +197,7 @@ class Core:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(
-        self, which: NDArray[np.int64], given: Given, out: Array, *, every: int, columns: NDArray[np.int64]
-    ) -> None:
+    def run(self, which: NDArray[np.int64], given: Given, out: Array, *, every: int, columns: NDArray[np.int64]) -> None:
         """Advance worlds by the rows that are given; see :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine
         raises."""
         first = self._engines[int(which[0, 0])]

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 from asrsim.samples import Array
 from asrsim.simulation.layout import (
-    DEFLECTION_COUNT, EFFORT_COUNT, MOTOR_SPEED_COUNT, MOTOR_STOP_COUNT, SATURATION_COUNT, STIFFEST, STOP_COUNT, VELOCITY_COUNT,
+    DEFLECTION_COUNT,
+    EFFORT_COUNT,
+    MOTOR_SPEED_COUNT,
+    MOTOR_STOP_COUNT,
+    SATURATION_COUNT,
+    STIFFEST,
+    STOP_COUNT,
+    VELOCITY_COUNT,
 )  # fmt: skip
 
 

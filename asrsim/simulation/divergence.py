@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
@@ -18,6 +16,8 @@ from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3
 """J below which energy is not checked."""
+
+
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
     """The error with likely cause and cure."""
     cause = (

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from asrsim.actuators import Actuator, Mode
-from asrsim.actuators.electric import Electric
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.electric import Electric
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
@@ -92,8 +92,8 @@ class SteppedJoint:
         return self.drive.dynamic_motors if self.drive else 0
 
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
-        """Position (rad), velocity (rad/s), where the bristles stick (rad) and the controller's integral (in units of the command)
-        of `count` motors at the start. Motors are where the link is, but the released ones at 0."""
+        """Position (rad), velocity (rad/s), where the bristles stick (rad) and the controller's integral (in units of the
+        command) of `count` motors at the start. Motors are where the link is, but the released ones at 0."""
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
         positions = (*(self.motor_positions or ()), *[at] * count)[:count]
         velocities = (*(self.motor_velocities or ()), *[0.0] * count)[:count]

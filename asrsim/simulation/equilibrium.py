@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +114,8 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
         motors = resting_motors(drive.drive, q, goals)
-        torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
+        law: Any = drive.drive.actuator.elastic_torques
+        torque = float(sum(law(q, *motors, drive.elastic)))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)

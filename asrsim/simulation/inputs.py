@@ -60,7 +60,8 @@ class Block:
 
     first: int
     references: Array
-    """External torques and references as they are logged, (columns, joints, n): see :data:`asrsim.simulation.layout.EXTERNAL`."""
+    """External torques and references as they are logged, (columns, joints, n): see
+    :data:`asrsim.simulation.layout.EXTERNAL`."""
     inputs: Array
     """What the joints are given, (n, joints, columns): the same with references mapped to motors, and for each sensor whether
     it samples then, and its noise."""
@@ -186,8 +187,8 @@ class Inputs:
         block.inputs[row:, :, : len(block.references)] = self._goals(block.references[:, :, row:]).transpose(2, 1, 0)
 
     def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
-        """What the scenario says for a block, (columns, joints, n + pieces): for its substeps, then for the pieces of its cuts, which
-        come too. Kept for the first block of many runs alike."""
+        """What the scenario says for a block, (columns, joints, n + pieces): for its substeps, then for the pieces of its
+        cuts, which come too. Kept for the first block of many runs alike."""
         key = first, count, frozenset(self.held)
         if key in self._starts:
             tables, cuts = self._starts[key]
@@ -229,7 +230,9 @@ class Inputs:
 
     def _cut_table(self, first: int, cuts: Sequence[Cut], inputs: Array) -> Cuts:
         """The cuts of a block; inputs: of all their pieces, one after the other."""
-        places, fractions, on_time = [], [], []
+        places: list[tuple[int, int, int]] = []
+        fractions: list[float] = []
+        on_time: list[bool] = []
         for cut in cuts:
             begin, now = len(fractions), cut.substep * self.substep
             for a, b in pairwise(cut.edges):

@@ -11,10 +11,48 @@ from typing import Any
 from asrsim.simulation.joint import advance, damping_of, friction_of, limit, push_of, read_sensors, remember_springs
 from asrsim.simulation.laws import engine_step
 from asrsim.simulation.layout import (
-    APPLIED, APPLIED_BEFORE, APPLIED_NEXT, BRAKE, CONTROLLERS, DAMPING, DRAG, DRIVE_BEFORE, DRIVE_NEXT, DRIVE_PIECE,
-    DRIVE_TORQUE, E_DAMPING, E_FRICTION, E_POSITION, E_TORQUE, E_VELOCITY, EXTERNAL, FREE, FREE_AFTER, FREE_BEFORE, HEALTHY, LAGGING,
-    LINK_IMPLICITNESS, MOTOR_PUSHES, MOTORS, NO_VALUE, NOW, OWN, P_BRAKE, P_EFFORT, P_LEVEL, PAST, PER_MOTOR, POSITION, PREVIOUS,
-    PUSH, PUSHES, RAN_AWAY, STAGGERED, STEP, TORQUE, VELOCITY,
+    APPLIED,
+    APPLIED_BEFORE,
+    APPLIED_NEXT,
+    BRAKE,
+    CONTROLLERS,
+    DAMPING,
+    DRAG,
+    DRIVE_BEFORE,
+    DRIVE_NEXT,
+    DRIVE_PIECE,
+    DRIVE_TORQUE,
+    E_DAMPING,
+    E_FRICTION,
+    E_POSITION,
+    E_TORQUE,
+    E_VELOCITY,
+    EXTERNAL,
+    FREE,
+    FREE_AFTER,
+    FREE_BEFORE,
+    HEALTHY,
+    LAGGING,
+    LINK_IMPLICITNESS,
+    MOTOR_PUSHES,
+    MOTORS,
+    NO_VALUE,
+    NOW,
+    OWN,
+    P_BRAKE,
+    P_EFFORT,
+    P_LEVEL,
+    PAST,
+    PER_MOTOR,
+    POSITION,
+    PREVIOUS,
+    PUSH,
+    PUSHES,
+    RAN_AWAY,
+    STAGGERED,
+    STEP,
+    TORQUE,
+    VELOCITY,
 )  # fmt: skip
 from asrsim.simulation.ledger import count_limits, settle_accounts
 
@@ -25,25 +63,33 @@ ENDLESS = 1e300
 
 
 def run(
-    which: Any, count: int, every: int, done: Any, fault: Any, S: Any, P: Any, K: Any, z: Any, X: Any, U: Any,
-    W: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any,
+    which: Any, count: int, every: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
+    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int,
+    record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
     which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
-    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; S, P: (worlds,
-    joints, ...) of :mod:`asrsim.simulation.layout`, K: (joints, ...), z: the stepping's numbers; X: (worlds, ...) states of the
-    engine; U: (inputs, count, joints, ...); W: (inputs, count, w, 6) wrenches; cuts: (inputs, c, 3) substeps of this call in which
-    an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces, parts of a
-    substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...); exchange: (joints, 5)
-    with the engine, whose step is at the address `engine`; columns: of S that are recorded, out: (m, rows, joints, columns) to
-    where.
+    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
+    joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
+    (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
+    in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
+    parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
+    exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
+    are recorded, out: (m, rows, joints, columns) to where.
     """
     for place in range(len(which)):
         w, given = which[place][0], which[place][1]
         row = 0
         cut = 0
-        s_all, p_all, x, u_all, wrenches, own_cuts = S[w], P[w], X[w], U[given], W[given], cuts[given]
+        s_all, p_all, x, u_all, pushes, own_cuts = (
+            states[w],
+            constants[w],
+            engine_states[w],
+            inputs[given],
+            wrenches[given],
+            cuts[given],
+        )
         for step in range(count):
             if fault[w, 0] != HEALTHY:
                 break
@@ -56,8 +102,8 @@ def run(
                 for piece in range(first_piece, last_piece):
                     length += fractions[piece]
                 cut += 1
-            for j in range(len(K)):
-                s, p, k, u = s_all[j], p_all[j], K[j], u_all[step][j]
+            for j in range(len(kinds)):
+                s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
                 v = z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
                 if k[CONTROLLERS]:
                     read_sensors(s, p, k, z, u)
@@ -77,10 +123,10 @@ def run(
                     break
             if fault[w, 0] != HEALTHY:
                 break
-            engine_step(engine, record, x, exchange, wrenches[step], length if substep == 0 else 1.0)
+            engine_step(engine, record, x, exchange, pushes[step], length if substep == 0 else 1.0)
             asked = substep % every == 0
-            for j in range(len(K)):
-                s, p, k = s_all[j], p_all[j], K[j]
+            for j in range(len(kinds)):
+                s, p, k = s_all[j], p_all[j], kinds[j]
                 velocity = exchange[j, E_VELOCITY]
                 _feel_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:

@@ -46,7 +46,7 @@ def numbers(p: Any, at: int) -> Any:
 
 
 @cache
-def plain_laws(actuator: type[Actuator], motors: int) -> tuple[Callable[..., None], Callable[..., None]]:
+def plain_laws(actuator: Any, motors: int) -> tuple[Callable[..., None], Callable[..., None]]:
     """An actuator's torques, and its stiffness and energy, for plain Python. Where a law has no finite value,
     they are NaN.
 
@@ -73,10 +73,11 @@ def plain_laws(actuator: type[Actuator], motors: int) -> tuple[Callable[..., Non
     return torques_at, state_at
 
 
-def energy_law(actuator: type[Actuator]) -> Callable[..., float]:
+def energy_law(actuator: Any) -> Callable[..., float]:
     """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
     if actuator.elastic_energy is not Actuator.elastic_energy:
-        return actuator.elastic_energy
+        own: Callable[..., float] = actuator.elastic_energy
+        return own
     torques, adjusted = actuator.elastic_torques, actuator.adjuster
 
     def energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:

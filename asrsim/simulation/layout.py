@@ -2,9 +2,9 @@
 
 A world has two tables of floats, one row a joint. The state S is everything that decides how the run goes on, and what the
 last substep left for the record. The parameters P do not change while a run is stepped. A third table K of integers says of
-which kind a joint is. A row begins with the joint's own columns; a block of :data:`MOTOR` (or :data:`DRIVE`) columns for each of
-its motors follows. What has no fixed length stands behind: positions and torques as the spring's law takes and gives them, what
-sensors saw, and the parameters of the spring's law.
+which kind a joint is. A row begins with the joint's own columns; a block of :data:`MOTOR` (or :data:`DRIVE`) columns for each
+of its motors follows. What has no fixed length stands behind: positions and torques as the spring's law takes and gives them,
+what sensors saw, and the parameters of the spring's law.
 """
 
 from __future__ import annotations
@@ -147,7 +147,8 @@ LINK = (
     Column("quantum", "rad", "step of what sensors read"),
 )
 (
-    P_EFFORT, P_FASTEST, P_CUTOFF, P_LOWEST, P_HIGHEST, P_DAMPING, P_DAMPING_RATIO, P_DAMPING_INERTIA, P_BRAKE, P_SPRING, P_REST,
+    P_EFFORT, P_FASTEST, P_CUTOFF, P_LOWEST, P_HIGHEST, P_DAMPING, P_DAMPING_RATIO, P_DAMPING_INERTIA, P_BRAKE,
+    P_SPRING, P_REST,
     P_COULOMB, P_STRIBECK, P_FADE, P_SHARE, P_PROPORTIONAL, P_INTEGRAL, P_DERIVATIVE, P_SUBSTEPS, P_MAX_DEFLECTION,
     P_LEVEL, P_LENGTH, P_DELAY, P_QUANTUM,
 ) = range(len(LINK))  # fmt: skip
@@ -190,8 +191,8 @@ KICK_NUMBERS = D_LOW
     KIND, MOTORS, DYNAMIC, SPRINGS, PLACED, SPRING_LAW, STATE_LAW, JOINT_STEP, CONTROLLERS, ON_LINK,
     THETAS, TORQUES, RINGS, RING, DRIVES, LAW,
 ) = range(16)  # fmt: skip
-"""Columns of K. KIND of the joint; MOTORS: positions that the spring's law takes; DYNAMIC: those of them that have dynamics, the
-others stand at their references; SPRINGS: torques that the law gives; PLACED: positions that change the springs' energy;
+"""Columns of K. KIND of the joint; MOTORS: positions that the spring's law takes; DYNAMIC: those of them that have dynamics,
+the others stand at their references; SPRINGS: torques that the law gives; PLACED: positions that change the springs' energy;
 SPRING_LAW, STATE_LAW, JOINT_STEP: addresses of the
 actuator's laws and of a stepping's own step of a joint, 0: none; CONTROLLERS with sensors; ON_LINK: 1 if they read the link;
 THETAS, TORQUES, RINGS: where in S the law's positions and torques and the sensors' memory begin, RING: numbers of one sensor's;

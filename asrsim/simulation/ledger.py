@@ -12,14 +12,85 @@ from typing import Any
 from asrsim.simulation.joint import find_state
 from asrsim.simulation.laws import state_law
 from asrsim.simulation.layout import (
-    APPLIED, APPLIED_BEFORE, APPLIED_LAST, APPLIED_NEXT, CURRENT, D_DAMPING, D_HIGH, D_INERTIA, D_LOW, D_MAX_TORQUE, D_MOST, D_RESISTANCE,
-    DAMPING_LOSS, DEFLECTION, DEFLECTION_COUNT, DRIVE_BEFORE, DRIVE_LAST, DRIVE_NEXT, DRIVE_TORQUE, DRIVES, DYNAMIC, EFFORT_COUNT, EXCESS, FRICTION_LOSS, GIVEN,
-    HELD, HYSTERESIS, HYSTERESIS_LOSS, JUMPED, KICK_POSITION, KIND, LAST_DEFLECTION, LAST_HELD, LAST_HYSTERESIS,
-    LAST_KICK_POSITION, LAST_MEAN_VELOCITY, LAST_POSITION, LAST_POWER, LAW, LAW_ENERGY, LIMIT_LOSS, LINK_WORK, MEAN_VELOCITY,
-    MOTOR_ENERGY, MOTOR_PUSHES, MOTOR_SPEED_COUNT, MOTOR_STOP_COUNT, MOTOR_WORK, MOTORS, OWN, P_EFFORT, P_FASTEST, P_HIGHEST,
-    P_LENGTH, P_LEVEL, P_LOWEST, P_MAX_DEFLECTION, PER_DRIVE, PER_MOTOR, PLACED, POSITION, PUSHES, RESIDUAL, SATURATION_COUNT,
-    SPRING_ENERGY, SPRINGS, SPRUNG, START_ENERGY, STATE_LAW, STEP, STIFFEST, STIFFNESS, STOP_COUNT, THETAS, TORQUE, TURNOVER,
-    VELOCITY, VELOCITY_COUNT, WINDING_LOSS,
+    APPLIED,
+    APPLIED_BEFORE,
+    APPLIED_LAST,
+    APPLIED_NEXT,
+    CURRENT,
+    D_DAMPING,
+    D_HIGH,
+    D_INERTIA,
+    D_LOW,
+    D_MAX_TORQUE,
+    D_MOST,
+    D_RESISTANCE,
+    DAMPING_LOSS,
+    DEFLECTION,
+    DEFLECTION_COUNT,
+    DRIVE_BEFORE,
+    DRIVE_LAST,
+    DRIVE_NEXT,
+    DRIVE_TORQUE,
+    DRIVES,
+    DYNAMIC,
+    EFFORT_COUNT,
+    EXCESS,
+    FRICTION_LOSS,
+    GIVEN,
+    HELD,
+    HYSTERESIS,
+    HYSTERESIS_LOSS,
+    JUMPED,
+    KICK_POSITION,
+    KIND,
+    LAST_DEFLECTION,
+    LAST_HELD,
+    LAST_HYSTERESIS,
+    LAST_KICK_POSITION,
+    LAST_MEAN_VELOCITY,
+    LAST_POSITION,
+    LAST_POWER,
+    LAW,
+    LAW_ENERGY,
+    LIMIT_LOSS,
+    LINK_WORK,
+    MEAN_VELOCITY,
+    MOTOR_ENERGY,
+    MOTOR_PUSHES,
+    MOTOR_SPEED_COUNT,
+    MOTOR_STOP_COUNT,
+    MOTOR_WORK,
+    MOTORS,
+    OWN,
+    P_EFFORT,
+    P_FASTEST,
+    P_HIGHEST,
+    P_LENGTH,
+    P_LEVEL,
+    P_LOWEST,
+    P_MAX_DEFLECTION,
+    PER_DRIVE,
+    PER_MOTOR,
+    PLACED,
+    POSITION,
+    PUSHES,
+    RESIDUAL,
+    SATURATION_COUNT,
+    SPRING_ENERGY,
+    SPRINGS,
+    SPRUNG,
+    START_ENERGY,
+    STATE_LAW,
+    STEP,
+    STIFFEST,
+    STIFFNESS,
+    STOP_COUNT,
+    THETAS,
+    TORQUE,
+    TURNOVER,
+    VELOCITY,
+    VELOCITY_COUNT,
+    WINDING_LOSS,
 )  # fmt: skip
 
 AT_STOP = 1e-12
@@ -114,11 +185,11 @@ def _power(s: Any, p: Any, k: Any, i: int) -> float:
 
 
 def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, cut: bool) -> float:
-    """Work in J of motors and adjusters that stand where they should be: the change of the springs' energy by their motion, with
-    everything else half-way. Where they jump it is what the springs have absorbed (J) and given on."""
+    """Work in J of motors and adjusters that stand where they should be: the change of the springs' energy by their motion,
+    with everything else half-way. Where they jump it is what the springs have absorbed (J) and given on."""
     half = 0.5 * (s[POSITION] - s[LAST_POSITION])
     if cut:
-        work = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
+        work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
         for i in range(k[DYNAMIC]):
             m = OWN + i * PER_MOTOR
             way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]

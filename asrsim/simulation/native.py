@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from asrsim import compiling
-from asrsim.actuators.base import Actuator
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
 
@@ -29,7 +28,7 @@ def compiled_run() -> Any:
 
 
 @cache
-def compiled_laws(actuator: type[Actuator], motors: int) -> tuple[compiling.Callback, compiling.Callback]:
+def compiled_laws(actuator: Any, motors: int) -> tuple[compiling.Callback, compiling.Callback]:
     """An actuator's torques, and its stiffness and energy; see :func:`asrsim.simulation.laws.plain_laws`."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
@@ -39,13 +38,13 @@ def compiled_laws(actuator: type[Actuator], motors: int) -> tuple[compiling.Call
     return compiling.compile_law(_torques, names, "daaa"), compiling.compile_law(_state, names, "daaa")
 
 
-# What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no value
-# the world stops, and the run names the joint.
+# What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no
+# value the world stops, and the run names the joint.
 def _torques(q: float, thetas: int, law: int, result: int) -> None:
     found = row(result)
     try:
         _put_torques(q, thetas, law, found)
-    except Exception:  # noqa: BLE001
+    except Exception:
         found[0] = np.nan
 
 
@@ -59,7 +58,7 @@ def _state(q: float, thetas: int, law: int, result: int) -> None:
     found = row(result)
     try:
         _put_state(q, thetas, law, found)
-    except Exception:  # noqa: BLE001
+    except Exception:
         found[0] = found[1] = np.nan
 
 
@@ -106,10 +105,11 @@ def _pointers() -> dict[str, Any]:
 
     def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            at, q, s, thetas, p, law, result = arguments
+            address, q, s, thetas, p, law, result = arguments
             _, _, of_s, _, of_p, _, _ = signature.args
-            places = [data(context, builder, kind, row, i) for kind, row, i in ((of_s, s, thetas), (of_p, p, law), (of_s, s, result))]
-            call(builder, at, [double, doubles, doubles, doubles], [q, *places])
+            taken = (of_s, s, thetas), (of_p, p, law), (of_s, s, result)
+            places = [data(context, builder, kind, row, at) for kind, row, at in taken]
+            call(builder, address, [double, doubles, doubles, doubles], [q, *places])
             return context.get_dummy_value()
 
         return kinds.void(kinds.int64, kinds.float64, s, kinds.int64, p, kinds.int64, kinds.int64), generate

@@ -15,7 +15,8 @@ from asrsim.simulation.layout import LAGGING, MOTOR_POSITION, MOTOR_VELOCITY, OW
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The state at a whole step; arrays are (n,) in the order of the joints, of several worlds (N, n), NaN where a joint has no such thing."""
+    """The state at a whole step; arrays are (n,) in the order of the joints, of several worlds (N, n), NaN where a joint has
+    no such thing."""
 
     time: Any
     """s; of several worlds (N,)."""

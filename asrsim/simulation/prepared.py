@@ -85,8 +85,8 @@ class Prepared:
         return given.get(reference, (-math.inf, math.inf))
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
-        """Number of the joint, and the column of an input row of the reference of that name in its mode, or of `external_torque`;
-        raises InputError."""
+        """Number of the joint, and the column of an input row of the reference of that name in its mode, or of
+        `external_torque`; raises InputError."""
         names = tuple(drive.name for drive in self.drives)
         if joint not in names:
             hint = did_you_mean(joint, names)

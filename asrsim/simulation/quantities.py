@@ -80,7 +80,9 @@ class Selection:
     def check(self, names: Sequence[str]) -> None:
         """Raises InputError for names that are not among them."""
         problems = [
-            Problem(f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity")
+            Problem(
+                f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity"
+            )
             for name in names
             if name not in self.names
         ]

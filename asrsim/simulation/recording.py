@@ -152,7 +152,9 @@ class Recording:
         if not self.active:
             return None
         return (
-            copy.deepcopy((self._guard, self._world.kept())), list(self._rows), None if self.kept is None else list(self.kept)
+            copy.deepcopy((self._guard, self._world.kept())),
+            list(self._rows),
+            None if self.kept is None else list(self.kept),
         )
 
     def put_back(self, state: Any) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,39 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.layout import (
-    ANCHOR, CONTROLLED, CONTROLLERS, DEFLECTION, DIRECT, DRIVES, DYNAMIC, GOALS, INTEGRAL, KIND, KINDS,
-    LAGGING, LAST_DEFLECTION, LAW, LINK_OWN, MOTOR_INTEGRAL, MOTOR_POSITION, MOTOR_VELOCITY, MOTORS, ON_LINK, OWN, PASSIVE,
-    PER_DRIVE, PER_MOTOR, PLACED, POSITION, PREVIOUS, RING, RINGS, SPRINGS, SPRUNG, THETAS, TORQUES,
+    ANCHOR,
+    CONTROLLED,
+    CONTROLLERS,
+    DEFLECTION,
+    DIRECT,
+    DRIVES,
+    DYNAMIC,
+    GOALS,
+    INTEGRAL,
+    KIND,
+    KINDS,
+    LAGGING,
+    LAST_DEFLECTION,
+    LAW,
+    LINK_OWN,
+    MOTOR_INTEGRAL,
+    MOTOR_POSITION,
+    MOTOR_VELOCITY,
+    MOTORS,
+    ON_LINK,
+    OWN,
+    PASSIVE,
+    PER_DRIVE,
+    PER_MOTOR,
+    PLACED,
+    POSITION,
+    PREVIOUS,
+    RING,
+    RINGS,
+    SPRINGS,
+    SPRUNG,
+    THETAS,
+    TORQUES,
 )  # fmt: skip
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
@@ -104,7 +133,8 @@ def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, mo
     gains = ("proportional", "integral", "derivative")
     row = [
         joint.most_effort, joint.velocity or np.inf, float(cutoff), low + AT_STOP, high - AT_STOP, drive.constant_damping,
-        law.ratio if law and follows else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness, joint.spring_reference,
+        law.ratio if law and follows else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness,
+        joint.spring_reference,
         joint.friction, joint.stribeck_friction, 1.0 / joint.stribeck_velocity, joint.load_friction,
         *(values.get(f"controller_1_{name}", 0.0) for name in gains), motor_substeps if drive.dynamic_motors else 1,
         values.get("max_deflection", np.inf), level, length,
@@ -133,7 +163,8 @@ def _motor(drive: SteppedJoint, index: int) -> list[float]:
 
 def _phantom(drive: SteppedJoint) -> list[float]:
     """Numbers of the second motor that the released code gives every actuator."""
-    assert drive.actuator is not None and drive.mode is not None
+    assert drive.actuator is not None
+    assert drive.mode is not None
     own = PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)
     held = float(drive.mode.controller)
     return [
@@ -171,9 +202,7 @@ def tables(
     """K (joints, ...) without addresses, and P (joints, ...)."""
     released = any(drive.stepping.released for drive in drives)
     substeps = 1 if released else motor_substeps
-    both: list[Any] = list(zip(drives, sensors, strict=True))
-    kinds = np.array([kind_of(*one, shape) for one in both], dtype=np.int64).reshape(-1, KINDS)
-    constants = [constants_of(*one, shape, motor_substeps=substeps, cutoff=cutoff) for one in both]
+    both = list(zip(drives, sensors, strict=True))
+    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in both], dtype=np.int64).reshape(-1, KINDS)
+    constants = [constants_of(drive, sensor, shape, motor_substeps=substeps, cutoff=cutoff) for drive, sensor in both]
     return kinds, np.array(constants).reshape(-1, shape.constants)
-
-

@@ -162,7 +162,7 @@ class Simulation:
 
     def _run_piece(self, block: Block, start: int, stop: int) -> None:
         first, every, columns = self.substep, self.recording.every, self._whole.columns
-        rows = range(first + (-first) % every, first + stop - start, every)
+        rows: Sequence[int] = range(first + (-first) % every, first + stop - start, every)
         out = np.empty((1, len(rows), len(self.joints), len(columns)))
         self._core.run(ONE, given_by(block, start, stop), out, every=every, columns=columns)
         healthy = self._core.fault[0, 0] == HEALTHY
@@ -234,9 +234,9 @@ class Simulation:
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; at the start,
-        as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name that no joint
-        records."""
+        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; at the
+        start, as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name
+        that no joint records."""
         self._check_open()
         self._whole.check(names)
         rows, references = self._row or self._first_row()

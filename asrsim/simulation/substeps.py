@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,8 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
     their references do. Motors with dynamics run at most as fast as their references or their speed limit, where they
     catch the link's inertia with the spring, and hold no more than their torque.
     """
-    actuator, mode = drive.actuator, drive.mode
+    actuator: Any = drive.actuator
+    mode = drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
@@ -77,7 +79,7 @@ def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: flo
 
     def torque_at(deflection: float) -> float:
         deflections = [_positions(drive, [d] * actuator.motors, sigma) for d in (deflection, -deflection)]
-        return max(abs(part) for positions in deflections for part in _torques(drive, positions))
+        return float(max(abs(part) for positions in deflections for part in _torques(drive, positions)))
 
     goals = drive.goals(references)[: actuator.motors]
     centre = goals.mean(axis=0)
@@ -132,9 +134,11 @@ def _positions(drive: SteppedJoint, deflections: Sequence[float], adjusted: floa
     return (*deflections, *rest)
 
 
-def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Sequence[float]:
+def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Any:
+    """N m of each spring of a link at 0."""
+    actuator: Any = drive.actuator
     try:
-        return drive.actuator.elastic_torques(0.0, *positions, drive.elastic) if drive.actuator else (0.0, 0.0)
+        return actuator.elastic_torques(0.0, *positions, drive.elastic) if actuator else (0.0, 0.0)
     except (OverflowError, ZeroDivisionError):
         return math.inf, math.inf
 
@@ -165,7 +169,8 @@ def resolve(
 ) -> Resolution:
     """Numbers of substeps; raises UnresolvedSpringError where `cap` does not suffice.
 
-    explicit: damping acts by the last velocity; masses: mass matrices (n, n) in the configurations that count; stiffness: per joint, N m/rad.
+    explicit: damping acts by the last velocity; masses: mass matrices (n, n) in the configurations that count; stiffness: per
+    joint, N m/rad.
     """
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from operator import index
 from pathlib import Path
 from types import TracebackType
@@ -75,9 +76,9 @@ class Worlds:
             worlds.advance(20)
             worlds.observe().link_position
 
-    Each world is equal to a :class:`asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A world
-    whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's: other
-    numbers do not change them. Raises what :func:`asrsim.prepare` raises.
+    Each world is equal to a :class:`asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
+    world whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's:
+    other numbers do not change them. Raises what :func:`asrsim.prepare` raises.
     """
 
     def __init__(
@@ -115,9 +116,7 @@ class Worlds:
     def _begin(self, names: Sequence[str] | None, compiled: bool | None, expected: int, threads: int) -> None:
         prepared = self.prepared
         self.joints = self._engines[-1].joints
-        self._core, _ = make_core(
-            prepared, self._engines[-1], compiled=compiled, substeps=expected, worlds=self.count
-        )
+        self._core, _ = make_core(prepared, self._engines[-1], compiled=compiled, substeps=expected, worlds=self.count)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and self._core.native else None
         self._threads = threads if self._pool else 1
         self.selection = Selection(prepared.drives, self._core.shape.motors, names)
@@ -146,7 +145,7 @@ class Worlds:
     @property
     def healthy(self) -> NDArray[np.bool_]:
         """(N,) whether the world's motion is sane."""
-        return self._core.fault[:, 0] == HEALTHY
+        return np.asarray(self._core.fault[:, 0] == HEALTHY)
 
     @property
     def compiled(self) -> bool:
@@ -190,7 +189,7 @@ class Worlds:
             self._core.run(which, given, out, **options)
             return
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
-        parts = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+        parts = [slice(a, b) for a, b in pairwise(edges)]
         list(self._pool.map(lambda part: self._core.run(which[part], given, out[part], **options), parts))
 
     def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
@@ -217,9 +216,7 @@ class Worlds:
         )  # fmt: skip
         return given, np.arange(len(numbers)), [block.references for block in parts]
 
-    def _steady_inputs(
-        self, inputs: Inputs, numbers: NDArray[np.int64], length: int
-    ) -> tuple[Given, NDArray[np.int64], Any]:
+    def _steady_inputs(self, inputs: Inputs, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
         """The same where only what is set from outside differs."""
         inputs.held = {}
         base = inputs.sample(np.zeros(1))
@@ -247,12 +244,14 @@ class Worlds:
         """
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
-        given = np.full(len(numbers), np.nan) if values is None else np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+        given = (
+            np.full(len(numbers), np.nan) if values is None else np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+        )
         if values is not None and not np.isfinite(given).all():
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         low, high = self.prepared.range_of(joint, reference)
         self._held[numbers, j, slot] = np.clip(given, low, high)
-        return self._held[numbers, j, slot]
+        return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:
         """The states now; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
@@ -332,6 +331,7 @@ class Worlds:
         all or one a world. Numbers of the robot stay. Raises InputError."""
         numbers = self._numbers(worlds)
         for place, world in enumerate(numbers.tolist()):
+
             def pick(table: Mapping[str, Any] | None, place: int = place) -> dict[str, float]:
                 return {k: float(np.broadcast_to(v, len(numbers))[place]) for k, v in (table or {}).items()}
 
@@ -460,7 +460,7 @@ class Worlds:
             return np.arange(self.count)
         given = np.asarray(worlds)
         numbers = np.flatnonzero(given) if given.dtype == bool else given.astype(np.int64).reshape(-1)
-        if given.dtype == bool and given.shape != (self.count,) or ((numbers < 0) | (numbers >= self.count)).any():
+        if (given.dtype == bool and given.shape != (self.count,)) or ((numbers < 0) | (numbers >= self.count)).any():
             message = f"are numbers from 0 to {self.count - 1}, or a mask of {self.count}"
             raise InputError(message, key="worlds", value=worlds, code="worlds")
         return numbers
@@ -484,9 +484,7 @@ class Worlds:
         self.close()
 
 
-def started(
-    prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]
-) -> tuple[SteppedJoint, ...]:
+def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:
     """The drives, begun at other positions of links and motors; motors that are not named begin where their link is."""
     drives = list(prepared.drives)
     for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
@@ -512,7 +510,9 @@ def _listed(given: Any) -> list[Any] | None:
     return list(given) if isinstance(given, Sequence) else [given]
 
 
-def _merged(first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None) -> Mapping[str, Mapping[str, Any]]:
+def _merged(
+    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None
+) -> Mapping[str, Mapping[str, Any]]:
     """Two tables of tables; the second counts."""
     if not second:
         return first

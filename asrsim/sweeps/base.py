@@ -18,8 +18,8 @@ from asrsim.sweeps.tap import Tap
 
 
 class Base:
-    """A simulation of one scenario, and worlds for runs that are so short that several are looked at together; made when they are
-    asked for."""
+    """A simulation of one scenario, and worlds for runs that are so short that several are looked at together; made when they
+    are asked for."""
 
     def __init__(self, study: Study, case: Case, values: Mapping[str, Any], share: int) -> None:
         """values: of what is read again; share: how many processes share the study's runs. Raises AsrsimError."""

@@ -188,9 +188,9 @@ class Runner:
 
 
 def step_worlds(worlds: Worlds, numbers: Sequence[int], tap: Tap) -> list[Run | None]:
-    """Step worlds that are at their start to the end; their samples, side by side as if they were joints of one robot, go to the
-    tap. None for a world whose motion is not sane. No law or sum goes over several joints, so all numbers are those of a run
-    alone."""
+    """Step worlds that are at their start to the end; their samples, side by side as if they were joints of one robot, go to
+    the tap. None for a world whose motion is not sane. No law or sum goes over several joints, so all numbers are those of a
+    run alone."""
     names = worlds.selection.names
     found = worlds.record(names, worlds=list(numbers))
     tap.begin(len(numbers))
@@ -199,7 +199,11 @@ def step_worlds(worlds: Worlds, numbers: Sequence[int], tap: Tap) -> list[Run | 
     rows = scenario.steps + 1
     values = {name: table.transpose(1, 0, 2).reshape(rows, -1) for name, table in found.items()}
     tap.write(Samples(time=grid(0, rows, scenario.step), joints=joints, values=values))
-    more = {"wall_time": 0.0, "simulated_time": worlds.prepared.last_substep(None) * worlds.prepared.substep, "compiled": worlds.compiled}
+    more = {
+        "wall_time": 0.0,
+        "simulated_time": worlds.prepared.last_substep(None) * worlds.prepared.substep,
+        "compiled": worlds.compiled,
+    }
     return [
         make_run(worlds.prepared_of(world), worlds.counts(world), "complete", **more) if worlds.sane(world) else None
         for world in numbers
