@@ -64,8 +64,8 @@ ENDLESS = 1e300
 
 def run(
     which: Any, count: int, every: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
-    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any, engine: int,
-    record: int, columns: Any, out: Any,
+    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
+    engine: int, record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
