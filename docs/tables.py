@@ -10,6 +10,7 @@ from asrsim.actuators import MODES
 from asrsim.document.block import Block, Key
 from asrsim.document.kinds import Kind
 from asrsim.metrics.measures import MEASURES
+from asrsim.recordings.reading import READING, TIME
 from asrsim.scenario.keys import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
 from asrsim.signals.parse import block_of
@@ -47,6 +48,8 @@ def scenario_tables() -> dict[str, str]:
     """Name of a generated part -> its Markdown."""
     return {
         "scenario-keys": key_table((*KEYS, VARIANTS)),
+        "reading-keys": key_table(READING.keys),
+        "reading-time": key_table(TIME.keys),
         "scenario-blocks": "\n\n".join(f"### `{name}`\n\n{key_table(block.keys)}" for name, block in _blocks().items()),
         "references": _reference_table(),
         "signals": _signal_list(),

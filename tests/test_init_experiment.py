@@ -337,7 +337,7 @@ def test_a_simulation_s_own_log_claims_no_rounding(tmp_path: Path) -> None:
 def test_comments_show_mapping_and_guesses(tmp_path: Path) -> None:
     make(tmp_path, lab(tmp_path))
     text = (tmp_path / "s.yaml").read_text()
-    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +by its name: 'q1' names link_position", text)
+    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +by its name", text)
     assert "not used: current" in text
 
 

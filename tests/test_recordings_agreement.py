@@ -20,12 +20,16 @@ Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3
 V = 1.8 * np.cos(3 * TIME) + 2.2 * np.cos(11 * TIME)
 FOLLOWED = np.r_[Q[5:], Q[-5:]]
 SUSPECTED = {
-    "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times .*'q1': is the velocity in deg/s.*dq1=.*deg/s"),
-    "a position in degrees": ("q1,dq1", (Q * DEGREES, V), "dq1: is 0.0175 times .*: is the position in degrees.*q1=.*deg"),
-    "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1': is the velocity in rpm.*rpm"),
-    "turns": ("q1,dq1", (Q / math.tau, V), "6.28 times the slope of 'q1': is the position in turns.*rev"),
-    "turns a second": ("q1,dq1", (Q, V / math.tau), "0.159 times .*: is the velocity in turns a second.*rev/s"),
-    "thousandths": ("q1,dq1", (Q, V * 1e3), "1e.03 times .*: is one of them in thousandths, or the time"),
+    "a velocity in degrees": (
+        "q1,dq1",
+        (Q, V * DEGREES),
+        "dq1: is 57.3 times the slope of 'q1': is 'dq1' in degrees a second.*dq1=.*deg/s",
+    ),
+    "a position in degrees": ("q1,dq1", (Q * DEGREES, V), "dq1: is 0.0175 times .*: is 'q1' in degrees.*q1=.*deg"),
+    "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1': is 'dq1' in rpm.*rpm"),
+    "turns": ("q1,dq1", (Q / math.tau, V), "6.28 times the slope of 'q1': is 'q1' in turns.*rev"),
+    "turns a second": ("q1,dq1", (Q, V / math.tau), "0.159 times .*: is 'dq1' in turns a second.*rev/s"),
+    "thousandths": ("q1,dq1", (Q, V * 1e3), "1e.03 times .*: is 'dq1' in thousandths"),
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times .*: are both in the units that are assumed, of one side of the gear"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
     "a turned axis": ("q1,dq1", (Q, -V), "goes down where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),

@@ -274,15 +274,14 @@ def write_many(path: Path, *, bad: int | None = None, restart: bool = False) -> 
 
 
 @pytest.mark.parametrize("bad", [None, 12 * 10**9, ZERO + 400 * 86400 * 10**9])
-def test_what_nobody_needs_takes_one_note_and_one_bad_stamp_nothing_else(tmp_path: Path, bad: int | None) -> None:
+def test_of_sixty_topics_each_kind_of_note_stands_once_or_twice(tmp_path: Path, bad: int | None) -> None:
     recording = read_recording(write_many(tmp_path / "lab.bag", bad=bad), joints=["shoulder", "elbow"])
     assert recording.joints == ("shoulder", "elbow")
     assert recording.epoch == pytest.approx(ZERO * 1e-9, abs=1e-3)
     np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q[0])
     assert 0.0 < recording.time[-1] < 0.5
-    assert len(recording.findings) <= 5
-    (aside,) = (f for f in recording.findings if f.code == "not-used")
-    assert "60 columns or topics" in aside.message
+    codes = [one.code for one in recording.findings]
+    assert max(map(codes.count, codes)) <= 2
 
 
 def test_a_topic_whose_time_restarts_does_not_refuse_the_others(tmp_path: Path) -> None:

@@ -182,7 +182,8 @@ def test_resampling_makes_no_overshoot_at_a_step() -> None:
 
 
 @pytest.mark.parametrize(
-    ("factor", "words"), [(180 / np.pi, "degrees"), (1000.0, "thousandths"), (np.pi / 180, "degrees"), (0.001, "thousand")]
+    ("factor", "words"),
+    [(180 / np.pi, "in degrees"), (1000.0, "in thousandths"), (np.pi / 180, "from degrees"), (0.001, "from thousandths")],
 )
 def test_a_factor_of_a_unit_is_suspected(factor: float, words: str) -> None:
     problem = suspect_scale(motion(TIME), 1.1 * factor * motion(TIME[::5]))

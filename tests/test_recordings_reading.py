@@ -150,6 +150,31 @@ def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path: 
         np.testing.assert_array_equal(other.values, column.values)
 
 
+def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same_numbers(
+    tmp_path: Path, asrsim_command
+) -> None:
+    path = tmp_path / "data" / "lab.csv"
+    path.parent.mkdir()
+    lines = [f"{0.01 * i:.2f},{0.3 * np.sin(i / 9):.6f},{-9999 if i in (7, 8) else 0.2 * i / 50:.6f}" for i in range(50)]
+    path.write_text("time,q1_ref,q1\n" + "\n".join(lines))
+    robot = Path(__file__).parents[1] / "examples" / "urdf" / "dof1_sea.urdf"
+    done = asrsim_command("init", robot, "--experiment", path, "--out", tmp_path / "s.yaml")
+    assert done.code == 0, done.err
+    document = tmp_path / "lab.csv.yaml"
+    assert "file: data/lab.csv" in document.read_text()
+    assert "# missing: -9999" in document.read_text()
+    read, again = (read_recording(one, joints=["joint_1"]) for one in (path, document))
+    for name, column in read.channels.items():
+        assert again.channels[name].meaning == column.meaning
+        np.testing.assert_array_equal(again.channels[name].values, column.values)
+    document.write_text(document.read_text().replace("# missing", "missing"))
+    assert np.isnan(read_recording(document, joints=["joint_1"]).channels["q1"].values[7:9]).all()
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text(scenario.read_text().replace("# expect:", "expect:").replace("# - {joint", "- {joint"))
+    asrsim_command("run", scenario, "--out", tmp_path / "out")
+    assert "compared with 'q1' (rad assumed; by its name)" in (tmp_path / "out" / "summary.json").read_text()
+
+
 def test_a_signal_is_played_as_the_document_says(tmp_path: Path) -> None:
     path = lab(tmp_path)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")

@@ -26,7 +26,6 @@ from asrsim.cli.options import (
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
-    from asrsim.recordings import Recording
 
 
 def plot(
@@ -170,17 +169,18 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 def _print_experiments(result: PlotResult) -> None:
     from asrsim.cli.console import say
     from asrsim.cli.recording_table import say_columns
-    from asrsim.recordings import guess_rows, name_of
+    from asrsim.recordings import name_of
 
-    shown: Recording | None = None
+    shown: list[tuple[str, str, str, str]] = []
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
         whose = "" if len(result.runs) <= 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
-        if shown is not None and guess_rows(shown) == guess_rows(recording):
+        columns = [(one.source, one.meaning, one.conversion, one.origin) for one in recording.channels.values()]
+        if shown == columns:
             say("  columns as above", "dim")
         else:
             say_columns(recording)
-        shown = recording
+        shown = columns
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""

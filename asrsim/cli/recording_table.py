@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from asrsim.cli.console import say, say_rows
 from asrsim.errors import listed
-from asrsim.recordings import Recording, guess_rows
+from asrsim.recordings import Recording
 
 _MOST = 40
 """Columns that are named; a file may have thousands."""
@@ -12,14 +12,13 @@ _MOST = 40
 
 def say_columns(recording: Recording) -> None:
     """The mapped columns as a table, and the names of the others."""
-    rows = guess_rows(recording)
-    used = [row for row in rows if row.meaning != "-"]
+    used = [column for column in recording.channels.values() if column.quantity]
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")
-        cells = [[r.column, r.meaning, r.unit, r.conversion, r.origin] for r in used[:_MOST]]
+        cells = [[r.source, r.meaning, r.unit, r.conversion, r.origin] for r in used[:_MOST]]
         say_rows(headings, cells)
         if len(used) > _MOST:
             say(f"  and {len(used) - _MOST} more", "dim")
-    others = [row.column for row in rows if row.meaning == "-"]
+    others = [column.source for column in recording.channels.values() if not column.quantity]
     if others:
         say(f"  not used: {listed(others, _MOST)}", "dim")

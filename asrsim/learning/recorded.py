@@ -10,16 +10,15 @@ import numpy as np
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.learning.plant import Plant
 from asrsim.recordings.align import LagChoice, align, resample
-from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.matching import match_joints
+from asrsim.recordings.matching import match_joints, wrong_unit
+from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
 MISSING = 0.02
 """Share of the motion that may be missing at its ends; the end values stand there."""
 BRIDGED = 0.1
 """s, the longest gap within the motion that is bridged by a straight line."""
-"""Origins of columns of which the user said what they are: what looks odd about them is said and taken."""
 OFF, BETTER = 0.05, 0.5
 """s that a clock is off, beyond a robot's delay, and share of the error that moving it leaves, for a word about it."""
 
@@ -55,7 +54,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
     for joint, column, wanted, values in zip(plant.joints, columns, plant.reference.T, outputs.T, strict=True):
         unit = wrong_unit(column, joint, prismatic=plant.unit(joint) == "m")
         wrong += [] if unit is None else [unit]
-        odd = [replace(one, key=column.source) for one in suspicions(wanted, values, column, joint, than="the desired motion")]
+        odd = [replace(one, key=column.source) for one in beside(wanted, values, column, joint, than="the desired motion")]
         (findings if column.given else wrong).extend(odd)
     if wrong:
         raise RecordingError(replace(problem, file=recording.path) for problem in wrong)

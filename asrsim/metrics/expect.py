@@ -47,6 +47,8 @@ class ExpectationResult:
     measured: float
     """NaN where the measure is undefined; such a claim does not hold."""
     unit: str
+    reading: str = ""
+    """How the column of a recording was read with which it was compared, in words."""
 
     @property
     def text(self) -> str:
@@ -58,7 +60,8 @@ class ExpectationResult:
         other = Path(claim.against).name if claim.against else claim.reference
         against = f" against {other}" if other else ""
         verdict = "holds" if self.holds else "does not hold"
-        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}"
+        read = f"; compared with {self.reading}" if self.reading else ""
+        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}{tail}, expected {wanted}{tail}: {verdict}{read}"
 
 
 def evaluate_expectation(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from asrsim.recordings.align import Alignment, align, resample
-from asrsim.recordings.checks import guess_rows, suspect_scale
 from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.formats import READERS, Reader
 from asrsim.recordings.read import name_of, read_recording
+from asrsim.recordings.suspicions import suspect_scale
 
 __all__ = [
     "READERS",
@@ -23,7 +23,6 @@ __all__ = [
     "align",
     "band",
     "compare",
-    "guess_rows",
     "name_of",
     "read_recording",
     "require_columns",

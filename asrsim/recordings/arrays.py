@@ -86,8 +86,7 @@ def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], readin
             findings or Problem("holds no series of numbers", code="no-numbers",
                                 hint="Expected vectors with a time beside them, a struct with both, or a matrix of them")
         )  # fmt: skip
-    said = "\n".join(f"{key} = {value}" for key, value in tree.items() if isinstance(value, int | float | str))
-    return Content(format=form, tables=tuple(tables), findings=tuple(findings), remarks=said)
+    return Content(format=form, tables=tuple(tables), findings=tuple(findings))
 
 
 def _tables(

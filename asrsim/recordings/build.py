@@ -10,15 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
-from asrsim.recordings.agreement import disagreements
-from asrsim.recordings.condense import condense, set_aside
 from asrsim.recordings.data import Column, RawSeries, Recording
 from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import KNOWN, Meaning, find_raw, joint_of, meaning_of, stated_unit
-from asrsim.recordings.oddities import oddities
 from asrsim.recordings.reading import ColumnMap, Reading
+from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.units import Unit, find_unit, fits, unknown_unit
-from asrsim.recordings.unstated import unstated
 
 LARGEST = 1e30
 """SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
@@ -27,12 +24,12 @@ _NAMED = 12
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
 BY_NAME = "by its name"
-"""How the origin of a column begins whose name says what it is."""
+"""Origin of a column whose name says what it is."""
 
 
 def build(
     path: Path, form: str, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, *,
-    findings: list[Problem], epoch: float | None, remarks: str = "", topics: Sequence[str] = (),
+    findings: list[Problem], epoch: float | None, topics: Sequence[str] = (),
 ) -> Recording:  # fmt: skip
     """The recording; raises RecordingError with all problems of the mapping."""
     series = _windowed(path, series, reading)
@@ -41,20 +38,17 @@ def build(
     with np.errstate(over="ignore", invalid="ignore"):
         columns = [_column(one, explicit.get(i), reading, joints, repeated) for i, one in enumerate(series)]
     columns = [_measured(column, findings) for column in _without_repeats(path, columns, findings)]
-    findings += [*oddities(columns, series), *unstated(path, columns, remarks), *disagreements(columns)]
-    findings += _questions(path, columns)
+    findings += [*suspicions(columns, series), *_questions(path, columns)]
     mapped = [column for column in columns if column.quantity]
     if len({id(column.time) for column in mapped}) > 1:
         sizes = sorted({len(column.time) for column in mapped}, reverse=True)
         findings.append(
             Problem(f"its columns have times of their own, with {listed(sizes, 6)} samples; each is kept", code="several-times")
         )
-    used = {column.source for column in mapped}
-    noted = condense(set_aside(findings, used, {column.source for column in columns} - used))
     return Recording(
         path=path, format=form, time=max(columns, key=lambda column: len(column.time)).time, epoch=epoch,
         channels={column.source: column for column in columns}, reading=reading.origin,
-        findings=tuple(replace(one, file=one.file or path) for one in noted),
+        findings=tuple(replace(one, file=one.file or path) for one in condense(findings)),
     )  # fmt: skip
 
 
@@ -138,7 +132,7 @@ def _column(
     if meaning.quantity is None or meaning.asked:
         word = "asked" if meaning.asked else "not used"
         return _in_si(series, unit, meaning.joint, None, f"{word}: {meaning.reason}")
-    origin = "named in the file" if series.column.quantity else f"{BY_NAME}: {meaning.reason}"
+    origin = "named in the file" if series.column.quantity else BY_NAME
     return _in_si(series, unit, meaning.joint, meaning.quantity, origin)
 
 
@@ -214,26 +208,13 @@ def _scaled(column: Column, one: ColumnMap) -> Column:
 
 
 def _measured(column: Column, findings: list[Problem]) -> Column:
-    """Without what cannot have been measured, and marks of recorders for none; that has no number then."""
-    column = _unmarked(column, findings)
+    """Without numbers that cannot have been measured: their squares and slopes leave the range of numbers."""
     beyond = np.abs(column.values) > LARGEST
     if not beyond.any():
         return column
     message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
     findings.append(Problem(message, key=column.source, code="no-measurement"))
     return replace(column, values=np.where(beyond, np.nan, column.values))
-
-
-def _unmarked(column: Column, findings: list[Problem]) -> Column:
-    """Without numbers that stand for a missing one: -9999 or the like, more than once, far outside of all others."""
-    finite = column.values[np.isfinite(column.values)]
-    for mark in (-999.0, -9999.0, -99999.0, 9999.0, 99999.0) if column.quantity and len(finite) else ():
-        rest = finite[finite != mark]
-        if len(finite) - len(rest) > 1 and len(rest) and np.max(np.abs(rest)) < 0.02 * abs(mark):
-            message = f"{len(finite) - len(rest)} cells are {mark:g}, which is taken as missing"
-            findings.append(Problem(message, key=column.source, code="missing-mark"))
-            return replace(column, values=np.where(column.values == mark, np.nan, column.values))
-    return column
 
 
 def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:

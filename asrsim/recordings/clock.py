@@ -11,8 +11,8 @@ from asrsim.errors import RecordingError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.quantities import DERIVED
 from asrsim.recordings.align import Alignment, LagChoice, align
-from asrsim.recordings.checks import wrong_unit
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.matching import wrong_unit
 from asrsim.samples import Array, JointInfo, Samples
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")

@@ -15,12 +15,11 @@ from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, meas
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import is_comparable, unit_of
 from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.checks import suspicions, wrong_unit
 from asrsim.recordings.clock import align_recording, simulated
-from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.matching import match_joints
+from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.read import name_of
+from asrsim.recordings.suspicions import beside, condense
 from asrsim.samples import Array, JointInfo, Samples
 
 
@@ -40,6 +39,8 @@ class Series:
     """(m,); NaN in gaps."""
     source: str
     """Column of the recording."""
+    reading: str
+    """How that was read, in words."""
     metrics: Mapping[str, float]
     """Measures of the difference (simulation against recording); NaN where undefined."""
     steps: Mapping[str, tuple[float, float]]
@@ -178,7 +179,7 @@ def _series(
         raise RecordingError(f"of {joint}.{quantity} less than two samples overlap in time", code="no-overlap")
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
-    findings = suspicions(a, b, column, joint)
+    findings = beside(a, b, column, joint)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
@@ -189,7 +190,7 @@ def _series(
     steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
-        metrics=metrics, steps=steps, findings=tuple(findings),
+        reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
 
 

@@ -55,8 +55,6 @@ class Content:
     format: str
     tables: tuple[RawTable, ...]
     findings: tuple[Problem, ...] = ()
-    remarks: str = ""
-    """What the file says beside its numbers and their names."""
     layout: Mapping[str, str | int] = field(default_factory=dict)
     """How a text or sheet was found to be laid out, as the keys of a document state it."""
     topics: tuple[str, ...] = ()
@@ -107,13 +105,23 @@ class Column:
     stated: bool = False
     """The file or the mapping states the unit; else it is assumed."""
     origin: str = ""
-    """Why: "command line", "lab.csv.yaml", "named in the file", "by its name: ...", "asked: ...", "not used: ..."."""
+    """Why: "command line", "lab.csv.yaml", "named in the file", "by its name", "asked: ...", "not used: ..."."""
     part: Path | None = None
     """Of files that were joined, the one that it is from."""
     label: str = ""
     """Its name there."""
     shift: float = 0.0
     """s that were added to the time there."""
+
+    @property
+    def meaning(self) -> str:
+        """`joint.quantity`, or "-" for a column that is not used."""
+        return f"{self.joint}.{self.quantity}" if self.quantity else "-"
+
+    @property
+    def reading(self) -> str:
+        """How it was read: its name in the file, what was done to its numbers, and why."""
+        return f"'{self.source}' ({'; '.join(filter(None, (self.conversion or self.unit, self.origin)))})"
 
     @property
     def given(self) -> bool:
@@ -164,7 +172,7 @@ class Recording:
         raise RecordingError(
             f"has no column for {joint}.{quantity}",
             file=self.path,
-            choices=tuple(f"{c.joint}.{c.quantity}" for c in self.channels.values() if c.quantity),
+            choices=tuple(c.meaning for c in self.channels.values() if c.quantity),
             hint=f"Columns in the file: {', '.join(self.channels)}. Map one with --map COLUMN={joint}.{quantity}",
             code="no-such-quantity",
         )

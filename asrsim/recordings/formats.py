@@ -88,11 +88,21 @@ def content_of(path: Path, reading: Reading) -> Content:
     reader = READERS.get(name)
     try:
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
-        return replace(found, findings=tuple(replace(one, file=path) for one in found.findings))
+        tables = tuple(_without(table, reading.missing) for table in found.tables)
+        return replace(found, tables=tables, findings=tuple(replace(one, file=path) for one in found.findings))
     except RecordingError as error:
         raise RecordingError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
     except OSError as error:
         raise RecordingError(f"cannot be read: {error.strerror or error}", file=path, code="no-file") from None
+
+
+def _without(table: RawTable, missing: float | None) -> RawTable:
+    """The table without the number that stands for a missing one."""
+    if missing is None:
+        return table
+    return replace(
+        table, columns=tuple(replace(one, values=np.where(one.values == missing, np.nan, one.values)) for one in table.columns)
+    )
 
 
 def format_of(path: Path) -> str:

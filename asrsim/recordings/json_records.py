@@ -60,27 +60,21 @@ def _of_lines(text: str, whole: Exception) -> list[dict[str, str]]:
 
 
 def _records(data: Any) -> list[dict[str, str]]:
-    """Records of a whole document: its longest list of objects, rows below `columns`, or its lists by name."""
+    """Records of a whole document: a list of them, its longest list of objects, or its lists by name."""
     if isinstance(data, Mapping) and isinstance(names := data.get("columns"), list) and isinstance(data.get("data"), list):
         data = [dict(zip(map(str, names), row, strict=False)) for row in data["data"]]
-    if isinstance(data, list):
-        return [dict(_flat(one, "")) for one in data]
-    lists = dict(_lists(data, "")) if isinstance(data, Mapping) else {}
-    tables = [one for one in lists.values() if one and isinstance(one[0], Mapping)]
+    lists = dict(_lists(data, "")) if isinstance(data, Mapping) else {"": data} if isinstance(data, list) else {}
+    tables = [one for name, one in lists.items() if one and (isinstance(one[0], Mapping) or not name)]
     if tables:
         return [dict(_flat(one, "")) for one in max(tables, key=len)]
     length = max((len(one) for one in lists.values()), default=0)
-    columns = {name: [dict(_flat({name: item}, "")) for item in one] for name, one in lists.items() if len(one) == length > 1}
-    return [
-        {key: cell for column in columns.values() for key, cell in column[i].items()} for i in range(length if columns else 0)
-    ]
+    columns = {name: one for name, one in lists.items() if len(one) == length > 1}
+    return [dict(_flat({name: one[i] for name, one in columns.items()}, "")) for i in range(length if columns else 0)]
 
 
 def _lists(data: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, list[Any]]]:
-    """Lists by their path, also those that pandas writes as objects by their index."""
+    """Lists by their path."""
     for key, value in data.items():
-        if isinstance(value, Mapping) and len(value) > 1 and all(str(name).isdecimal() for name in value):
-            value = list(value.values())
         if isinstance(value, Mapping):
             yield from _lists(value, f"{prefix}{key}.")
         elif isinstance(value, list):

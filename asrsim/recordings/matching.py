@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from asrsim.actuators import MODES
 from asrsim.errors import Problem, RecordingError
-from asrsim.recordings.data import Recording
+from asrsim.quantities import PRISMATIC_UNITS
+from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.units import split_header
 
 
@@ -34,21 +36,39 @@ def match_joints(
                     hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
         ]  # fmt: skip
     doubt = next((f"; {column.source}: {column.origin.partition(': ')[2]}" for column in recording.asked), "")
-    example = _example(next(iter(recording.channels), "COLUMN"), names[0] if names else "JOINT", counts="counts" in doubt)
+    column, joint = next(iter(recording.channels), "COLUMN"), names[0] if names else "JOINT"
+    unit = split_header(column)[1]
+    factor = "0.001*" if unit is not None and unit.si == "counts" else ""
+    stated = "" if unit is not None and not factor else " [rad]"
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-        f"--map '{example}'",
+        f"--map '{column}={factor}{joint}.link_position{stated}'",
     )  # fmt: skip
 
 
-def _example(column: str, joint: str, *, counts: bool) -> str:
-    """An item that says what a column could be, and keeps the unit that its header states; of counts what one of them is."""
-    unit = split_header(column)[1]
-    if counts:
-        return f"{column}=0.001*{joint}.link_position [rad]"
-    return f"{column}={joint}.link_position{'' if unit is not None else ' [rad]'}"
+def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
+    """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one.
+
+    mode: of the run, whose reference is a position or a torque; None: its unit is not asked for.
+    """
+    quantity = str(column.quantity)
+    # Second references and motors have units of their own (AwAS-II's adjuster moves in m).
+    if not column.stated or quantity == "reference_2" or quantity.startswith("motor_2_"):
+        return None
+    if quantity == "reference_1" and mode in MODES:
+        kinds = {"N m": "torque", "N": "torque", "V": "voltage", "A": "current"}
+        wanted = kinds.get(MODES[mode].units[0], "position")
+        if column.unit and kinds.get(column.unit, "position") != wanted:
+            message = f"is in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
+            return Problem(message, key=column.source, code="wrong-unit")
+    kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())
+    if column.unit not in others:
+        return None
+    hint = f"Give the unit of its numbers: --map '{column.source}={joint}.{quantity} [unit]', or =ignore"
+    message = f"is in {column.unit}, but {joint} is {kind}, whose positions are in {right}"
+    return Problem(message, key=column.source, hint=hint, code="wrong-unit")
 
 
 def matching_name(name: str, names: Sequence[str]) -> str | None:

@@ -20,28 +20,53 @@ ALIASES: dict[str, str] = {
     "motor_2": "motor_2_position",
 }  # fmt: skip
 """Short names that a mapping, or a column called `joint.quantity`, may use besides the quantities' own."""
-_KINDS = {
-    **dict.fromkeys(("q", "qpos", "pos", "position", "positions", "angle", "angles"), "position"),
-    **dict.fromkeys(("dq", "qdot", "qvel", "vel", "velocity", "velocities", "speed"), "velocity"),
-    **dict.fromkeys(("tau", "torque", "torques", "effort", "efforts", "force"), "torque"),
+_WORDS = {
+    **dict.fromkeys(("q", "qpos", "pos", "positions", "angle", "angles"), "position"),
+    **dict.fromkeys(("dq", "qdot", "qvel", "vel", "velocities", "speed"), "velocity"),
+    **dict.fromkeys(("tau", "torques", "effort", "efforts"), "torque"),
+    **dict.fromkeys(
+        ("references", "ref", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "goal"), "reference"
+    ),
+    **dict.fromkeys(("mot", "hub"), "motor"),
+    "defl": "deflection",
+    "eq": "equilibrium",
+    "ext": "external",
+    "el": "elastic",
+    "spring": "elastic",
 }
-"""Word -> what is measured."""
-_REFERENCE = {"ref", "reference", "references", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "goal"}
-_MOTOR = {"motor", "mot", "hub"}
+"""Word -> the word of `_QUANTITIES` that it stands for."""
+_QUANTITIES = {
+    " ".join(sorted(words.split())): quantity
+    for words, quantity in {
+        **{word: f"link_{word}" for word in ("position", "velocity", "torque")},
+        "force": "link_torque",
+        **{f"motor {word}": f"motor_1_{word}" for word in ("position", "velocity", "torque")},
+        "reference": "reference_1",
+        "reference position": "reference_1",
+        "reference torque": "reference_1",
+        "motor reference": "reference_1",
+        "motor reference position": "reference_1",
+        "motor reference torque": "reference_1",
+        "preset": "reference_2",
+        "stiffness preset": "reference_2",
+        "stiffness": "stiffness",
+        "deflection": "deflection",
+        "tip deflection": "deflection",
+        "error position": "position_error",
+        "equilibrium": "equilibrium_position",
+        "equilibrium position": "equilibrium_position",
+        "equilibrium theta": "equilibrium_position",
+        "external torque": "external_torque",
+        "elastic torque": "elastic_torque_1",
+    }.items()
+}
+"""Words, in any order, that make a quantity together."""
 _FILLING = {"joint", "joints", "jnt", "j", "axis", "link", "measured", "meas", "actual", "act", "data", "value", "values",
             "field", "angular", "in"}  # fmt: skip
 """Words that change nothing: `q1_meas`, `joint 1 position`, `field.position0`."""
-_WHOLE = {" ".join(sorted(words.split())): quantity for words, quantity in {
-    "deflection": "deflection", "defl": "deflection", "tip deflection": "deflection", "stiffness": "stiffness",
-    "preset": "reference_2", "stiffness preset": "reference_2", "error position": "position_error",
-    "eq position": "equilibrium_position", "equilibrium position": "equilibrium_position", "eq theta": "equilibrium_position",
-    "equilibrium": "equilibrium_position", "ext torque": "external_torque", "external torque": "external_torque",
-    "el torque": "elastic_torque_1", "elastic torque": "elastic_torque_1", "spring torque": "elastic_torque_1",
-}.items()}  # fmt: skip
-"""Words that make a quantity together, in any order; each of `_KINDS` by what it measures."""
 _DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "dqd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load",
-             "trq"}  # fmt: skip
-"""Words that often mean a quantity of a joint, and as often something else: asked about."""
+             "trq", "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
+"""Words by which a name that is not understood may mean a quantity of a joint: it is asked about."""
 _UNITS = {"rad": "position", "m": "position", "rad/s": "velocity", "m/s": "velocity", "N m": "torque", "N": "torque"}
 _LETTERS = str.maketrans({"θ": "theta", "τ": "tau", "ω": "omega", "φ": "phi", "\u0307": "dot",
                           **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")}})  # fmt: skip
@@ -66,7 +91,8 @@ def tokens_of(name: str) -> list[str]:
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     words: list[str] = []
     for word in (found.lower() for found in re.findall(r"[^\W\d_]+|\d+", text)):
-        end = next((end for end in _GLUED if word.endswith(end) and word[: -len(end)] in _STEMS and word not in _KINDS), None)
+        known = word in _WORDS or word in _QUANTITIES
+        end = next((end for end in _GLUED if not known and word.endswith(end) and word[: -len(end)] in _STEMS), None)
         words += [word] if end is None else [word[: -len(end)], end]
     return words
 
@@ -74,7 +100,7 @@ def tokens_of(name: str) -> list[str]:
 def stated_unit(name: str, beside: str = "") -> Unit | None:
     """The unit of a column, by what stands beside its name or in it. A velocity in deg is one in deg/s."""
     unit = find_unit(beside) or split_header(name)[1]
-    if unit is not None and unit.si in ("rad", "m") and any(_KINDS.get(word) == "velocity" for word in tokens_of(name)):
+    if unit is not None and unit.si in ("rad", "m") and any(_WORDS.get(word, word) == "velocity" for word in tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
     return unit
 
@@ -83,111 +109,70 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     """What a column is, by its name and unit alone. joints: of the simulation; None: not known, and taken from the name."""
     plain = re.sub(r"#\d+$", "", split_header(name)[0])
     head, dot, last = plain.strip("./ ").rpartition(".")
-    if dot and (exact := ALIASES.get(last, last)) in KNOWN:
-        called: str | None = find_joint(head, joints or ())[0] or _called(re.split("[./]", head)[-1])
-        place = re.fullmatch(r"(?:joint|axis|j)[_ ]?(\d+)", called or "")
-        if place and joints and called not in joints:  # another robot's file
-            called, doubt = joint_of(int(place[1]), joints, indexed=False)
-            if called is None:
-                return Meaning(reason=doubt, asked=True)
-        return _fitting(called, exact, unit, f"'{last}' of '{head}'")
+    if dot and ALIASES.get(last, last) in KNOWN:
+        return _of_joint(head, ALIASES.get(last, last), unit, joints)
     joint, rest = find_joint(plain, joints or ())
-    found = _parsed(rest, unit, named=joint is not None)
-    path = re.fullmatch(
-        r".*?([^./\s]+)[./]([^./]+)", re.sub(r"[./](?:values?|data)$|[./]\s+(?=[./])", "", plain if joint is None else rest)
-    )
-    if found.quantity is None and path is not None:
+    parts = [part for part in re.split(r"[./]", rest) if part.strip(" _[]")]
+    parts = parts[:-1] if len(parts) > 1 and parts[-1] in ("data", "value", "values") else parts
+    *above, tail = parts or [""]
+    while above and {_WORDS.get(word, word) for word in tokens_of(above[-1])} <= {*_FILLING, "reference", "motor"}:
+        tail = f"{above.pop()} {tail}"  # command/q1
+    array = re.search(r"[\[(](\d+)[\])]$", tail) or (re.search(r"(\d+)$", tail) if tail.startswith("field ") else None)
+    tokens = tokens_of(tail[: array.start()] if array else tail)
+    numbers = [int(word) for word in tokens if word.isdecimal()]
+    exact = "_".join(tokens)
+    if numbers and ALIASES.get(exact, exact) in KNOWN and (joint or (joints is not None and len(joints) == 1)):
+        return _fitting(joint or str((joints or [""])[0]), ALIASES.get(exact, exact), unit)
+    words = [_WORDS.get(word, word) for word in tokens if not word.isdecimal() and word not in _FILLING]
+    if "torque" in words:  # of a position m may be metres, of a torque it is the motor
+        words = ["motor" if word == "m" else word for word in words]
+    si = "" if unit is None else unit.si
+    asked = bool(_DOUBTFUL & {_WORDS.get(word, word) for word in tokens_of(rest)}) or si in ("rad", "rad/s", "N m")
+    owners = [one for one in joints or () if joint is None and (own := {*words} & {*tokens_of(one)}) and own - _DOUBTFUL]
+    if len(owners) == 1:  # hip_pos of left_hip_joint
+        joint, words = owners[0], [word for word in words if word not in tokens_of(owners[0])]
+    if si in _UNITS and (words == ["motor"] or (not words and (joint or (numbers and re.search("(?i)joint|axis", rest))))):
+        words.append(_UNITS[si])  # hub [rad], elbow [deg], Joint 1 [deg]
+    quantity = _QUANTITIES.get(" ".join(sorted(words)))
+    if numbers and ALIASES.get(exact, exact) in KNOWN:
+        return Meaning(reason=f"{numbers[0]} in its name may count joints", asked=True)
+    strange = next((word for word in words if word not in " ".join(_QUANTITIES).split()), None)
+    if "reference" in words and not strange and (quantity is None or ("torque" in words and not si)):
+        return Meaning(joint=joint, reason="the simulation has no such reference")
+    if quantity is None or (words == ["force"] and si != "N"):
+        why = "its name has no quantity of a joint"
+        if asked:
+            why = f"it is unclear what '{strange}' in its name says" if strange else "its name says two things"
+        return Meaning(joint=joint, reason=why, asked=asked)
+    if joint is not None and numbers and re.search(r"_\d", quantity):  # elbow_motor_2_position
+        quantity, numbers = re.sub(r"\d", str(numbers[0]), quantity, count=1), numbers[1:]
+    owner = _called(above[-1]) if above else ""
+    if numbers and (joint or len(numbers) > 1 or re.search(r"\d|left|right", owner.lower())):
+        return Meaning(reason=f"which joint the number {numbers[-1]} in its name counts is unclear", asked=True)
+    if not (joint or numbers or array) and owner and not {*tokens_of(owner)} <= {*_FILLING, "state", "states"}:
         # elbow/position, /joint_states/elbow/position: what stands before the quantity is the joint's name
-        inner, counted = _parsed(path[2], unit, named=True), _parsed(path[2], unit, named=False)
-        owner = joint or (_called(path[1]) if joints is None else find_joint(path[1], joints)[0])
-        several = re.search(r"\d|left|right", path[1].lower()) is not None
-        if joint is None and counted.quantity and counted.number is not None and not several:
-            found = counted  # run.q1, /state/q[0]: what holds all joints' series is not one of them
-        elif inner.quantity and owner and not {*tokens_of(owner)} <= {*_FILLING, *_MOTOR, "state", "states"}:
-            joint, found = owner, inner
-    if found.quantity is None:
-        spare = set(found.words)
-        owners = [one for one in joints or () if spare and spare <= {*tokens_of(one)}]
-        if joint is None and len(owners) == 1:  # hip_pos of left_hip_joint
-            joint, found = owners[0], _parsed(" ".join(word for word in tokens_of(rest) if word not in spare), unit, named=True)
-    if found.quantity is None:
-        return Meaning(joint=joint, reason=found.reason, asked=found.asked)
+        return _of_joint(owner, quantity, unit, joints)
+    doubt = ""
     if joint is None:
-        joint, doubt = joint_of(found.number, joints, indexed=found.indexed)
-        if doubt:
-            return Meaning(reason=doubt, asked=True)
-    elif found.number is not None:
-        return Meaning(reason=f"which joint its number {found.number} counts is unclear", asked=True)
-    return _fitting(joint, found.quantity, unit, f"'{plain}'")
+        joint, doubt = joint_of(int(array[1]) if array else numbers[0] if numbers else None, joints, indexed=array is not None)
+    return Meaning(reason=doubt, asked=True) if doubt or quantity not in KNOWN else _fitting(joint, quantity, unit)
 
 
-def _fitting(joint: str | None, quantity: str, unit: Unit | None, said: str) -> Meaning:
+def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
+    """The meaning where a name of a joint stands before the quantity."""
+    called = find_joint(name, joints or ())[0] or _called(re.split("[./]", name)[-1])
+    place = re.fullmatch(r"(?:joint|axis|j)[_ ]?(\d+)", called)
+    if place is None or not joints or called in joints:
+        return _fitting(called, quantity, unit)
+    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # another robot's file
+    return Meaning(reason=doubt, asked=True) if doubt else _fitting(joint, quantity, unit)
+
+
+def _fitting(joint: str | None, quantity: str, unit: Unit | None) -> Meaning:
     """The meaning, where the unit can be the quantity's."""
     if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
         return Meaning(reason=f"its name says {quantity}, but its unit is {unit.symbol}", asked=True)
-    return Meaning(joint=joint, quantity=quantity, reason=f"{said} names {quantity}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Parsed:
-    quantity: str | None = None
-    number: int | None = None
-    """Number that counts joints."""
-    indexed: bool = False
-    """It is the place in an array, from 0."""
-    words: tuple[str, ...] = ()
-    """Words that are not known."""
-    reason: str = "its name has no quantity of a joint"
-    asked: bool = False
-
-
-def _parsed(text: str, unit: Unit | None, *, named: bool) -> _Parsed:
-    """The quantity of a name without its unit and joint; each of its words must be known. named: its joint is known."""
-    array = re.search(r"[\[(](\d+)[\])]$", text) or re.search(r"(?:^|/|\s)field\..*?(\d+)$", text)
-    tokens = tokens_of(text[: array.start(1)] if array else text)
-    numbers = [int(word) for word in tokens if word.isdecimal()]
-    words = [word for word in tokens if not word.isdecimal() and word not in _FILLING]
-    if any(_KINDS.get(word) == "torque" for word in words):  # of a torque m is the motor, of a position it may be metres
-        words = ["motor" if word == "m" else word for word in words]
-    strange = tuple(word for word in words if word not in {*_KINDS, *_REFERENCE, *_MOTOR, *" ".join(_WHOLE).split()})
-    kinds = [_KINDS[word] for word in words if word in _KINDS]
-    si = "" if unit is None else unit.si
-    asked = bool(kinds or {*_DOUBTFUL, "deflection", "stiffness"} & {*words} or si in ("rad", "rad/s", "N m"))
-    if strange:
-        said = f"it is unclear what '{strange[0]}' in its name says" if asked else "its name has no quantity of a joint"
-        return _Parsed(words=strange, reason=said, asked=asked)
-    whole = " ".join(sorted(_KINDS.get(word, word) for word in words))
-    doubled = any(len({*part}) < len(part) for part in (kinds, words)) or len({*kinds}) > 1
-    kind = kinds[0] if kinds else _UNITS.get(si, "")
-    exact = "_".join(tokens)
-    if array is None and numbers and (ALIASES.get(exact) or exact) in KNOWN and len(numbers) == 1:
-        quantity, numbers = ALIASES.get(exact, exact), [] if named else [-numbers[0]]
-    elif whole in _WHOLE:
-        quantity = _WHOLE[whole]
-        if quantity == "elastic_torque_1" and numbers and (named or len(numbers) == 2):
-            quantity, numbers = f"elastic_torque_{numbers[0]}", numbers[1:]
-    elif doubled or ("force" in words and si != "N"):
-        return _Parsed(reason="its name says two things, or a force that may be a sensor's", asked=True)
-    elif _REFERENCE & {*words}:
-        if kind == "velocity" or (kind == "torque" and not si) or {*words} - _REFERENCE - _MOTOR - {*_KINDS}:
-            return _Parsed(reason="the simulation has no such reference")
-        quantity = "reference_1"
-    elif _MOTOR & {*words} and not {*words} - _MOTOR - {*_KINDS}:
-        if not kind:
-            return _Parsed(reason="what of the motor it is, is not said", asked=True)
-        own = numbers[0] if named and numbers else 1
-        numbers = [] if named else numbers
-        quantity = f"motor_{own}_{kind}"
-    elif kinds and not {*words} - {*_KINDS}:
-        quantity = f"link_{kind}"
-    elif not words and si in _UNITS and (named or ((numbers or array) and re.search("joint|axis", text, re.I))):
-        quantity = f"link_{kind}"  # elbow [deg], Joint 1 [deg]
-    else:
-        return _Parsed(reason="its name has no quantity of a joint", asked=asked)
-    if quantity not in KNOWN or len(numbers) > 1:
-        return _Parsed(reason="which of the numbers in its name counts joints is unclear", asked=True)
-    number = int(array[1]) if array else numbers[0] if numbers else None
-    return _Parsed(quantity=quantity, number=number, indexed=array is not None)
+    return Meaning(joint=joint, quantity=quantity, reason="")
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
@@ -206,17 +191,16 @@ def _called(name: str) -> str:
 
 
 def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:
-    """The joint of a number, and why it is unclear. Behind a quantity's own number, which is negative here, there is none."""
-    if number is None or number < 0:
-        if joints is None:
-            return ("joint_1", "") if number is None else (None, f"{-number} in its name may count joints")
-        only = len(joints) == 1
-        return (joints[0], "") if only else (None, f"it does not say which of {', '.join(joints[:8])} it is of")
+    """The joint that a number counts, and why it is unclear. indexed: counted from 0, as in an array."""
+    if number is None:
+        if joints is None or len(joints) == 1:
+            return (joints or ["joint_1"])[0], ""
+        return None, f"it does not say which of {', '.join(joints[:8])} it is of"
     if joints is None:
         return f"joint_{number}", ""
     ends = [re.sub(r".*?(\d*)$", r"\1", joint) for joint in joints]
     counted = [str(i + 1) for i in range(len(joints))]
-    if not indexed and ends.count(str(number)) == 1 and (sorted(ends) == sorted(counted) or number == 0):
+    if not indexed and ends.count(str(number)) == 1 and (sorted(ends) == counted or number == 0):
         return joints[ends.index(str(number))], ""
     place = number if indexed else number - 1
     if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):

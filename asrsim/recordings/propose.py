@@ -15,10 +15,11 @@ from asrsim.recordings.reading import ENDING
 
 def propose(
     path: Path, out: Path | None = None, *, mapping: Sequence[str] = (), rate: float | None = None,
-    joints: Sequence[str] | None = None, force: bool = False,
+    joints: Sequence[str] | None = None, force: bool = False, called: str = "",
 ) -> tuple[Path, Recording]:  # fmt: skip
     """Writes `lab.csv.yaml` beside a recording, or `out`; gives its path and the recording as it was read for it.
 
+    joints: of the simulation; called: how the document names the recording, its name where it stands beside it.
     Raises RecordingError where the file cannot be read, OutputError where the document is there and not to be replaced.
     """
     if "+" in path.name and not path.exists():
@@ -28,9 +29,10 @@ def propose(
         raise OutputError(f"{place} is there already; --overwrite replaces it")
     (part,), recording = read_parts(path, mapping=list(mapping) or None, joints=joints, rate=rate, beside=False)
     lines = [
-        f"# How {path.name} is read, proposed by `asrsim init --experiment`. Every command that reads the file obeys this",
-        "# document and takes nothing from names: check each line, answer the questions, and strike what is not to be used.",
-        f"file: {_text(path.name)}",
+        f"# How {path.name} is read, proposed by `asrsim init --experiment`. Beside the recording every command obeys it;",
+        "# elsewhere it is given in the place of the recording. With `map` nothing is taken from names: check each line,",
+        "# answer the questions, and strike what is not to be used.",
+        f"file: {_text(called or path.name)}",
         *(f"{key}: {_text(value)}".ljust(40) + "# as found in the file" for key, value in part.content.layout.items()),
     ]
     if rate is not None:
@@ -39,6 +41,8 @@ def propose(
         doubt = next((one.message for one in recording.findings if one.code in ("time-unit-assumed", "time-guessed")), "")
         lines.append(f"time: {clock}".ljust(40) + (f"# ? {doubt}" if doubt else "# its name and unit"))
     used = [column for column in recording.channels.values() if column.quantity]
+    marks = [one for one in recording.findings if one.code == "missing-mark"]
+    lines += [f"# missing: {one.value:g}".ljust(40) + f"# ? {one.key}: {one.message}" for one in marks]
     lines += ["map:" if used else "map: {}", *(_line(column, part.reading.maps) for column in used)]
     lines += _questions(recording)
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -40,7 +40,7 @@ def read_recording(
         rate: Hz; replaces the file's time by an even one from 0.
 
     Returns:
-        The recording in SI units with all findings; show `guess_rows(recording)` to the user.
+        The recording in SI units with all findings.
 
     Raises:
         RecordingError: With what was found and what was expected.
@@ -65,7 +65,7 @@ def read_parts(
     if len(read) == 1:
         one = read[0]
         return read, build(path, one.content.format, one.series, reading, joints, findings=findings, epoch=one.epoch,
-                           remarks=one.content.remarks, topics=one.content.topics)  # fmt: skip
+                           topics=one.content.topics)  # fmt: skip
     maps = {entry.column: entry for one in read for entry in one.reading.maps}
     series, epoch = _joined(parts, read, findings)
     reading = replace(reading, maps=tuple(maps.values()))

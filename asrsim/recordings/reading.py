@@ -19,7 +19,7 @@ from asrsim.recordings.units import Unit, find_unit, parse_unit
 
 ENDING = ".yaml"
 """Behind a recording's name: the document that says how it is read."""
-SEPARATORS = {"tab": "\t", "blanks": None, ",": ",", ";": ";", "|": "|"}
+SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
 """Word in a document -> what stands between cells; None: runs of white space."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SHIFT = re.compile(rf"\s+(?P<sign>[-+])\s*(?:(?P<number>{_NUMBER})|(?P<word>start|mean))$")
@@ -90,7 +90,7 @@ class TimeKeys:
             raise _error("unit", f"time cannot be in {self.unit}", choices=("s", "ms", "us", "ns"))
 
 
-_TIME = block_of(TimeKeys, "time", main="column")
+TIME = block_of(TimeKeys, "time", main="column")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ class Reading:
     file: str | None = declare(
         Optional(Text(noun="name of a file")), doc="the recording, where this document is given in its place", default=None
     )
-    time: TimeKeys = declare(_TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
+    time: TimeKeys = declare(TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
         Optional(Choice(tuple(SEPARATORS))), doc="text: what stands between cells", default=None, shown="found"
     )
@@ -113,6 +113,10 @@ class Reading:
     sheet: str | None = declare(
         Optional(Text(noun="name of a sheet")), doc="workbooks: the sheet", default=None, shown="the first with numbers"
     )
+    missing: float | None = declare(
+        Optional(NUMBER), doc="the number that stands for a missing one, in the file's unit, such as -9999", default=None,
+        shown="none",
+    )  # fmt: skip
     window: tuple[float | None, ...] | None = declare(
         Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))), doc="the part that is kept, on its clock",
         unit="s", default=None,

@@ -23,7 +23,6 @@ _SAMPLE = 200
 """Lines by which it is found out how a file is laid out."""
 _BLOCK = 20_000
 """Lines read at a time; bounds the memory beside the numbers themselves."""
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:[.,' ]\d{3})+")
 _PLACE = r"(.*?)(?:name|position|velocity|effort)[\[_]?(\d+)\]?"
 """An entry of a JointState: `field.name0`, `position[1]`."""
 Row = tuple[int, list[str]]
@@ -48,21 +47,40 @@ class Layout:
     """Line of the first row of numbers."""
     skipped: tuple[int, ...] = ()
     """Lines above it that are neither header nor comment."""
-    remarks: str = ""
+
+
+_FAULTS = {
+    "ragged-row": "{count} rows with {cell} instead of {columns} fields, or the like, are left out",
+    "repeated-header": "the header is repeated {count} times, as in two recordings in one file",
+    "not-a-number": "{count} cells are no numbers and count as missing, such as '{cell}'",
+    "missing-cells": "{count} of {rows} cells are empty",
+}
+"""Code of what is wrong with lines or cells -> what is said of it."""
 
 
 @dataclass
 class Faults:
-    """Lines that were not plain numbers, by what was wrong with them."""
+    """Lines and cells that were no plain numbers, by what was wrong with them."""
 
-    ragged: list[int] = field(default_factory=list)
-    lengths: set[int] = field(default_factory=set)
-    cells: dict[int, list[tuple[int, str]]] = field(default_factory=dict)
-    """Column -> line and cell."""
-    missing: Counter[int] = field(default_factory=Counter)
-    headers: list[int] = field(default_factory=list)
+    found: dict[tuple[str, int], tuple[list[int], str]] = field(default_factory=dict)
+    """Code and column (-1: whole lines) -> lines and the first cell."""
     words: dict[int, set[str]] = field(default_factory=dict)
     """Column of text -> its first two words."""
+
+    def add(self, code: str, line: int, column: int = -1, cell: object = "") -> None:
+        """Note one."""
+        self.found.setdefault((code, column), ([], printable(str(cell)[:30])))[0].append(line)
+
+    def problems(self, layout: Layout, rows: int) -> Iterator[Problem]:
+        """One for each kind and column."""
+        for (code, column), (lines, cell) in sorted(self.found.items()):
+            if code == "missing-cells" and len(lines) == rows:
+                continue
+            said = _FAULTS[code].format(count=len(lines), cell=cell, columns=len(layout.names), rows=rows)
+            where = f"line{'s' if len(lines) > 1 else ''} {listed(lines, 8)}"
+            yield Problem(f"{said}: {where}", line=lines[0], key=layout.names[column] if column >= 0 else None, code=code)
+        if texts := [name for name, kind in zip(layout.names, layout.kinds, strict=True) if kind == "text"]:
+            yield Problem("text is not read", key=listed(texts, 6), code="text-column")
 
 
 def read_text(path: Path, reading: Reading) -> Content:
@@ -72,16 +90,14 @@ def read_text(path: Path, reading: Reading) -> Content:
         lines = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE + 100), start=1)]
     comments = [(i, line) for i, line in lines if line.lstrip().startswith(COMMENTS)]
     filled = [(i, line) for i, line in lines if line.strip("\0 \t") and not line.lstrip().startswith(COMMENTS)][:_SAMPLE]
-    declared = re.fullmatch(r'"?sep=(.)"?', filled[0][1].strip(), re.IGNORECASE) if filled else None
-    filled = filled[1:] if declared else filled
     if not filled:
         raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
     quoted = any('"' in line for _, line in filled)
-    separator, decimal = _separator([line for _, line in filled], reading, declared[1] if declared else None, quoted=quoted)
+    separator, decimal = _separator([line for _, line in filled], reading, quoted=quoted)
     glued = [(i, _glued(line, separator)) for i, line in filled]
     rows = [(i, split(line, separator, quoted=quoted)) for i, line in glued]
     above = [(i, _comment_cells(line, separator)) for i, line in comments]
-    layout = layout_of(rows, above, reading, decimal, "\n".join(line for _, line in comments), separator, quoted=quoted)
+    layout = layout_of(rows, above, reading, decimal, separator, quoted=quoted)
     faults, zeros = Faults(), dict[int, int]()
     blocks: list[Array] = []
     numbers: list[NDArray[np.int64]] = []
@@ -94,14 +110,9 @@ def read_text(path: Path, reading: Reading) -> Content:
             blocks.append(values)
             numbers.append(kept)
     found = content_of_table("text", np.concatenate(blocks), np.concatenate(numbers), layout, faults, zeros)
-    word = next(word for word, sign in SEPARATORS.items() if sign == separator) if separator in SEPARATORS.values() else ","
-    laid_out: dict[str, str | int] = {
-        "separator": word,
-        "decimal": decimal,
-        "encoding": encoding,
-        "header": layout.header_line or 0,
-    }
-    return replace(found, layout=laid_out)
+    word = next(word for word, sign in SEPARATORS.items() if sign == separator)
+    header = layout.header_line or 0
+    return replace(found, layout={"separator": word, "decimal": decimal, "encoding": encoding, "header": header})
 
 
 def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
@@ -111,14 +122,14 @@ def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
         raise RecordingError("holds no rows", code="empty")
     width = max(len(row) for _, row in counted)
     counted = [(i, row + [""] * (width - len(row))) for i, row in counted]
-    layout = layout_of(counted[: 2 * _SAMPLE], [], reading, ".", "", ",", quoted=False)
+    layout = layout_of(counted[: 2 * _SAMPLE], [], reading, ".", ",", quoted=False)
     faults, zeros = Faults(), dict[int, int]()
     values, lines = rows_of((row for row in counted if row[0] >= layout.first), layout, faults, zeros)
     return content_of_table(form, values, lines, layout, faults, zeros)
 
 
 def layout_of(
-    rows: Sequence[Row], comments: Sequence[Row], reading: Reading, decimal: str, remarks: str, separator: str | None,
+    rows: Sequence[Row], comments: Sequence[Row], reading: Reading, decimal: str, separator: str | None,
     *, quoted: bool,
 ) -> Layout:  # fmt: skip
     """The layout by the first rows. Raises RecordingError where they hold no table, or a header of another length."""
@@ -146,27 +157,20 @@ def layout_of(
     header = next((row for row in reversed(fitting) if row is not units), None)
     last = rows[place - 1] if place else None
     words = sum(bool(cell) and share_of_values([cell], decimal) == 0.0 for cell in last[1]) if last else 0
-    misfit = (
-        last is not None and (header is None or last[0] > header[0]) and words >= max(2, 0.5 * columns) and len(last[1]) > 2
-    )
-    if (
-        misfit
-        and last is not None
-        and not (units and units[0] == last[0])
-        and not _by_numbers(reading)
-        and reading.header is None
-    ):
+    known = {row[0] for row in (header, units) if row is not None}
+    by_numbers = any(name.lstrip("#").isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
+    misfit = last is not None and last[0] > max(known, default=0) and words >= max(2, 0.5 * columns) and len(last[1]) > 2
+    if last is not None and misfit and not by_numbers and reading.header is None:
         raise RecordingError(
             f"the header has {len(last[1])} names, its rows have {columns} fields", line=last[0], code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
     names = header[1] if header else [""] * columns
-    known = {row[0] for row in (header, units) if row is not None}
     return Layout(
         separator=separator, decimal=decimal, quoted=quoted, names=_unique(names),
         units=tuple(_unit(cell) for cell in units[1]) if units else ("",) * columns,
         kinds=tuple(kind_of([cells[i] for cells in data], decimal) for i in range(columns)),
-        header_line=header[0] if header else None, first=first, remarks=remarks,
+        header_line=header[0] if header else None, first=first,
         skipped=tuple(i for i, _ in rows[:place] if i not in known),
     )  # fmt: skip
 
@@ -183,10 +187,9 @@ def rows_of(rows: Iterable[Row], layout: Layout, faults: Faults, zeros: dict[int
         while len(cells) > columns and not cells[-1]:
             cells.pop()
         if len(cells) != columns:
-            faults.ragged.append(line)
-            faults.lengths.add(len(cells))
+            faults.add("ragged-row", line, cell=len(cells))
         elif cells == header:
-            faults.headers.append(line)
+            faults.add("repeated-header", line)
         else:
             found.append([_value(cell, i, line, layout, faults, zeros) for i, cell in enumerate(cells)])
             kept.append(line)
@@ -206,46 +209,23 @@ def _value(cell: str, column: int, line: int, layout: Layout, faults: Faults, ze
             return (moment - zeros.setdefault(column, moment)) * 1e-9
     elif (value := number(cell, layout.decimal)) is not None:
         if cell.lower() in MISSING:
-            faults.missing[column] += 1
+            faults.add("missing-cells", line, column)
         return value
-    faults.cells.setdefault(column, []).append((line, cell))
+    faults.add("not-a-number", line, column, cell)
     return float("nan")
 
 
 def content_of_table(
     form: str, values: Array, lines: NDArray[np.int64], layout: Layout, faults: Faults, zeros: dict[int, int]
 ) -> Content:
-    """The table with its findings, one a kind. Raises RecordingError where numbers have marks between their thousands."""
-    findings: list[Problem] = []
-
-    def add(message: str, where: Sequence[int], code: str, key: str | None = None, hint: str | None = None) -> None:
-        findings.append(Problem(message, line=where[0] if where else None, key=key, code=code, hint=hint))
-
+    """The table with its findings, one a kind."""
+    findings = [*faults.problems(layout, len(values))]
     if layout.skipped:
-        add(f"passed over above the numbers: {lines_text(layout.skipped)}", layout.skipped, "preamble")
+        said = f"passed over above the numbers: lines {listed(layout.skipped, 8)}"
+        findings.append(Problem(said, line=layout.skipped[0], code="preamble"))
     if layout.header_line is None:
-        add("has no header; columns are called column_1, column_2, ...", (), "no-header",
-            hint="Name them with --map 2=joint_1.link_position")  # fmt: skip
-    if faults.ragged:
-        lengths = ", ".join(str(length) for length in sorted(faults.lengths))
-        add(f"{len(faults.ragged)} rows with {lengths} instead of {len(layout.names)} fields are left out: "
-            f"{lines_text(faults.ragged)}", faults.ragged, "ragged-row")  # fmt: skip
-    for column, bad in sorted(faults.cells.items()):
-        if any(_THOUSANDS.fullmatch(cell) for _, cell in bad):
-            raise RecordingError(
-                f"numbers have marks between their thousands: {printable(bad[0][1])}", line=bad[0][0], key=layout.names[column],
-                code="thousands", hint="Export it without them",
-            )  # fmt: skip
-        add(f"{len(bad)} cells are no numbers and count as missing, such as '{printable(bad[0][1][:30])}': "
-            f"{lines_text([line for line, _ in bad])}", [bad[0][0]], "not-a-number", layout.names[column])  # fmt: skip
-    for column, count in sorted(faults.missing.items()):
-        if count < len(values):
-            add(f"{count} of {len(values)} cells are empty", (), "missing-cells", layout.names[column])
-    if texts := [name for name, kind in zip(layout.names, layout.kinds, strict=True) if kind == "text"]:
-        add("text is not read", (), "text-column", listed(texts, 6))
-    if faults.headers:
-        add(f"the header is repeated: {lines_text(faults.headers)}", faults.headers, "repeated-header",
-            hint="Two recordings in one file?")  # fmt: skip
+        said, hint = "has no header; columns are called column_1, column_2, ...", "Name them with --map 2=joint_1.link_position"
+        findings.append(Problem(said, hint=hint, code="no-header"))
     joints = _named_joints(layout, faults)
     columns = tuple(
         RawColumn(name=name, values=np.ascontiguousarray(values[:, i]), unit=layout.units[i], zero=zeros.get(i), place=i + 1,
@@ -254,7 +234,7 @@ def content_of_table(
         if layout.kinds[i] != "text"
     )  # fmt: skip
     table = RawTable(columns=columns, lines=lines)
-    return Content(format=form, tables=(table,), findings=tuple(findings), remarks=layout.remarks)
+    return Content(format=form, tables=(table,), findings=tuple(findings))
 
 
 def _named_joints(layout: Layout, faults: Faults) -> dict[str, str]:
@@ -269,13 +249,6 @@ def _named_joints(layout: Layout, faults: Faults) -> dict[str, str]:
                 )  # fmt: skip
             found[re.sub(_PLACE, r"\1name\2", label)] = printable(next(iter(words)))
     return found
-
-
-def lines_text(lines: Iterable[int]) -> str:
-    """`line 4`, `lines 4, 7, 9` or `lines 4, 7, ... (312 in all)`."""
-    numbers = [int(line) for line in lines]
-    said = ", ".join(str(number) for number in numbers[:8])
-    return f"line{'s' if len(numbers) > 1 else ''} {said}" + (f", ... ({len(numbers)} in all)" if len(numbers) > 8 else "")
 
 
 def _encoding(path: Path) -> str:
@@ -300,12 +273,11 @@ def _encoding(path: Path) -> str:
     return "utf-8-sig"
 
 
-def _separator(lines: Sequence[str], reading: Reading, declared: str | None, *, quoted: bool) -> tuple[str | None, str]:
+def _separator(lines: Sequence[str], reading: Reading, *, quoted: bool) -> tuple[str | None, str]:
     """Separator and decimal mark that turn most cells of the later lines into numbers, of those that are not stated."""
     sample = lines[len(lines) // 2 :]
-    stated = [SEPARATORS[reading.separator]] if reading.separator else [declared] if declared else [*SEPARATORS.values()]
     best: tuple[float, str | None, str] = (-1.0, None, ".")
-    for separator in [one for one in ("\t", ";", ",", "|", None) if one in stated] or stated:
+    for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
         rows = [split(line, separator, quoted=quoted) for line in sample]
         columns = Counter(len(row) for row in rows).most_common(1)[0][0]
         for decimal in (reading.decimal,) if reading.decimal else (".", ","):
@@ -366,11 +338,6 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
         seen[name] += 1
         result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(result)
-
-
-def _by_numbers(reading: Reading) -> bool:
-    """Whether columns are named by their numbers, so that no header is needed."""
-    return any(name.lstrip("#").isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
 
 
 def _blocks(stream: Iterator[str], first: int) -> Iterator[tuple[int, list[str]]]:

@@ -12,7 +12,9 @@ import numpy as np
 from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
-from asrsim.recordings.reading import is_document, resolve_reading
+from asrsim.recordings.propose import propose
+from asrsim.recordings.read import parts_of
+from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
 from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
@@ -72,10 +74,11 @@ def write_from_recording(
 ) -> Written:
     """Write a scenario that plays the recorded commands and compares with the recorded motion, and a fit file beside it.
 
-    Where the playback signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the
-    scenario as `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; plugins: that the
-    fit file names; the others as for :func:`asrsim.scenario.start_file.write_starter`. Without `mode`, actuators that are
-    given are in that of the recorded command.
+    Where no document says how the recording is read, one is proposed beside the scenario, `lab.csv.yaml`. Where the playback
+    signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the scenario as
+    `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; plugins: that the fit file
+    names; the others as for :func:`asrsim.scenario.start_file.write_starter`. Without `mode`, actuators that are given are in
+    that of the recorded command.
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
@@ -84,6 +87,7 @@ def write_from_recording(
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
     loaded, unknown = _mounted(loaded, recording, actuators or {}, mounted, mode)
+    given = mapping
     if any(map(is_document, mapping)):  # it is written down as items: the scenario stands alone
         mapping = resolve_reading(mapping, experiment).items
     plan = make_plan(loaded, recording, step=STEP)
@@ -108,6 +112,11 @@ def write_from_recording(
     text_with = partial(write, plan, parameters={joint: {**unknown.get(joint, {}), **held.get(joint, {})} for joint in mounted})
     write_new(out, text_with(claims=placeholders(plan)), force=force)
     files = [out]
+    proposed = out.with_name(experiment.name + ENDING)
+    described = proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *given])
+    if not described and parts_of(experiment) == (experiment,):
+        called = relative_path(experiment, out.parent)
+        files.append(propose(experiment, proposed, mapping=given, rate=rate, joints=joints, called=called)[0])
     fits = bool(plan.compared)
     if fits:
         text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)

@@ -10,11 +10,9 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, RecordingError
-from asrsim.recordings.checks import wrong_unit
-from asrsim.recordings.condense import condense
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.matching import match_joints
-from asrsim.recordings.unstated import beyond_stops
+from asrsim.recordings.matching import match_joints, wrong_unit
+from asrsim.recordings.suspicions import beyond_stops, condense
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.starter_commands import named_otherwise

@@ -14,7 +14,6 @@ from asrsim.actuators import MODES
 from asrsim.actuators.user import command_line
 from asrsim.errors import listed
 from asrsim.quantities import is_comparable
-from asrsim.recordings.checks import guess_rows
 from asrsim.recordings.data import Recording
 from asrsim.recordings.units import split_header
 from asrsim.scenario.starter import mounted_lines, robot_lines, word
@@ -132,13 +131,13 @@ def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) 
     yield f"#   asrsim plot {log} --experiment {recorded} {' '.join(options)}"
     yield "#"
     yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
-    rows = [row for row in guess_rows(recording) if row.meaning != "-"]
+    rows = [column for column in recording.channels.values() if column.quantity]
     cells = [("column", "read as", "unit", "conversion", "why")]
-    cells += [(row.column, row.meaning, row.unit, row.conversion, row.origin) for row in rows]
+    cells += [(row.source, row.meaning, row.unit, row.conversion, row.origin) for row in rows]
     widths = [min(34, max(len(line[i]) for line in cells)) for i in range(4)]
     for line in cells:
         yield "#   " + "  ".join(text.ljust(width) for text, width in zip(line, [*widths, 0], strict=True)).rstrip()
-    unused = [row.column for row in guess_rows(recording) if row.meaning == "-"]
+    unused = [column.source for column in recording.channels.values() if not column.quantity]
     if unused:
         yield from _wrapped(f"not used: {listed(unused, 12)}", "#   ")
     said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]

@@ -75,9 +75,10 @@ class Claims:
         for claim, joint, needed in self._single:
             subject = subject_of(claim)
             if (known := measured.get(subject)) is not None:
-                results.append(judged(claim, known.measured, known.unit))
+                results.append(replace(judged(claim, known.measured, known.unit), reading=known.reading))
                 continue
             how: dict[str, Any] = {"checked": self._checked}
+            reading = ""
             try:
                 if joint is None:
                     samples = read((), ())
@@ -85,12 +86,13 @@ class Claims:
                 elif claim.against is not None:
                     series = recorded.series(claim, joint)
                     time, columns = series.time, {claim.quantity: series.simulation}
+                    reading = series.reading
                     how |= {"reference": series.recording, "prismatic": joint.prismatic}
                 else:
                     samples = read(*needed)
                     time, columns = samples.time, _columns(claim, samples, joint)
                     how["prismatic"] = joint.prismatic
-                measured[subject] = evaluate_expectation(claim, time, columns, **how)
+                measured[subject] = replace(evaluate_expectation(claim, time, columns, **how), reading=reading)
                 results.append(measured[subject])
             except InputError as error:
                 raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in error.problems]) from error

@@ -171,6 +171,7 @@ def _claim(result: ExpectationResult) -> dict[str, Any]:
         "measured": finite_or_none(result.measured),
         "unit": result.unit,
         "holds": result.holds,
+        "reading": result.reading or None,
         "text": result.text,
     }
     return {key: value for key, value in items.items() if value is not None or key == "measured"}
