@@ -14,6 +14,7 @@ from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines import ENGINES
 from asrsim.engines.bench import link_motion
 from asrsim.errors import AsrsimError, RobotError
+from asrsim.quantities import QUANTITIES
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -35,8 +36,8 @@ SOURCES = ("link_position", "motor_1_position", "motor_2_position")
 """Quantities of which others are made."""
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities of motor positions."""
-COMPARABLE = (*columns_of(2), *DERIVED)
-"""Quantities that a simulation can give."""
+COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
+"""Quantities that a sensor can measure, and a simulation give."""
 OFTEN = 10**7
 """Substeps that the simulations of one fit come to at least: compiling pays."""
 ENGINES_KEPT = 3
@@ -114,9 +115,9 @@ class Door:
 
     def _run(self, names: Sequence[tuple[int, str]], world: World, steps: int | None, substeps: Substeps) -> Array | None:
         made = self._worlds(substeps)
-        quantities = dict.fromkeys(name for _, name in names if name not in DERIVED)
-        if len(quantities) < len(dict.fromkeys(name for _, name in names)):
-            quantities |= dict.fromkeys(name for name in SOURCES if name in made.selection.names)
+        wanted = {SOURCES[0], *(name for _, name in names)}
+        wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
+        quantities = [name for name in made.selection.names if name in wanted]
         start = Start(
             parameters=world.parameters, references=world.references, motors=world.motors,
             # A recording may begin a hair beyond a stop.
@@ -127,7 +128,7 @@ class Door:
             velocities=dict(zip(self.joints, world.velocities, strict=True)),
         )  # fmt: skip
         try:
-            found = made.rollout(list(quantities), start=start, steps=steps)
+            found = made.rollout(quantities, start=start, steps=steps)
         except RobotError:
             return None
         if not made.healthy[0]:
@@ -135,16 +136,14 @@ class Door:
         return np.stack([self._channel(found, joint, name) for joint, name in names])
 
     def _channel(self, found: Mapping[str, Array], joint: int, name: str) -> Array:
-        """(rows,) of one quantity of a joint."""
+        """(rows,) of one quantity of a joint; NaN where no joint records it."""
+        missing = np.full(next(iter(found.values())).shape[1], np.nan)
+        own = {source: found[source][0, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:
-            return found[name][0, :, joint]
-        actuator = self.drives[joint].actuator
-        motors = [
-            found[source][0, :, joint] if source in found else np.nan * found["link_position"][0, :, joint]
-            for source in SOURCES[1:]
-        ]
-        rest = motors[0] if actuator is None else equilibrium_over_arrays(actuator)(motors[0], motors[1])
-        return np.asarray(rest - found["link_position"][0, :, joint] if name == "deflection" else rest)
+            return own[name]
+        actuator, (position, first, second) = self.drives[joint].actuator, (own[source] for source in SOURCES)
+        rest = first if actuator is None else equilibrium_over_arrays(actuator)(first, second)
+        return np.asarray(rest - position if name == "deflection" else rest)
 
     def varied(self, parameters: Numbers) -> Prepared:
         """Its `drives` and its `robot` are those with other numbers. Raises RobotError."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -68,14 +69,22 @@ class Selection:
     def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
         """motors: blocks that a row has room for; names: those wanted; None: all that any joint records."""
         recorded = [recorded_quantities(drive) for drive in drives]
-        known = dict.fromkeys(name for own in recorded for name in own)
-        self.names = tuple(known) if names is None else tuple(name for name in names if name in known)
         places, given = columns_of(motors), inputs_of(motors)
+        known = dict.fromkeys(name for own in recorded for name in own)
+        self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
         self._stated = [name for name in self.names if name in places]
         self.columns: NDArray[np.int64] = np.array([places[name] for name in self._stated], dtype=np.int64)
         """Of S."""
         self._given = {name: given[name] for name in self.names if name in given}
-        self._lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        """Joints that do not record a quantity."""
+
+    def of(self, drives: Sequence[SteppedJoint]) -> Selection:
+        """The same quantities of joints with other numbers, of which others may record them."""
+        other = copy.copy(self)
+        recorded = [recorded_quantities(drive) for drive in drives]
+        other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        return other
 
     def check(self, names: Sequence[str]) -> None:
         """Raises InputError for names that are not among them."""
@@ -94,7 +103,7 @@ class Selection:
         columns, joints, rows)."""
         found = {name: out[:, :, place].copy() for place, name in enumerate(self._stated)}
         found |= {name: references[column].T.copy() for name, column in self._given.items()}
-        for name, lacking in self._lacking.items():
+        for name, lacking in self.lacking.items():
             if lacking:
                 found[name][:, lacking] = np.nan
         return {name: found[name] for name in self.names}

@@ -52,6 +52,7 @@ class Recording:
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
         self._last = last
+        self._motors, self._names = motors, names
         self.selection = Selection(prepared.drives, motors, names)
         self.every = prepared.resolution.substeps
         """Substeps between rows."""
@@ -135,6 +136,7 @@ class Recording:
     def take_over(self, varied: Prepared, engine: Engine) -> None:
         """Go on with other numbers, and maybe another engine."""
         self._prepared, self._engine = varied, engine
+        self.selection = Selection(varied.drives, self._motors, self._names)
         self._world.engine = engine
         if self.active:
             self._tip = _tip_of(varied)

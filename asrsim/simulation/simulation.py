@@ -85,7 +85,6 @@ class Simulation:
         self._core, self.slow_because = make_core(prepared, engine, compiled=compiled, substeps=expected or self.last)
         motors = self._core.shape.motors
         self.recording = Recording(prepared, engine, motors=motors, last=self.last, sinks=sinks, keep=record)
-        self._whole = self.recording.selection
         self._inputs = inputs_of(prepared)
         self._chunk = longest_chunk(len(prepared.drives), chunk)
         self._row: tuple[Array, Array] | None = None
@@ -161,7 +160,7 @@ class Simulation:
             start = end
 
     def _run_piece(self, block: Block, start: int, stop: int) -> None:
-        first, every, columns = self.substep, self.recording.every, self._whole.columns
+        first, every, columns = self.substep, self.recording.every, self.recording.selection.columns
         rows: Sequence[int] = range(first + (-first) % every, first + stop - start, every)
         out = np.empty((1, len(rows), len(self.joints), len(columns)))
         self._core.run(ONE, given_by(block, start, stop), out, every=every, columns=columns)
@@ -238,16 +237,16 @@ class Simulation:
         start, as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name
         that no joint records."""
         self._check_open()
-        self._whole.check(names)
+        self.recording.selection.check(names)
         rows, references = self._row or self._first_row()
-        values = self._whole.values(rows[None], references[:, :, None])
+        values = self.recording.selection.values(rows[None], references[:, :, None])
         return {name: values[name][0] for name in names}
 
     def _first_row(self) -> tuple[Array, Array]:
         """What the next step would record; nothing moves."""
         state, block = self._core.state(0), self._inputs.block(self.substep, 1)
-        out = np.empty((1, 1, len(self.joints), len(self._whole.columns)))
-        self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self._whole.columns)
+        out = np.empty((1, 1, len(self.joints), len(self.recording.selection.columns)))
+        self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self.recording.selection.columns)
         self._core.put(0, state)
         return out[0, 0], block.references[:, :, 0]
 

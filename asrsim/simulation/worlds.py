@@ -94,7 +94,8 @@ class Worlds:
         expected_substeps: int | None = None,
         threads: int = 1,
     ) -> None:
-        """count: number of worlds; names: quantities that :meth:`read` gives, None: all; compiled, expected_substeps (of one
+        """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
+        scenario's joints record; compiled, expected_substeps (of one
         world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
         has native code."""
         if index(count) < 1 or index(threads) < 1:
@@ -120,6 +121,8 @@ class Worlds:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and self._core.native else None
         self._threads = threads if self._pool else 1
         self.selection = Selection(prepared.drives, self._core.shape.motors, names)
+        self._other: dict[int, Selection] = {}
+        """Of worlds in which other joints record what is selected."""
         self._home_inputs = inputs_of(prepared)
         self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
         """Those that worlds had last, and what they are as inputs."""
@@ -273,6 +276,10 @@ class Worlds:
             for world, state in zip(fresh.tolist(), states, strict=True):
                 self._core.put(world, state)
         values = self.selection.values(rows, given.transpose(1, 2, 0))
+        for world, selection in self._other.items():
+            own = selection.values(rows[world][None], given[world][:, :, None])
+            for name in names:
+                values[name][world] = own[name][0]
         return {name: values[name] for name in names}
 
     @property
@@ -359,6 +366,10 @@ class Worlds:
             if engine.model is not None:
                 check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
         self._own[world] = varied = varied.settled(engine.model)
+        self._other.pop(world, None)
+        selection = self.selection.of(varied.drives)
+        if selection.lacking != self.selection.lacking:
+            self._other[world] = selection
         self._core.take_over(world, varied, engine)
 
     def _own_engine(self, world: int, varied: Prepared) -> Engine:
@@ -417,7 +428,7 @@ class Worlds:
         found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
         substeps = np.arange(kept.shape[1]) * self.substeps
         for place, world in enumerate(numbers.tolist()):
-            values = self.selection.values(kept[place], self._sampled(world, substeps))
+            values = self._other.get(world, self.selection).values(kept[place], self._sampled(world, substeps))
             for name in names:
                 found[name][place] = values[name]
         return found
