@@ -2,7 +2,7 @@
 
 What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity torques
 at velocities half a step late, at their whole impulse in a first kick that is a part of one, and has no damping that is implicit.
-The change of velocity that damping meets is that without friction, stops and contacts.
+The change of velocity that damping meets is that without contacts.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, S
 from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
 from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
+from asrsim.engines.exact_friction import settle
+from asrsim.engines.rigid import make_room, plain
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
@@ -85,6 +87,11 @@ class BulletContacts:
         self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
         self._before = np.zeros(self._base + len(self._indices))
         self._frictions = [0.0] * len(self._indices)
+        places = range(self._base, len(self._before))
+        self._room = make_room(
+            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=places, joint_v=places, free=bool(self._base)
+        )
+        self._plain = plain(self._room)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -142,7 +149,7 @@ class BulletContacts:
         before = self._velocity
         self._read()
         # Before a first kick, as if it had been a whole one.
-        self._before = before if fraction == 1.0 else 2.0 * before - self._velocity
+        self._before[:] = before if fraction == 1.0 else 2.0 * before - self._velocity
         exchange[:, POSITION] = self._positions
         exchange[:, VELOCITY] = self._velocity[self._base :]
 
@@ -162,10 +169,17 @@ class BulletContacts:
         if self._lagging and fraction == 1.0:
             whole = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before)
         if damping.any():
-            implicit = np.diag(self._implicitness * fraction * self._step * damping)
-            matrix = model.matrix_at(q, rotation) + implicit
-            change = np.linalg.solve(matrix, self._step * (force - fraction * (whole + damping * now)))
-            force -= fraction * damping * (now + self._implicitness * change)
+            share = self._implicitness * fraction * self._step
+            room = self._room
+            room.matrix[:] = model.matrix_at(q, rotation) + np.diag(share * damping)
+            room.impulse[:] = self._step * (force - fraction * (whole + damping * now))
+            room.velocity[:] = now
+            room.bound[base:] = fraction * self._step * exchange[:, FRICTION]
+            room.slowest[base:] = np.minimum((room.lower - q) / self._step, 0.0)
+            room.fastest[base:] = np.maximum((room.upper - q) / self._step, 0.0)
+            room.held[:] = 0
+            settle(self._plain)
+            force -= fraction * damping * (now + self._implicitness * room.change)
         # What Bullet takes itself: velocity torques with their whole impulse, gravity with its fraction.
         force -= fraction * (whole - bias)
         if fraction != 1.0:
