@@ -1,7 +1,7 @@
 """PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
 
-What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity torques
-at velocities half a step late, at their whole impulse in a first kick that is a part of one, and has no damping that is implicit.
+What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity
+torques at velocities half a step late, at their whole impulse in a first kick that is a part of one, and has no implicit damping.
 The change of velocity that damping meets is that without contacts.
 """
 
@@ -29,8 +29,8 @@ from asrsim.scenario.data import Scenario
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These leave
-1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
+leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 BEYOND = 1e-9
 """rad or m beyond a stop at which a joint rests on it."""
 ARREST = 1e9

@@ -1,8 +1,8 @@
 """Kinematics and dynamics of the robot alone, by PyBullet's routines on a physics client of their own.
 
 PyBullet's routines have traps, which this module is there for. Those of dynamics count degrees of freedom in the order of
-Bullet's links, see a floating base along the axes of its inertia, its velocity before its translation, and ignore how it stands;
-forces on the base they give the other way round.
+Bullet's links, see a floating base along the axes of its inertia, its velocity before its translation, and ignore how it
+stands; forces on the base they give the other way round.
 """
 
 from __future__ import annotations
@@ -101,8 +101,8 @@ class BulletModel:
     # -- for stepping ------------------------------------------------------------------------------------------------
 
     def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
-        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the world's
-        axes, rotation about the base link's own.
+        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the
+        world's axes, rotation about the base link's own.
 
         rotation: (3, 3) of a base that floats.
         """
@@ -241,8 +241,8 @@ def places_of(p: Any, client: int, body: int) -> dict[str, int]:
 def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
     """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
-    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of frames that
-    it tells beside those of the inertias.
+    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of frames
+    that it tells beside those of the inertias.
     """
 
     def matrix(quaternion: Sequence[float]) -> Array:
