@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import asrsim
 from asrsim.engines import ENGINES
-from asrsim.scenario import apply_to_robot, checked_robot
+from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
 AXES = ("0 1 0", "1 0 0", "0 1 0.3", "0 0 1", "1 0 1")
@@ -48,7 +47,7 @@ def chain(folder: Path, base: str = "") -> Path:
 
 
 def make(engine: str, path: Path | str) -> Any:
-    scenario = asrsim.load_scenario(path)
+    scenario = only_variant(load_scenario(path))
     robot, _ = checked_robot(scenario, None)
     return ENGINES.get(engine).make(scenario, apply_to_robot(scenario, robot))[0]
 

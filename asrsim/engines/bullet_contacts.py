@@ -1,7 +1,8 @@
 """PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
 
 What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity
-torques at velocities half a step late, at their whole impulse in a first kick that is a part of one, and has no implicit damping.
+torques at velocities half a step late, with their whole impulse in a first kick that is a part of one, and it has no implicit
+damping.
 The change of velocity that damping meets is that without contacts.
 """
 
@@ -87,9 +88,9 @@ class BulletContacts:
         self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
         self._before = np.zeros(self._base + len(self._indices))
         self._frictions = [0.0] * len(self._indices)
-        places = range(self._base, len(self._before))
+        rows = range(self._base, len(self._before))
         self._room = make_room(
-            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=places, joint_v=places, free=bool(self._base)
+            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=rows, joint_v=rows, free=bool(self._base)
         )
         self._plain = plain(self._room)
 
@@ -119,7 +120,7 @@ class BulletContacts:
         states = p.getJointStates(body, self._indices, client) if self._indices else ()
         self._positions = np.array([state[0] for state in states])
         speeds = [state[1] for state in states]
-        self._rotation = None
+        self._rotation: Array | None = None
         if self._base:
             self._rotation = inertial_frame(p, client, body, -1)[1]
             linear, angular = p.getBaseVelocity(body, client)
@@ -138,7 +139,7 @@ class BulletContacts:
             p.setJointMotorControlArray(
                 self._body, self._indices, p.TORQUE_CONTROL, forces=push[self._base :].tolist(), physicsClientId=client
             )
-        if self._base:
+        if self._rotation is not None:
             centre = p.getBasePositionAndOrientation(self._body, client)[0]
             torque = self._rotation @ push[3:6]
             p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)

@@ -22,8 +22,8 @@ NO_CLAMP = 1e9
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client (28 MB), and what ends it, at the latest when nobody has `owner`
-    any more."""
+    """The module `pybullet`, the number of a new physics client (28 MB), and what ends it, at the latest when nobody has
+    `owner` any more."""
     with quiet():
         import pybullet
 

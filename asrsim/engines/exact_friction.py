@@ -29,8 +29,8 @@ SLACK = 1e-12
 def settle(room: Any) -> None:
     """Find `room.change`, the change of velocity in a step under the given impulses and those of friction and stops.
 
-    `room` has arrays for the v degrees of freedom. Given: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of all
-    that pushes but friction and stops; `velocity` (v,) before the step; `bound` (v,) largest impulse of friction; `slowest` and
+    `room` has arrays for the v degrees of freedom. Given: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
+    all that pushes but friction and stops; `velocity` (v,) before the step; `bound` (v,) largest impulse of friction; `slowest` and
     `fastest` (v,) velocities that stops allow, not above and not below 0. Given and left: `held` (v,), the states of the last
     step, from which the search begins. Work space: `square` (v, v), `push` and `places` (v,).
     """
@@ -53,7 +53,7 @@ def _try(room: Any) -> None:
     for i in range(size):
         change[i] = 0.0
         state = held[i]
-        if state == POSITIVE or state == NEGATIVE:
+        if state in (POSITIVE, NEGATIVE):
             places[free] = i
             free += 1
         elif state == AT_LOWER:
@@ -115,7 +115,7 @@ def _swap(room: Any, single: bool) -> bool:
     held = room.held
     for i in range(len(held)):
         before = held[i]
-        if before == POSITIVE or before == NEGATIVE:
+        if before in (POSITIVE, NEGATIVE):
             held[i] = _state_by_velocity(room, i, room.velocity[i] + room.change[i])
         else:
             held[i] = _state_by_impulse(room, i, room.push[i])

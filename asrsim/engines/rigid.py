@@ -1,9 +1,9 @@
-"""A robot that touches nothing, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias that a library
-gives.
+"""A robot that touches nothing, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias that a
+library gives.
 
 :func:`aim` says where the library has to look, :func:`finish` takes the step; both are ordinary code, run as it is or compiled.
-A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s, base in rad/s
-about its own axes, joints), velocities before the last kick, and `held` of :mod:`asrsim.engines.exact_friction`.
+A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s, base in
+rad/s about its own axes, joints), velocities before the last kick, and `held` of :mod:`asrsim.engines.exact_friction`.
 """
 
 from __future__ import annotations
@@ -80,13 +80,14 @@ def make_room(
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
         scheme=scheme, free=int(free), qpos=qpos, qvel=qvel, slowest=np.full(size, -inf), fastest=np.full(size, inf),
-        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper, **arrays,
+        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
+        **arrays,
     )  # fmt: skip
 
 
 def plain(record: Any) -> Any:
     """The same memory for plain Python, whose floats reckon several times faster one by one than NumPy's."""
-    kinds = {np.ndarray: lambda array: array.data, int: int}
+    kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
     return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
 
 
