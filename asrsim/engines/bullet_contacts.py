@@ -34,6 +34,8 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 BEYOND = 1e-9
 """rad or m beyond a stop at which a joint rests on it."""
+REACH = 2.0
+"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
 ARREST = 1e9
 """N m: more than any impact takes."""
 
@@ -163,13 +165,15 @@ class BulletContacts:
             force += model.push(self._scenario.wrenches, wrenches, q, rotation)
         damping = np.zeros(len(now))
         damping[base:] = exchange[:, DAMPING]
-        if not self._lagging and not damping.any() and fraction == 1.0:
+        self._room.change[:] = 0.0
+        near = self._stops and self._near_stops()
+        if not near and not self._lagging and not damping.any() and fraction == 1.0:
             return force
         bias = model.bias_at(q, rotation, now)
         whole = bias
         if self._lagging and fraction == 1.0:
             whole = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before)
-        if damping.any():
+        if near or damping.any():
             share = self._implicitness * fraction * self._step
             room = self._room
             room.matrix[:] = model.matrix_at(q, rotation) + np.diag(share * damping)
@@ -200,6 +204,12 @@ class BulletContacts:
             self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
         )
 
+    def _near_stops(self) -> bool:
+        """Whether a joint may pass a stop in this step."""
+        room, q = self._room, self._positions
+        reach = REACH * self._step * (1.0 + np.abs(self._velocity[self._base :]))
+        return bool(((q + reach > room.upper) | (q - reach < room.lower)).any())
+
     def _reach_stops(self) -> list[int]:
         """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
 
@@ -208,11 +218,15 @@ class BulletContacts:
         arrived = []
         for j, lower, upper in self._stops:
             position, velocity = self._positions[j], self._velocity[self._base + j]
-            reach = ((upper if velocity > 0.0 else lower) - position) / self._step
-            if reach * velocity > 0.0 and abs(velocity) > abs(reach):
-                # A hair beyond, where Bullet's stop holds it from the next step on.
-                self._set_motor(j, ARREST, reach + (BEYOND if velocity > 0.0 else -BEYOND) / self._step)
-                arrived.append(j)
+            # Without contacts it ends the step with this velocity, which takes it to its stop at most.
+            settled = velocity + self._room.change[self._base + j]
+            for speed in (settled, velocity):
+                reach = ((upper if speed > 0.0 else lower) - position) / self._step
+                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
+                    # A hair beyond, where Bullet's stop holds it from the next step on.
+                    self._set_motor(j, ARREST, reach + (BEYOND if speed > 0.0 else -BEYOND) / self._step)
+                    arrived.append(j)
+                    break
         return arrived
 
     @property

@@ -30,9 +30,9 @@ def settle(room: Any) -> None:
     """Find `room.change`, the change of velocity in a step under the given impulses and those of friction and stops.
 
     `room` has arrays for the v degrees of freedom. Given: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
-    all that pushes but friction and stops; `velocity` (v,) before the step; `bound` (v,) largest impulse of friction; `slowest` and
-    `fastest` (v,) velocities that stops allow, not above and not below 0. Given and left: `held` (v,), the states of the last
-    step, from which the search begins. Work space: `square` (v, v), `push` and `places` (v,).
+    all that pushes but friction and stops; `velocity` (v,) before the step; `bound` (v,) largest impulse of friction;
+    `slowest` and `fastest` (v,) velocities that stops allow, not above and not below 0. Given and left: `held` (v,), the
+    states of the last step, from which the search begins. Work space: `square` (v, v), `push` and `places` (v,).
     """
     size = len(room.bound)
     for i in range(size):

@@ -68,7 +68,14 @@ class Room(NamedTuple):
 
 
 def make_room(
-    robot: Robot, scheme: Numbers, *, qpos: Array, qvel: Array, joint_q: Sequence[int], joint_v: Sequence[int], free: bool
+    robot: Robot,
+    scheme: Numbers,
+    *,
+    qpos: Array,
+    qvel: Array,
+    joint_q: Sequence[int] | Array,
+    joint_v: Sequence[int] | Array,
+    free: bool,
 ) -> Room:
     """For a robot whose library looks at `qpos` and `qvel`."""
     size = len(qvel)
