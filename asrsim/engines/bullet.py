@@ -2,7 +2,7 @@
 
 Without contacts the step is ours, on Bullet's mass matrix and bias (:class:`BulletEngine`); with contacts it is Bullet's
 (:mod:`asrsim.engines.bullet_contacts`). Of what moves the robot, the MuJoCo engine and this one share
-:mod:`asrsim.engines.rigid` and :mod:`asrsim.engines.exact_friction` only, which neither know the robot.
+:mod:`asrsim.engines.rigid` and :mod:`asrsim.engines.exact_friction` only, which do not know the robot.
 """
 
 from __future__ import annotations

@@ -1,269 +1,263 @@
-"""Stepping with contacts: Bullet's own step, with velocity motors as the joints' friction.
+"""PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
 
-What Bullet's step lacks is made up for from its own mass matrix and bias: in a staggered run it takes Coriolis and centrifugal
-torques at velocities half a step late; it knows no implicit damping; and it gives velocity torques their whole impulse in a
-kick that is a part of one.
+What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity
+torques at velocities half a step late, with their whole impulse in a first kick that is a part of one, and it has no implicit
+damping.
+The change of velocity that damping meets is that without contacts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Native, Scene
-from asrsim.engines.bullet_loading import (
-    SOLVER_ITERATIONS,
-    SOLVER_RESIDUAL,
-    SavedState,
-    connect,
-    free_of_losses,
-    load_body,
-    set_inertias,
-)
-from asrsim.engines.bullet_model import BulletModel, inertial_frame, places_of
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene
+from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
+from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
+from asrsim.engines.exact_friction import settle
+from asrsim.engines.rigid import make_room, plain
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
+from asrsim.robot.poses import quaternion, roll_pitch_yaw
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.versions import version
 
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
+"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
+leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 BEYOND = 1e-9
 """rad or m beyond a stop at which a joint rests on it."""
+REACH = 2.0
+"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
 ARREST = 1e9
 """N m: more than any impact takes."""
 
 
+class _Saved:
+    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+
+    def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
+        self.number = p.saveState(physicsClientId=client)
+        self._remove, self._close = partial(p.removeState, self.number, physicsClientId=client), close
+
+    def __del__(self) -> None:
+        if self._close.alive:
+            self._remove()
+
+
 class BulletContacts:
-    """One robot and its world in a physics client."""
+    """A fresh physics client with one robot and its world."""
+
+    native = None
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        self.model = BulletModel(scenario, robot)
-        self._p, self._client, self._release = connect(self)
+        self._p, self._client, self._end = connect(self)
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
-        merged = merge_fixed(robot)
-        text, _ = engine_urdf(merged.robot, package_paths=scenario.package_paths)
+        self.model: BulletModel | None = None
         try:
-            p, client = self._p, self._client
-            self._body = body = load_body(p, client, text, scenario, robot)
-            links = places_of(p, client, body)
-            set_inertias(p, client, body, links, merged.robot)
-            free_of_losses(p, client, body)
-            self._world = BulletWorld(p, client, body, scenario.world, fixed=scenario.fixed_base)
+            self._load()
         except BaseException:
             self.close()
             raise
-        self.joints = self.model.joints
-        self.base = "" if scenario.fixed_base else merged.robot.root.name
-        self._indices = [links[joint.child] for joint in merged.robot.moving_joints]
-        self._places = {name: (links[place.body], place.pose) for name, place in merged.places.items()}
-        self._stops = [joint.stops for joint in robot.moving_joints]
-        self._stopped = bool(np.isfinite(self._stops).any())
-        self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
+
+    def _load(self) -> None:
+        p, client, scenario = self._p, self._client, self._scenario
+        merged = merge_fixed(self.robot).robot
+        text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
+        self._body = body = load_body(p, client, text, scenario, self.robot)
+        places = places_of(p, client, body)
+        set_inertias(p, client, body, places, merged)
+        free_of_losses(p, client, body)
         # erp 0: a stop takes a joint's velocity and does not push it back; see _reach_stops.
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
         )
+        self._model = self.model = BulletModel(scenario, self.robot)
+        self.joints = self.model.joints
+        moving = merged.moving_joints
+        self._indices = [places[joint.child] for joint in moving]
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(moving) if np.isfinite(joint.stops).any()]
+        self._base = 0 if scenario.fixed_base else BASE
+        self._world = BulletWorld(p, client, body, scenario.world, fixed=scenario.fixed_base)
+        self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
+        self._before = np.zeros(self._base + len(self._indices))
+        self._frictions = [0.0] * len(self._indices)
+        rows = range(self._base, len(self._before))
+        self._room = make_room(
+            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=rows, joint_v=rows, free=bool(self._base)
+        )
+        self._plain = plain(self._room)
 
-    # -- state ------------------------------------------------------------------------------------------------------
+    # -- stepping ---------------------------------------------------------------------------------------------------
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
         """A run begins."""
         p, client, body = self._p, self._client, self._body
-        self._step, self._staggered, self._implicitness = step, staggered, implicitness
+        self._step, self._implicitness = step, implicitness
+        self._lagging = staggered and len(self._before) > 1
         p.setTimeStep(step, physicsClientId=client)
         base, objects = self._home
         p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
         p.resetBaseVelocity(body, [0, 0, 0], [0, 0, 0], physicsClientId=client)
         for index, position, velocity in zip(self._indices, positions, velocities, strict=True):
-            p.resetJointState(body, index, position, velocity, physicsClientId=client)
+            p.resetJointState(body, index, float(position), float(velocity), physicsClientId=client)
         self._world.set_states(objects)
-        size = self.model.base + len(self.joints)
-        self._previous = np.zeros(size)
-        """(v,) velocities before the last kick."""
-        self._change, self._net = np.zeros(size), np.full(len(self.joints), np.nan)
-        """(v,) change of velocity in the last kick, and (n,) torque in it; NaN: there was none."""
-        # Bullet keeps the impulses of its motors from step to step; new ones have none.
-        self._friction = [-1.0] * len(self.joints)
+        self._read()
+        self._before[:] = self._velocity
         return positions, velocities
 
-    @property
-    def state(self) -> Any:
-        """Bullet's, in its memory, and what stands here."""
-        saved = SavedState(self._p, self._client, self._release)
-        return saved, self._previous.copy(), self._change.copy(), self._net.copy(), list(self._friction)
-
-    @state.setter
-    def state(self, values: Any) -> None:
-        saved, previous, change, net, friction = values
-        self._p.restoreState(saved.number, physicsClientId=self._client)
-        self._previous, self._change, self._net = previous.copy(), change.copy(), net.copy()
-        for index, bound in zip(self._indices, friction, strict=True):
-            self._set_motor(index, bound)
-        self._friction = list(friction)
-
-    # -- stepping ---------------------------------------------------------------------------------------------------
+    def _read(self) -> None:
+        """Where the robot is, and how it moves."""
+        p, client, body = self._p, self._client, self._body
+        states = p.getJointStates(body, self._indices, client) if self._indices else ()
+        self._positions = np.array([state[0] for state in states])
+        speeds = [state[1] for state in states]
+        self._rotation: Array | None = None
+        if self._base:
+            self._rotation = inertial_frame(p, client, body, -1)[1]
+            linear, angular = p.getBaseVelocity(body, client)
+            speeds = [*linear, *(self._rotation.T @ angular), *speeds]
+        self._velocity = np.array(speeds)
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
         """One step."""
-        p, client, body, joints = self._p, self._client, self._body, self.model.base
-        positions, velocity, rotation = self._look()
-        whole = 1.5 * velocity - 0.5 * self._previous if self._staggered and fraction == 1.0 else velocity
-        bias = self.model.bias_at(positions, rotation, velocity)
-        push = bias - self.model.bias_at(positions, rotation, whole)
-        if fraction != 1.0:
-            still = self.model.bias_at(positions, rotation, np.zeros_like(velocity))
-            push = fraction * push + (1.0 - fraction) * (bias - still)
-        torque = fraction * (exchange[:, TORQUE] + self._damping(exchange, positions, rotation, bias, velocity, fraction))
-        if joints:
-            self._push_base(push[:3], rotation @ push[3:6])
-        for index, values in enumerate(wrenches):
-            self._push_link(index, values)
-        friction = (fraction * exchange[:, FRICTION]).tolist()
-        for place, bound in enumerate(friction):
-            if bound != self._friction[place]:
-                self._set_motor(self._indices[place], bound)
-        arrived = self._reach_stops(positions, velocity[joints:]) if self._stopped else []
-        self._friction = [-1.0 if place in arrived else bound for place, bound in enumerate(friction)]
-        if fraction != 1.0:
-            p.setGravity(*(fraction * component for component in self._scenario.gravity), physicsClientId=client)
-        forces = (torque + push[joints:]).tolist()
-        p.setJointMotorControlArray(body, self._indices, p.TORQUE_CONTROL, forces=forces, physicsClientId=client)
+        p, client = self._p, self._client
+        self._set_friction((fraction * exchange[:, FRICTION]).tolist())
+        # Gravity is the only force that has an impulse of its own.
+        p.setGravity(*(fraction * part for part in self._scenario.gravity), physicsClientId=client)
+        push = self._push(exchange, wrenches, fraction)
+        arrived = self._reach_stops()
+        if self._indices:
+            p.setJointMotorControlArray(
+                self._body, self._indices, p.TORQUE_CONTROL, forces=push[self._base :].tolist(), physicsClientId=client
+            )
+        if self._rotation is not None:
+            centre = p.getBasePositionAndOrientation(self._body, client)[0]
+            torque = self._rotation @ push[3:6]
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
+            p.applyExternalTorque(self._body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
         p.stepSimulation(client)
-        if fraction != 1.0:
-            p.setGravity(*self._scenario.gravity, physicsClientId=client)
-        after, new, _ = self._look()
-        self._change = new - velocity
+        for j in arrived:
+            self._set_motor(j, self._frictions[j])
+        before = self._velocity
+        self._read()
         # Before a first kick, as if it had been a whole one.
-        self._previous = velocity if fraction == 1.0 else velocity - self._change
-        exchange[:, POSITION], exchange[:, VELOCITY] = after, new[joints:]
+        self._before[:] = before if fraction == 1.0 else 2.0 * before - self._velocity
+        exchange[:, POSITION] = self._positions
+        exchange[:, VELOCITY] = self._velocity[self._base :]
 
-    def _look(self) -> tuple[Array, Array, Any]:
-        """Positions (n,), velocities (v,), rotation (3, 3) of a floating base."""
-        p, client, body = self._p, self._client, self._body
-        states = p.getJointStates(body, self._indices, client)
-        positions, speeds = [state[0] for state in states], [state[1] for state in states]
-        if not self.base:
-            return np.array(positions), np.array(speeds), None
-        _, rotation, _ = inertial_frame(p, client, body, -1)
-        linear, angular = p.getBaseVelocity(body, client)
-        return np.array(positions), np.array([*linear, *(rotation.T @ np.array(angular)), *speeds]), rotation
+    def _push(self, exchange: Array, wrenches: Array, fraction: float) -> Array:
+        """(v,) N m that Bullet is given, over the whole step."""
+        q, rotation, now, model, base = self._positions, self._rotation, self._velocity, self._model, self._base
+        force = np.zeros(len(now))
+        force[base:] = fraction * exchange[:, TORQUE]
+        if len(wrenches):
+            force += model.push(self._scenario.wrenches, wrenches, q, rotation)
+        damping = np.zeros(len(now))
+        damping[base:] = exchange[:, DAMPING]
+        self._room.change[:] = 0.0
+        near = self._stops and self._near_stops()
+        if not near and not self._lagging and not damping.any() and fraction == 1.0:
+            return force
+        bias = model.bias_at(q, rotation, now)
+        whole = bias
+        if self._lagging and fraction == 1.0:
+            whole = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before)
+        if near or damping.any():
+            share = self._implicitness * fraction * self._step
+            room = self._room
+            room.matrix[:] = model.matrix_at(q, rotation) + np.diag(share * damping)
+            room.impulse[:] = self._step * (force - fraction * (whole + damping * now))
+            room.velocity[:] = now
+            room.bound[base:] = fraction * self._step * exchange[:, FRICTION]
+            room.slowest[base:] = np.minimum((room.lower - q) / self._step, 0.0)
+            room.fastest[base:] = np.maximum((room.upper - q) / self._step, 0.0)
+            room.held[:] = 0
+            settle(self._plain)
+            force -= fraction * damping * (now + self._implicitness * room.change)
+        # What Bullet takes itself: velocity torques with their whole impulse, gravity with its fraction.
+        force -= fraction * (whole - bias)
+        if fraction != 1.0:
+            force += (1.0 - fraction) * (bias - model.bias_at(q, rotation, np.zeros(len(now))))
+        return force
 
-    def _damping(
-        self, exchange: Array, positions: Array, rotation: Any, bias: Array, velocity: Array, fraction: float
-    ) -> Array:
-        """(n,) N m of damping at the mean velocity over the kick that it helps to make.
+    def _set_friction(self, bounds: list[float]) -> None:
+        """Bullet keeps the impulse of these motors, so it is issued anew when the step changes, too."""
+        for j, bound in enumerate(bounds):
+            self._set_motor(j, bound)
+        self._frictions = bounds
 
-        The change of velocity differs from the last kick's by what the torques have changed by; contacts push as they did.
-        """
-        drag, own = exchange[:, DAMPING], velocity[self.model.base :]
-        net = exchange[:, TORQUE] - drag * own
-        if not drag.any():
-            self._net = net
-            return np.zeros(len(own))
-        kick, rows = fraction * self._step, slice(self.model.base, None)
-        implicit = self.model.matrix_at(positions, rotation)
-        implicit[rows, rows] += np.diag(self._implicitness * kick * drag)
-        force = np.zeros(len(velocity))
-        if np.isnan(self._net).any():
-            force[rows] = net
-            change = np.linalg.solve(implicit, kick * (force - bias))
-        else:
-            force[rows] = net - self._net
-            change = self._change + np.linalg.solve(implicit, kick * force)
-        self._net = net
-        return np.asarray(-drag * (own + self._implicitness * change[rows]))
-
-    def _set_motor(self, index: int, force: float, velocity: float = 0.0) -> None:
-        """A velocity motor at target 0: without force it frees the joint, with one it is its Coulomb friction."""
+    def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
+        """A velocity motor at target 0: with force 0 it frees the joint, with a force it is its Coulomb friction."""
         p = self._p
         p.setJointMotorControl2(
-            self._body, index, p.VELOCITY_CONTROL, targetVelocity=velocity, force=max(force, 0.0), physicsClientId=self._client
+            self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
         )
 
-    def _reach_stops(self, positions: Array, velocities: Array) -> list[int]:
+    def _near_stops(self) -> bool:
+        """Whether a joint may pass a stop in this step."""
+        room, q = self._room, self._positions
+        reach = REACH * self._step * (1.0 + np.abs(self._velocity[self._base :]))
+        return bool(((q + reach > room.upper) | (q - reach < room.lower)).any())
+
+    def _reach_stops(self) -> list[int]:
         """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
-        Returns their numbers; their motors serve for it."""
+
+        Returns these joints, whose motors serve for it.
+        """
         arrived = []
-        for place, ((lower, upper), position, velocity) in enumerate(
-            zip(self._stops, positions.tolist(), velocities.tolist(), strict=True)
-        ):
-            reach = ((upper if velocity > 0.0 else lower) - position) / self._step
-            if reach * velocity > 0.0 and abs(velocity) > abs(reach):
-                # A hair beyond, where Bullet's stop holds it from the next step on.
-                target = reach + (BEYOND if velocity > 0.0 else -BEYOND) / self._step
-                self._set_motor(self._indices[place], ARREST, target)
-                arrived.append(place)
+        for j, lower, upper in self._stops:
+            position, velocity = self._positions[j], self._velocity[self._base + j]
+            # Without contacts it ends the step with this velocity, which takes it to its stop at most.
+            settled = velocity + self._room.change[self._base + j]
+            for speed in (settled, velocity):
+                reach = ((upper if speed > 0.0 else lower) - position) / self._step
+                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
+                    # A hair beyond, where Bullet's stop holds it from the next step on.
+                    self._set_motor(j, ARREST, reach + (BEYOND if speed > 0.0 else -BEYOND) / self._step)
+                    arrived.append(j)
+                    break
         return arrived
 
-    def _push_base(self, force: Array, torque: Array) -> None:
-        """Force (3,) N and torque (3,) N m, world axes, on the base's centre of mass in the next step."""
-        p, client, body = self._p, self._client, self._body
-        centre = p.getBasePositionAndOrientation(body, client)[0]
-        p.applyExternalForce(body, -1, force.tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
-        p.applyExternalTorque(body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
-
-    def _push_link(self, number: int, values: Array) -> None:
-        """The scenario's wrench of this number, a mean over the next step."""
-        p, client, body = self._p, self._client, self._body
-        wrench = self._scenario.wrenches[number]
-        index, pose = self._places[wrench.link]
-        centre, rotation, local = inertial_frame(p, client, body, index)
-        turned = rotation @ pose.rotation
-        force, torque = values[:3], values[3:]
-        if wrench.frame != "world":
-            force, torque = turned @ force, turned @ torque
-        arm = rotation @ (pose.position - np.array(local)) + turned @ np.array(wrench.point)
-        p.applyExternalForce(body, index, force.tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
-        p.applyExternalTorque(body, index, (torque + np.cross(arm, force)).tolist(), p.WORLD_FRAME, physicsClientId=client)
-
     @property
-    def native(self) -> Native | None:
-        """Steps go through Python."""
-        return None
+    def state(self) -> Any:
+        """Bullet's, and velocities before the last kick."""
+        return _Saved(self._p, self._client, self._end), self._before.copy()
+
+    @state.setter
+    def state(self, values: Any) -> None:
+        saved, before = values
+        self._p.restoreState(saved.number, physicsClientId=self._client)
+        self._before[:] = before
+        self._read()
+
+    # -- what is around ---------------------------------------------------------------------------------------------
 
     def vary(self, robot: Robot) -> bool:
-        """True where links are the same: Bullet takes over no changed bodies exactly."""
-        if robot.links != self.robot.links:
-            return False
-        self.robot = robot
-        return True
+        """Bodies are as they were loaded."""
+        return robot.links == self.robot.links
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base if it floats; contact forces on objects, and on the robot by the
-        ground."""
+        """Poses of the world's objects, and of the base link if it floats; contact forces."""
         poses = self._world.poses()
-        if self.base:
+        if self._base:
             centre, rotation, local = inertial_frame(self._p, self._client, self._body, -1)
-            inertial = self._p.getBasePositionAndOrientation(self._body, self._client)[1]
-            turn = self._p.getDynamicsInfo(self._body, -1, self._client)[4]
-            place = np.array(centre) - rotation @ np.array(local)
-            poses = {self.base: (*place.tolist(), *_times(inertial, _inverse(turn)))} | poses
+            origin = np.array(centre) - rotation @ np.array(local)
+            poses = {self._model.root: (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))} | poses
         return Scene(poses, self._world.contacts())
 
     def close(self) -> None:
-        """Disconnect the clients."""
-        self._release()
-        self.model.close()
-
-
-def _times(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
-    """Product of two quaternions x y z w."""
-    (x, y, z, w), (i, j, k, r) = a, b
-    return (
-        w * i + x * r + y * k - z * j,
-        w * j - x * k + y * r + z * i,
-        w * k + x * j - y * i + z * r,
-        w * r - x * i - y * j - z * k,
-    )  # fmt: skip
-
-
-def _inverse(a: Sequence[float]) -> tuple[float, float, float, float]:
-    x, y, z, w = a
-    return -x, -y, -z, w
+        """Disconnect the physics clients."""
+        self._end()
+        if self.model is not None:
+            self.model.close()

@@ -17,16 +17,13 @@ from asrsim.robot.inertia import principal_axes
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
-SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""With contacts. Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and
-1e-3 rad/s. These leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client, and what ends it, at the latest when nobody has `owner` any
-    more: a client takes 28 MB."""
+    """The module `pybullet`, the number of a new physics client (28 MB), and what ends it, at the latest when nobody has
+    `owner` any more."""
     with quiet():
         import pybullet
 
@@ -37,20 +34,6 @@ def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
 def _disconnect(p: Any, client: int) -> None:
     with suppress(p.error), quiet():
         p.disconnect(client)
-
-
-class SavedState:
-    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
-
-    def __init__(self, p: Any, client: int, release: finalize[..., Any]) -> None:
-        """release: what ends the client."""
-        self._p, self._client, self._release = p, client, release
-        self.number = p.saveState(physicsClientId=client)
-
-    def __del__(self) -> None:
-        if self._release.alive:
-            with suppress(Exception):
-                self._p.removeState(self.number, physicsClientId=self._client)
 
 
 def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:

@@ -52,6 +52,7 @@ class BulletModel:
         # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
         self._to_bullet = sorted(range(len(self.indices)), key=self.indices.__getitem__)
         self._same_order = self._to_bullet == list(range(len(self.indices)))
+        self._ours = self._same_order and not self.base
         from_bullet = [self._to_bullet.index(j) for j in range(len(self.indices))]
         # Of a base: translation before rotation.
         self._rows = np.array([3, 4, 5, 0, 1, 2][: self.base] + [self.base + j for j in from_bullet], dtype=np.int64)
@@ -62,7 +63,7 @@ class BulletModel:
         self.centre, self.axes = np.array(dynamics[3]), self._matrix(dynamics[4])
         self._standing = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1])
         self._parts = [(1.0, self._body)]
-        self._gravity: list[float] = []
+        self._set_gravity(self._standing)
         self._set_up()
 
     def _load(self, lift: float) -> int:
@@ -130,6 +131,8 @@ class BulletModel:
         # The model's own base stands as at the start.
         turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
         for wrench, value in zip(wrenches, values, strict=True):
+            if not value.any():
+                continue
             at, frame, jacobian = self.link_point(wrench.link, wrench.point, positions)
             axes = np.eye(3) if wrench.frame == "world" else turn @ frame
             force, torque = axes @ value[:3], axes @ value[3:]
@@ -146,26 +149,31 @@ class BulletModel:
 
     def _mass(self, positions: list[float]) -> Array:
         """(v, v) along Bullet's axes, in our order."""
-        ask, client = self._p.calculateMassMatrix, self._client
-        matrix = sum(part * np.array(ask(body, positions, physicsClientId=client)) for part, body in self._parts)
-        return np.asarray(matrix)[self._block]
+        matrix = self._sum(self._p.calculateMassMatrix, positions)
+        return matrix if self._ours else matrix[self._block]
+
+    def _sum(self, ask: Any, *arguments: list[float]) -> Array:
+        """What a routine of Bullet's says of the robot."""
+        client = self._client
+        if len(self._parts) == 1:
+            return np.array(ask(self._body, *arguments, physicsClientId=client))
+        return np.asarray(sum(part * np.array(ask(body, *arguments, physicsClientId=client)) for part, body in self._parts))
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
         """(v,) that give accelerations of the joints, along Bullet's axes, in our order. turned: of the base's inertia."""
-        p, client = self._p, self._client
         states = [positions, velocities, accelerations]
         if self.base:
             # Where the base is does not count, and its velocity must have six numbers.
             still = [0.0] * (BASE + len(self.indices) - len(velocities))
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
-        # Gravity is turned in the base's place.
+            # Gravity is turned in the base's place.
+            self._set_gravity(turned)
+        total = self._sum(self._p.calculateInverseDynamics, *states)
+        return total if self._ours else total[self._forces]
+
+    def _set_gravity(self, turned: Array) -> None:
         gravity = (turned.T @ self._scenario.gravity).tolist()
-        if gravity != self._gravity:
-            p.setGravity(*gravity, physicsClientId=client)
-            self._gravity = gravity
-        ask = p.calculateInverseDynamics
-        total = sum(part * np.array(ask(body, *states, physicsClientId=client)) for part, body in self._parts)
-        return np.asarray(total)[self._forces]
+        self._p.setGravity(*gravity, physicsClientId=self._client)
 
     # -- the model ---------------------------------------------------------------------------------------------------
 

@@ -181,6 +181,7 @@ class RigidEngine:
         self._plain, self._packed = plain(room), pack(room)
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
+        self._at = self._packed.ctypes.data, self._state.ctypes.data
         self._call: Any = None
 
     def look(self, wrenches: Array) -> None:
@@ -210,7 +211,7 @@ class RigidEngine:
         if self._call is None:
             finish(self._plain, self._numbers, exchange.data, fraction)
         else:
-            self._call(self._packed.ctypes.data, self._state.ctypes.data, exchange.ctypes.data, 0, fraction)
+            self._call(*self._at, exchange.ctypes.data, 0, fraction)
 
     @property
     def state(self) -> Array:
