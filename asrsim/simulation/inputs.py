@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import references_over_arrays
-from asrsim.samples import Array, picking
+from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
@@ -240,8 +240,3 @@ class Inputs:
                 on_time.append(a == now)
             places.append((cut.substep - first, begin, len(fractions)))
         return Cuts(np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions), np.array(on_time, dtype=bool), inputs)
-
-
-def grid(first: int, count: int, step: float) -> Array:
-    """Times of steps in s; rounded, so that 3 * 0.1 is the 0.3 that a user writes."""
-    return np.round(np.arange(first, first + count) * step, 12)

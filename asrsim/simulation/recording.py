@@ -11,9 +11,8 @@ import numpy as np
 
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError
-from asrsim.samples import Array, RunInfo, Samples, concatenate
+from asrsim.samples import Array, RunInfo, Samples, concatenate, grid
 from asrsim.simulation.divergence import EnergyGuard, runaway
-from asrsim.simulation.inputs import grid
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import Selection
 from asrsim.simulation.world import WorldRecorder

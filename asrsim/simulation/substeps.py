@@ -118,11 +118,14 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
     if drive.actuator is None or not math.isfinite(energy):
         return limit
     law = energy_over_arrays(drive.actuator)
-    second = sigma if drive.actuator.adjuster else -spread
+    others = [-spread] * (drive.actuator.motors - 1)
+    placed = [np.full(2, place) for place in _positions(drive, [spread, *others], sigma)]
+    if drive.actuator.motors == 1 and not drive.actuator.adjuster:
+        placed[1][:] = -spread
 
     def absorbed(deflection: float) -> float:
         points = np.array([-deflection, 0.0])
-        stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
+        stored = law(points, *placed, drive.elastic)
         return float(stored[0] - stored[1])
 
     return _largest_below(absorbed, energy, limit)

@@ -12,8 +12,7 @@ from typing import Any
 
 from asrsim.errors import AsrsimError, DivergenceError, InputError
 from asrsim.runs.execute import execute, write_summary
-from asrsim.samples import Samples
-from asrsim.simulation.inputs import grid
+from asrsim.samples import Samples, grid
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
