@@ -73,8 +73,8 @@ def make_room(
     *,
     qpos: Array,
     qvel: Array,
-    joint_q: Sequence[int] | Array,
-    joint_v: Sequence[int] | Array,
+    joint_q: Sequence[int] | Numbers,
+    joint_v: Sequence[int] | Numbers,
     free: bool,
 ) -> Room:
     """For a robot whose library looks at `qpos` and `qvel`."""
