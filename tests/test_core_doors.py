@@ -18,7 +18,8 @@ from validation.models import INSTALLED, Body, chain, column, run
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 INNER = {
-    "bound_engine", "core", "divergence", "effects", "equilibrium", "inputs", "joint", "kernel", "laws", "layout", "ledger", "native",
+    "bound_engine", "core", "divergence", "effects", "equilibrium", "inputs", "joint", "kernel", "laws", "layout", "ledger",
+    "native",
     "recording", "released", "rows", "sensors", "substeps", "wrenches",
 }  # fmt: skip
 """Modules of asrsim.simulation that nothing outside it imports."""
@@ -30,9 +31,10 @@ def test_nothing_outside_imports_the_core_s_inner_files() -> None:
         if path.parent.name == "simulation":
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("asrsim.simulation."):
-                if (node.module or "").split(".")[2] in INNER and {alias.name for alias in node.names} != {"Sink"}:
-                    found.append(f"{path.relative_to(ROOT)}: {node.module}")
+            module = node.module or "" if isinstance(node, ast.ImportFrom) else ""
+            inner = module.startswith("asrsim.simulation.") and module.split(".")[2] in INNER
+            if inner and {alias.name for alias in node.names} != {"Sink"}:
+                found.append(f"{path.relative_to(ROOT)}: {module}")
     assert not found
 
 

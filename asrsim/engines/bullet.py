@@ -17,6 +17,7 @@ from asrsim.engines.bullet_model import BASE, BulletModel
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem
 from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
 from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.samples import Array
@@ -87,6 +88,6 @@ def turned(quaternion: Array) -> Array:
 
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
     """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
-    _, warnings = usable_shapes(robot, package_paths=scenario.package_paths)
+    _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
     engine: Any = BulletEngine if scenario.world.empty else BulletContacts
     return engine(scenario, robot), warnings

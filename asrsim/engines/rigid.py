@@ -67,8 +67,17 @@ class Room(NamedTuple):
     upper: Numbers
 
 
-def make_room(robot: Robot, scheme: Numbers, *, qpos: Array, qvel: Array, joint_q: Any, joint_v: Any, free: bool) -> Room:
-    """For a robot whose library looks at `qpos` and `qvel`; joint_q, joint_v: (n,) places of its joints in them."""
+def make_room(
+    robot: Robot,
+    scheme: Numbers,
+    *,
+    qpos: Array,
+    qvel: Array,
+    joint_q: Sequence[int] | Numbers,
+    joint_v: Sequence[int] | Numbers,
+    free: bool,
+) -> Room:
+    """For a robot whose library looks at `qpos` and `qvel`."""
     size = len(qvel)
     arrays: dict[str, Any] = {
         name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")

@@ -1,5 +1,7 @@
-"""An engine of one's own: a pendulum, one joint on a base that is held, in closed form. Name this file where plugins are named, and
-write `engine: pendulum`."""
+"""An engine of one's own: a pendulum, one joint on a base that is held, in closed form.
+
+Import this file, and write `engine: pendulum`.
+"""
 
 import numpy as np
 
