@@ -93,6 +93,10 @@ class Core:
         """K; in plain Python a list, with functions as addresses."""
         self._owners: list[Any] = []
         self._bind_laws(drives)
+        if compiled:
+            from asrsim.simulation.native import compiled_run
+
+            self._run = compiled_run()
         self.S = np.zeros((worlds, len(drives), self.shape.state))
         """(worlds, joints, columns): see :mod:`asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
@@ -126,9 +130,12 @@ class Core:
     # -- binding ----------------------------------------------------------------------------------------------------
 
     def _bind_laws(self, drives: Sequence[SteppedJoint]) -> None:
+        laws: dict[Any, tuple[Any, Any]] = {}
         for k, drive in zip(self._kinds, drives, strict=True):
             if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-                k[SPRING_LAW], k[STATE_LAW] = self._laws_of(drive.actuator, positions_of(drive))
+                key = drive.actuator, positions_of(drive)
+                laws[key] = laws.get(key) or self._laws_of(*key)
+                k[SPRING_LAW], k[STATE_LAW] = laws[key]
             if self.stepping.joint_step is not None:
                 k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
 
@@ -212,13 +219,11 @@ class Core:
     def _call(
         self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
     ) -> None:
-        from asrsim.simulation.native import compiled_run
-
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
-        compiled_run()(
+        self._run(
             which, len(given), every, self.done, self.fault, self.S, self.P, self._kinds, self._z,
             self.X if native else self.S[:, 0], given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
             given.pieces, exchange, bound.step, record.address, columns, out,

@@ -15,7 +15,6 @@ INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis")
 """Modules whose functions become part of their callers. More would make compiling slow and the loop hardly faster."""
 
 
-@cache
 def compiled_run() -> Any:
     """:func:`asrsim.simulation.kernel.run` for arrays."""
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
@@ -27,7 +26,6 @@ def compiled_run() -> Any:
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
-@cache
 def compiled_laws(actuator: Any, motors: int) -> tuple[compiling.Callback, compiling.Callback]:
     """An actuator's torques, and its stiffness and energy; see :func:`asrsim.simulation.laws.plain_laws`."""
     names = {
@@ -67,7 +65,6 @@ def _put_state(q: float, thetas: int, law: int, found: Any) -> None:
     found[1] = energy(q, *positions(thetas), parameters(law))
 
 
-@cache
 def compiled_joint_step(function: Any) -> compiling.Callback:
     """A stepping's own step of a joint; see :func:`asrsim.simulation.laws.joint_step`."""
     names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
