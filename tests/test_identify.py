@@ -38,7 +38,7 @@ from asrsim.recordings import read_recording
 from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
-from asrsim.scenario.starter_playback import make_plan
+from asrsim.scenario.starter_recording import make_plan
 
 pytestmark = pytest.mark.once
 

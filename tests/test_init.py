@@ -15,7 +15,7 @@ from asrsim.cli.app import app
 from asrsim.errors import OutputError, RobotError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
-from asrsim.scenario.start_file import SCHEMA_FILE, write_starter
+from asrsim.scenario.starter import SCHEMA_FILE, write_starter
 from asrsim.summary.table import joint_columns
 
 URDF = """<robot name="{name}">

@@ -51,7 +51,7 @@ def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: obj
 
 def test_a_text_file_is_played_as_it_is_and_smoothly_between_its_samples(tmp_path: Path) -> None:
     made, scenario = make(tmp_path, lab(tmp_path))
-    assert [path.name for path in made.files] == ["s.yaml", "s.fit.yaml", "asrsim.schema.json"]
+    assert [path.name for path in made.files] == ["s.yaml", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"]
     signal = scenario.references["joint_1"]["equilibrium_position"]
     np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
     np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.05 + 0.2 * np.sin(4 * TIME[:-1] + 0.02), atol=1e-7)
@@ -309,6 +309,9 @@ def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path)
     made, _ = make(tmp_path, tmp_path / "lab.csv")
     assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
     lab(tmp_path, header="time,q1,foo,current")
+    with pytest.raises(RecordingError, match=r"no such column, named by lab\.csv\.yaml"):
+        make(tmp_path, tmp_path / "lab.csv", force=True)
+    (tmp_path / "lab.csv.yaml").unlink()
     with pytest.raises(RecordingError, match=r"no column is a command.*foo.*--map COLUMN=joint_1.reference_1"):
         make(tmp_path, tmp_path / "lab.csv", force=True)
 

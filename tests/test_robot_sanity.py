@@ -11,7 +11,6 @@ import pytest
 
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed, with_overrides
-from asrsim.robot.sanity import beyond_reach
 from asrsim.robot.values import law_fault
 from asrsim.scenario import check_against_robot, load_scenario
 
@@ -85,14 +84,11 @@ INERTIA = 'ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"'
         ("<mass ", '<mass value="5"/><mass ', "repeated-element"),
         ("<limit ", '<limit effort="1" velocity="1"/><limit ', "repeated-element"),
         ("<spring_k>10<", "<spring_k>0<", "no-spring"),
-        ('damping="0.2"', 'damping="1e6"', "stuck-joint"),
-        ('friction="0"', 'friction="1e5"', "stuck-joint"),
         ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><ctrl_P>-1</ctrl_P>", "negative-gain"),
         ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><mot_tauFric>6</mot_tauFric>", "stuck-motor"),
         ('velocity="100"', 'velocity="0"', "zero-velocity-limit"),
         ("<axis ", '<origin xyz="0 0 101"/><axis ', "wide-robot"),
         ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="2.1" iyz="0" izz="2.1"', "large-inertia"),
-        (INERTIA, 'ixx="1e-12" ixy="0" ixz="0" iyy="1e-12" iyz="0" izz="1e-12"', "tiny-inertia"),
         ("<spring_k>10<", "<spring_k>1.1e5<", "unusual-value"),
         ("<spring_k>10<", "<spring_k>0.9e-3<", "unusual-value"),
         ("<spring_k>", "<mot_J>1e6</mot_J><spring_k>", "unusual-value"),
@@ -114,12 +110,11 @@ HUGE = ("<axis ", '<origin xyz="2 0 0"/><axis ')
     [
         ('mass value="0.5"', 'mass value="900"', "heavy-link"),
         (INERTIA, INERTIA.replace('izz="1e-3"', 'izz="2.1e-3"'), "triangle-inequality"),
-        ("<spring_k>", "<hyst_tau>0.1</hyst_tau><hyst_def>0.9</hyst_def><spring_k>", "long-hysteresis"),
     ],
 )
 @pytest.mark.parametrize("more", [True, False])
 def test_improbable_numbers_begin_at_their_bounds(old: str, new: str, code: str, more: bool, tiny) -> None:
-    less = {"900": "700", "2.1e-3": "1.9e-3", "<hyst_tau>0.1</hyst_tau>": ""}
+    less = {"900": "700", "2.1e-3": "1.9e-3"}
     for large, small in less.items() if not more else ():
         new = new.replace(large, small)
     assert (code in codes(changed(tiny, HUGE, (old, new)).warnings)) == more
@@ -154,16 +149,6 @@ def test_a_slider_may_be_long(tiny) -> None:
     assert "limit-in-degrees" not in codes(robot.warnings)
 
 
-def test_nothing_of_a_robot_is_beyond_its_reach(tiny) -> None:
-    """2 m and twice its size: of a box that stands 0.5 m beside a link that is turned by 90 degrees."""
-    box = '<collision><origin xyz="0 0.5 0"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
-    robot = changed(
-        tiny, ("<axis ", '<origin xyz="0 0 0.3" rpy="1.5707963267948966 0 0"/><axis '), ("<inertial>", box + "<inertial>")
-    )
-    # Up from the base by 0.3 m, and there along its y axis, which points up, by 0.5 m to the box's middle.
-    assert beyond_reach(robot) == pytest.approx(2.0 + 2.0 * (0.3 + 0.5 + 0.1))
-
-
 def test_an_inertia_of_products_alone_is_no_rounding(tiny) -> None:
     with pytest.raises(RobotError) as caught:
         changed(tiny, (INERTIA, 'ixx="0" ixy="-0.5" ixz="0" iyy="0" iyz="0" izz="0"'))
@@ -174,7 +159,7 @@ def test_sound_robots_are_not_doubted() -> None:
     """Nothing improbable in the examples, nor wheels that turn for ever."""
     doubted = {
         "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain",
-        "stuck-joint", "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "tiny-inertia", "unusual-value",
+        "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "unusual-value",
     }  # fmt: skip
     for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
         assert not codes(load_robot(path).warnings) & doubted, path
@@ -307,8 +292,6 @@ SCENARIOS = {
     "gravity upwards": "gravity: [0, 0, 9.81]",
     "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
     "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
-    "large-noise": "effects: {sensors: {elbow: {noise: 50}}}",
-    "large-quantum": "effects: {commands: {elbow: {quantum: 90}}}",
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
@@ -317,50 +300,20 @@ SCENARIOS = {
     "{sum: [{step: {at: 1, to: 0.1}}, {step: {at: 5, to: 0.5}}]}}}",
     "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
     "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
-    "slow-rate": "effects: {commands: {elbow: {rate: 0.5}}}",
     "no-spring": "parameters: {elbow: {spring_k: 0}}",
-    "aliased": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 450}}}}",
-    "aliased at the step's rate": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 1000}}}",
-    "aliased at twice the rate": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 2000, phase: 1}}}",
-    "aliased in its last third": "references: {elbow: {equilibrium_position: {chirp: {amplitude: 0.1, from: 1, to: 700, "
-    "duration: 1.5}}}}",
-    "aliased term": "external_torques: {elbow: {sum: [{ramp: {duration: 1, to: 4}}, {sinusoid: {amplitude: 0.01, "
-    "frequency: 777}}]}}",
-    "aliased pulses": "wrenches: [{link: arm, force: [null, {pulse_train: {high: 1, period: 0.0011, width: 0.0004}}, null]}]",
     "reference-limits": "references: {elbow: {equilibrium_position: {step: {at: 1.2, to: 3.1}}}}",
     "reference-limits of a motor": "modes: 5\nreferences: {elbow: {reference_1: -3.1}}",
     "reference-limits desired": "desired: {elbow: {sinusoid: {amplitude: 3.1, frequency: 1}}}",
     "reference-limits desired of all": "desired: {'*': 4}",
     "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
-    "absurd-load": "external_torques: {elbow: {step: {at: 1, to: -1e6}}}",
-    "absurd-load force": "wrenches: [{link: arm, force: [null, null, 1e4]}]",
-    "absurd-load torque": "wrenches: [{link: arm, torque: [{pulse_train: {high: 100, period: 1, width: 0.0001}}, null, null]}]",
-    "absurd-load of a mode": "modes: 0\nreferences: {'*': {link_torque: {step: {at: 1, to: 100}}}}",
-    "absurd-load of a motor": "modes: 4\nreferences: {elbow: {motor_1_torque: -100}}",
-    "fast-start": "initial: {elbow: {velocity: -2000}}",
-    "fast-start of a motor": "initial: {'*': {motor_velocities: [2000]}}",
-    "far-motor": "initial: {elbow: {position: 0.2, motor_positions: [50]}}",
     "unused-tolerance": "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, "
     "tolerance: 0.1}]",
-    "large-damping": "link_damping: {elbow: {constant: 1e6}}",
-    "large-damping ratio": "link_damping: {'*': {ratio: 1e6, inertia: 0.01}}",
-    "few-samples": "log_rate: 2",
-    "empty-claim": "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1e9}]",
-    "empty-claim below": "expect: [{joint: elbow, quantity: link_position, measure: maximum, comparison: <, value: 1e9}]",
     "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
-    "reference-limits of a range": "reference_ranges: {elbow: {equilibrium_position: [-50, 1]}}",
-    "reference-limits of all ranges": "reference_ranges: {'*': {equilibrium_position: [0, 3.1]}}",
     "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
-    "aliased at millions": "external_torques: {elbow: {sinusoid: {amplitude: 0.1, frequency: 1e9}}}",
-    "large-friction": "world: {ground: {friction: 21}}",
-    "far-off": "base: {position: [0, 10001, 0]}",
-    "far-off wrench": "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -2.1]}]",
     "odd-step": "step: 0.06",
     "odd-step of less than a microsecond": "step: 0.75e-6",
     "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
     "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
-    "reference-limits of a torque's range": "modes: 4\nreferences: {elbow: {motor_1_torque: 0}}\n"
-    "reference_ranges: {'*': {motor_1_torque: [-6.1, 6]}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -425,27 +378,7 @@ def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: s
 
 
 OBJECTS = {
-    "box, size: [.1, .1, .1], mass: 29": "",
-    "box, size: [.1, .1, .1], mass: 31": "odd-object",
-    "sphere, size: .1, mass: 120": "",
-    "sphere, size: .1, mass: 130": "odd-object",
-    "cylinder, size: [.1, .2], mass: 180": "",
-    "cylinder, size: [.1, .2], mass: 190": "odd-object",
-    "sphere, size: .01, mass: 1e-6": "",
-    "sphere, size: .01, mass: 0.9e-6": "odd-object",
-    "box, size: [500, 500, 500], mass: 1.1e6": "odd-object",
-    "sphere, size: 1e-5": "",
-    "sphere, size: 0.9e-5": "odd-object",
-    "box, size: [1, 1, 1001]": "odd-object",
-    "sphere, size: 1, friction: 19": "",
-    "sphere, size: 1, friction: 21": "large-friction",
-    "sphere, size: 1, mass: 1, position: [0, 9999, 9]": "",
-    "sphere, size: 1, mass: 1, position: [0, 10001, 9]": "far-off",
     "sphere, size: 1, inertia: [1, 1, 1]": "no-effect",
-    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [1, 2, 3]": "",
-    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [1, 2, 3.1]": "odd-object",
-    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [101, 101, 101]": "odd-object",
-    "sphere, size: 1, mass: 1, position: [9, 9, 9], inertia: [9e-7, 9e-7, 9e-7]": "odd-object",
     "sphere, size: .1, mass: 1, position: [9, 9, .09]": "",
     "sphere, size: .1, mass: 1, position: [9, 9, .07]": "in-ground",
     "sphere, size: .1, position: [9, 9, -5]": "",
@@ -513,13 +446,6 @@ def test_objects_that_begin_inside_the_robot_are_told_of(link: str, shape: str, 
     assert overlap("", place=straight) == (link == "arm")
     assert overlap("", place=straight, mass=0.1)
     assert not overlap("", mass=0.1, place="[0.09, 1, 1.75]")
-
-
-@pytest.mark.parametrize(("moment", "told"), [(2.3e-7, False), (2.2e-7, True)])
-def test_an_inertia_of_a_point_is_told_of(moment: float, told: bool, tiny) -> None:
-    """The ball of 0.5 kg with that moment has 1e8 kg/m^3 at 2.25e-7 kg m^2."""
-    robot = changed(tiny, (INERTIA, f'ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"'))
-    assert ("tiny-inertia" in codes(robot.warnings)) == told
 
 
 @pytest.mark.parametrize(("height", "told"), [(0.19, False), (0.21, True)])

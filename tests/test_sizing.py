@@ -17,7 +17,7 @@ from asrsim.kinematics.sizing import holding_findings, sizing
 from asrsim.robot import with_overrides
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
-from asrsim.scenario.start_file import write_starter
+from asrsim.scenario.starter import write_starter
 
 pytestmark = pytest.mark.once
 
@@ -223,7 +223,7 @@ SLIDER = """
 def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
     """A slider of 0.25 m that its arm tilts: 0.15 m of sag would be most of its travel, and onto its stop as it moves."""
     from asrsim.kinematics.sizing import ENOUGH, RESERVE
-    from asrsim.scenario.start_file import write_starter
+    from asrsim.scenario.starter import write_starter
 
     robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.8,))
     robot.write_text(robot.read_text().replace("</robot>", SLIDER))

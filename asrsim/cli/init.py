@@ -81,7 +81,7 @@ def init(
         return
     if mapping or rate is not None:
         raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
-    from asrsim.scenario.start_file import write_starter
+    from asrsim.scenario.starter import write_starter
 
     written, notes = write_starter(
         robot, out, mode=mode, actuators=given, force=overwrite, schema=schema, arguments=arguments, packages=packages

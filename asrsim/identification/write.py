@@ -18,7 +18,7 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.start_file import relative_path
+from asrsim.scenario.starter import relative_path
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 TOGETHER = 0.9

@@ -90,7 +90,7 @@ def _explicit(
             index = labels.index(one.column)
         if index is None:
             problems.append(
-                Problem("there is no such column", key=one.column, choices=_shown(names),
+                Problem(f"there is no such column, named by {one.origin}", key=one.column, choices=_shown(names),
                         hint=did_you_mean(one.column, names), code="no-such-column")
             )  # fmt: skip
             continue

@@ -14,8 +14,6 @@ from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import Pose, link_poses
 from asrsim.robot.values import has_spring
 
-GRAVITY = 9.81
-"""m/s^2, for judgements of what a robot weighs."""
 HEAVY = 50.0
 """kg: a link of an arm below 0.8 m is not that heavy; beyond, the bound grows with the cube of the arm's size."""
 DENSITY = 100.0
@@ -24,10 +22,6 @@ AWAY = 2.0
 """m that a centre of mass may lie outside everything that is known of the robot."""
 DEGREES = (20.0, 720.0)
 """Limits of revolute joints in this range are turns of several, or degrees."""
-STUCK = 1000.0
-"""s/rad (s/m) and more: damping and friction, over the moment (or force) of the arm's own weight, that no joint has."""
-DENSEST = 1e8
-"""kg/m^3 of the ball that has a link's mass and largest moment; osmium has 2.3e4, stand-ins in files of robots up to 1e7."""
 WIDE = 100.0
 """m from one end of a robot to the other."""
 UNUSUAL = 1e4
@@ -47,14 +41,8 @@ def check_sanity(findings: Findings, robot: Robot) -> None:
         )  # fmt: skip
     for link in robot.links:
         _check_body(findings, link, size, moves=link is not robot.root)
-    bounds = most_damping(robot)
     for joint in robot.moving_joints:
         _check_limits(findings, joint)
-        bound = bounds[joint.name]
-        for name, value in (("damping", joint.damping), ("friction", joint.friction)):
-            if 0.0 < bound < value:
-                message = f"so much {name} holds the joint still, whatever drives it"
-                findings.warn(message, code="stuck-joint", line=joint.line, key=joint.name, value=f"{name} {value:g}")
     for block in robot.actuators:
         for doubt in block_doubts(block, robot.joint(block.joint)):
             line = block.line if doubt.parameter is None else doubt.parameter.line
@@ -65,26 +53,6 @@ def _size(robot: Robot, poses: Mapping[str, Pose]) -> float:
     """m: the largest distance of frames and shapes from each other along an axis, at the zero pose."""
     points = np.array([point for link in robot.links for point in _points(link, poses[link.name])])
     return float(np.ptp(points, axis=0).max())
-
-
-def beyond_reach(robot: Robot) -> float:
-    """m from a link's frame, beyond which nothing of the robot is."""
-    return AWAY + 2.0 * _size(robot, link_poses(robot))
-
-
-def own_weight(robot: Robot) -> tuple[float, float]:
-    """The weight of all links in N, and its moment in N m were the robot stretched out."""
-    poses = link_poses(robot)
-    bodies = [link for link in robot.links if link.mass]
-    force = GRAVITY * sum(link.mass or 0.0 for link in bodies)
-    reach = max((math.hypot(*link.centre_of_mass) for link in bodies), default=0.0)
-    return force, force * max(_size(robot, poses), reach)
-
-
-def most_damping(robot: Robot) -> dict[str, float]:
-    """N m s/rad (N s/m) beyond which each moving joint does not move; 0 where nothing is known of the arm's weight."""
-    force, moment = own_weight(robot)
-    return {joint.name: STUCK * (force if joint.kind == "prismatic" else moment) for joint in robot.moving_joints}
 
 
 def _points(link: Link, pose: Pose) -> Iterator[np.ndarray]:
@@ -116,12 +84,6 @@ def _check_body(findings: Findings, link: Link, size: float, *, moves: bool) -> 
         findings.warn(
             f"the inertia is that of a body far larger than {what} (in kg m^2)", code="large-inertia", line=link.line,
             key=link.name, value=f"radius of gyration {gyration:.4g} m",
-        )  # fmt: skip
-    # The ball's radius: r^2 = 5/2 of the radius of gyration's square.
-    elif moves and link.mass is not None and 0.0 < DENSEST * 4.0 / 3.0 * math.pi * (2.5**0.5 * gyration) ** 3 < link.mass:
-        findings.warn(
-            "the inertia is that of a point: no body has so much mass in so little space (in kg m^2)", code="tiny-inertia",
-            line=link.line, key=link.name, value=f"radius of gyration {gyration:.4g} m",
         )  # fmt: skip
 
 
@@ -205,7 +167,3 @@ def _model_doubts(block: ActuatorBlock) -> Iterator[Doubt]:
         if name.endswith("load_friction") and parameter.value >= 1.0:
             message = "friction grows by more than the load: the spring never turns the motor back"
             yield Doubt(message=message, code="self-locking", value=f"{parameter.value:g}", parameter=parameter)
-        limit = values.get("max_deflection", math.inf)
-        if name == "hysteresis_deflection" and values["hysteresis_torque"] > 0.0 and parameter.value > limit:
-            message = "is beyond the deflection limit: the hysteresis is a spring there"
-            yield Doubt(message=message, code="long-hysteresis", value=f"{parameter.value:g}", parameter=parameter)

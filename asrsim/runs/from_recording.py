@@ -19,7 +19,7 @@ from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
-from asrsim.scenario.start_file import (
+from asrsim.scenario.starter import (
     MOUNTED_MODE,
     SCHEMA_FILE,
     moving_robot,
@@ -28,11 +28,20 @@ from asrsim.scenario.start_file import (
     schema_beside,
     write_new,
 )  # fmt: skip
-from asrsim.scenario.starter_extract import extract
 from asrsim.scenario.starter_fit import fit_text
-from asrsim.scenario.starter_mounted import fitting_modes, open_parameters
-from asrsim.scenario.starter_playback import Plan, make_plan
-from asrsim.scenario.starter_recording import STEP, First, Names, first_claims, placeholders, recording_text
+from asrsim.scenario.starter_recording import (
+    STEP,
+    First,
+    Names,
+    Plan,
+    extract,
+    first_claims,
+    fitting_modes,
+    make_plan,
+    open_parameters,
+    placeholders,
+    recording_text,
+)
 from asrsim.simulation.run import simulate
 
 FIT = ".fit.yaml"
@@ -77,7 +86,7 @@ def write_from_recording(
     Where no document says how the recording is read, one is proposed beside the scenario, `lab.csv.yaml`. Where the playback
     signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the scenario as
     `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; plugins: that the fit file
-    names; the others as for :func:`asrsim.scenario.start_file.write_starter`. Without `mode`, actuators that are given are in
+    names; the others as for :func:`asrsim.scenario.starter.write_starter`. Without `mode`, actuators that are given are in
     that of the recorded command.
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.

@@ -1,4 +1,4 @@
-"""What the signals of a scenario cannot be, and hardly mean: changes too late or too fast, places and loads beyond the arm."""
+"""What the signals of a scenario cannot be, and hardly mean: changes after the run's end, places and torques beyond limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.attributes import LARGEST
-from asrsim.robot.sanity import beyond_reach, own_weight
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.base import Signal
@@ -21,14 +20,6 @@ ROUNDING = 1e-9
 """Share of a limit by which a number is not beyond it."""
 LOOKS = 2000
 """Points of the run at which a signal is looked at."""
-BETWEEN = (0.5, 0.5 * (3.0 - math.sqrt(5.0)))
-"""Places within a step at which a signal is compared with the line between its ends; one may be a node, not the golden one."""
-ALIASED = 0.4
-"""Share of a signal's range by which it leaves that line: a sinusoid does from 0.87 of half the step rate on."""
-OFTEN = 0.05
-"""Share of the steps that do so, from which on it is no accident."""
-ABSURD = 100.0
-"""Times the arm's own weight, or its moment, that no load on it is."""
 FARTHEST = 1e6
 """rad or m: a wanted position beyond it has lost the digits in which a motion differs from rest."""
 MOST_JUMPS = 100
@@ -65,11 +56,9 @@ def signal_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for key, signal in _signals(scenario):
         for part, one in _parts(key, signal):
             yield from _late(scenario, part, one)
-            yield from _fast(scenario, part, one)
     yield from _presets(scenario, robot)
     yield from _beyond_limits(scenario, robot)
     yield from _beyond_torques(scenario, robot)
-    yield from _loads(scenario, robot)
 
 
 def _signals(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
@@ -141,24 +130,6 @@ def _late(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
         yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
 
 
-def _fast(scenario: Scenario, key: str, signal: Signal) -> Iterator[Problem]:
-    """A signal of which the steps see another one: it swings between two of them."""
-    steps, step = int(scenario.duration / scenario.step), scenario.step
-    first = np.unique(np.linspace(0, max(steps - 1, 0), LOOKS).astype(int))
-    # The ends from within: what jumps from step to step jumps in none.
-    start, end, *between = (signal.values((first + share) * step) for share in (1e-6, 1.0 - 1e-6, *BETWEEN))
-    lines = [start + (end - start) * share for share in BETWEEN]
-    off = np.max(np.abs(np.subtract(between, lines)), axis=0)
-    reach = np.ptp([start, end, *between])
-    # Steps hold a jump within them by its mean.
-    jumps = np.diff(np.searchsorted(signal.jumps(0.0, scenario.duration), [first * step, (first + 1) * step]), axis=0)[0]
-    beyond = np.flatnonzero((off > ALIASED * reach) & (jumps != 1))
-    if reach > 0.0 and len(beyond) > max(OFTEN * len(first), 2):
-        message = f"changes too fast for steps of {step:g} s, which see another signal"
-        value = f"from {first[beyond[0]] * step:.4g} s on"
-        yield Problem(message, key=key, value=value, hint="Take a shorter step, or a lower frequency", code="aliased")
-
-
 def _presets(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Stiffness presets beyond the springs' deflection limit: there the springs are clipped, not stiffer."""
     for block in robot.actuators:
@@ -181,7 +152,7 @@ def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Places at which a link is wanted, and which its joint's limits do not let it reach."""
-    for key, name, least, largest in (*_places(scenario, robot), *_ranges(scenario, robot)):
+    for key, name, least, largest in _places(scenario, robot):
         joint = robot.joint(name)
         if joint.lower is None or joint.upper is None:
             continue
@@ -202,9 +173,6 @@ def _beyond_torques(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if mode.motor:
                 what, limit = f"motor {motor}'s largest torque", block.values().get(f"motor_{motor}_max_torque")
             asked = {reference_key(scenario, block, name): _extremes(scenario, given[name])} if name in given else {}
-            for joint in ("*", block.joint):
-                if name in scenario.reference_ranges.get(joint, {}):
-                    asked[f"reference_ranges.{joint}.{name}"] = scenario.reference_ranges[joint][name]
             for key, bounds in asked.items():
                 if limit and max(map(abs, bounds)) > limit * (1.0 + ROUNDING):
                     message = f"is cut at {what}, {limit:g} N m"
@@ -232,38 +200,3 @@ def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float,
             if signal is not None:
                 key = f"{section}.{joint.name if joint.name in table else '*'}"
                 yield key, joint.name, *_extremes(scenario, signal)
-
-
-def _ranges(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float, float]]:
-    """The same of the ranges that are declared for places of links."""
-    for block in robot.actuators:
-        for name in ("link_position", "equilibrium_position"):
-            for joint in ("*", block.joint):
-                bounds = scenario.reference_ranges.get(joint, {}).get(name)
-                if bounds is not None and name in MODES[block.mode].references:
-                    yield f"reference_ranges.{joint}.{name}", block.joint, *bounds
-
-
-def _loads(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Loads, from outside and as references, that are out of all proportion to the arm, or act nowhere near it."""
-    for index, wrench in enumerate(scenario.wrenches):
-        if math.hypot(*wrench.point) > beyond_reach(robot):
-            message = f"is far outside the robot (in m, in the frame of '{wrench.link}')"
-            shown = ", ".join(f"{number:g}" for number in wrench.point)
-            yield Problem(message, key=f"wrenches.{index}.point", value=shown, code="far-off")
-    force, torque = own_weight(robot)
-    loads = {key: (signal, kind) for key, signal, kind in _wrenches(scenario)}
-    driven = [(name, f"external_torques.{name}", signal) for name, signal in scenario.external_torques.items()]
-    for block in robot.actuators:
-        given, mode = scenario.references_of(block.joint), MODES[block.mode]
-        torques = [name for name, unit in zip(mode.references, mode.units, strict=True) if unit == "N m" and name in given]
-        driven += [(block.joint, reference_key(scenario, block, name), given[name]) for name in torques]
-    for joint, key, signal in driven:
-        sliding = any(one.kind == "prismatic" for one in robot.moving_joints if joint in (one.name, "*"))
-        loads[key] = signal, "force" if sliding else "torque"
-    for key, (signal, kind) in loads.items():
-        bound, unit, what = (force, "N", "weight") if kind == "force" else (torque, "N m", "weight at its full length")
-        largest = max(map(abs, _extremes(scenario, signal)))
-        if 0.0 < ABSURD * bound < largest:
-            message = f"is {largest / bound:.2g} times the arm's own {what}, {bound:.3g} {unit}"
-            yield Problem(message, key=key, value=f"{largest:g} {unit}", code="absurd-load")

@@ -9,7 +9,7 @@ from asrsim.actuators.electric import NEEDED
 from asrsim.actuators.user import command_line
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.scenario.starter import word
-from asrsim.scenario.starter_playback import Plan
+from asrsim.scenario.starter_recording import Plan
 
 NOT_FITTED = ("max_deflection", "spring_rest_length")
 """Of springs: limits that a recording seldom reaches, and numbers without effect."""

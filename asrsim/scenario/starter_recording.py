@@ -1,7 +1,8 @@
-"""The text of a scenario from a recording: commands played, motion compared, and every guess in its comments."""
+"""A scenario from a recording: commands played, motion compared, and every guess in its comments."""
 
 from __future__ import annotations
 
+import io
 import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,16 +11,385 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.actuators import MODES
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.user import command_line
-from asrsim.errors import listed
+from asrsim.errors import InputError, RecordingError, listed
 from asrsim.quantities import is_comparable
-from asrsim.recordings.data import Recording
+from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.matching import match_joints, wrong_unit
+from asrsim.recordings.suspicions import beyond_stops, condense
 from asrsim.recordings.units import split_header
-from asrsim.scenario.starter import mounted_lines, robot_lines, word
-from asrsim.scenario.starter_extract import file_of
-from asrsim.scenario.starter_motion import number, starter_joint
-from asrsim.scenario.starter_playback import Plan, Played
+from asrsim.robot import ActuatorBlock, Robot, with_overrides
+from asrsim.robot.mounting import reference_names
+from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
+from asrsim.signals.playback import Playback, since
+
+GOES_WITH = 0.5
+"""Share of a torque's variance that its spring's deflection explains, at least: a spring's own torque has nearly all of it."""
+SAMPLES = 20
+"""Least number of samples by which that is told."""
+
+
+def named_otherwise(robot: Robot, columns: dict[tuple[str, str], Column], remarks: list[str]) -> dict[tuple[str, str], Column]:
+    """Commands that go by the name of a measured quantity: beside a stiffness preset, that of the mode's reference; of a motor
+    on a spring, a torque that is not the spring's. Taken out of `columns`."""
+    found = {}
+    for block in robot.actuators:
+        if (block.joint, "reference_1") in columns:
+            continue
+        name = (block.joint, "equilibrium_position")
+        if MODES[block.mode].mapped and (block.joint, "reference_2") in columns and name in columns:
+            found[block.joint, "reference_1"] = replace(columns.pop(name), quantity="reference_1")
+            remarks.append(f"{block.joint}: the recorded equilibrium_position, beside a stiffness preset, is its command")
+        elif (torque := _of_the_motor(block, columns)) is not None:
+            found[block.joint, "reference_1"] = replace(columns.pop((block.joint, "link_torque")), quantity="reference_1")
+            remarks.append(
+                f"{block.joint}: {torque.source} is no torque of the spring, since it does not go with the deflection: "
+                "it is taken for the motor's command"
+            )
+    return found
+
+
+def _of_the_motor(block: ActuatorBlock, columns: dict[tuple[str, str], Column]) -> Column | None:
+    """A torque that nobody said to be the link's, where motor and link were recorded and the deflection does not explain it."""
+    actuator = ACTUATORS.get(block.actuator)
+    torque, motor, link = (columns.get((block.joint, name)) for name in ("link_torque", "motor_1_position", "link_position"))
+    if torque is None or motor is None or link is None or actuator.motors > 1 or torque.given:
+        return None
+    if not MODES[block.mode].spring:
+        return None
+    known = [np.isfinite(one.values) for one in (motor, link, torque)]
+    places = [
+        np.interp(torque.time, one.time[ok], one.values[ok])
+        for one, ok in zip((motor, link), known[:2], strict=True)
+        if ok.any()
+    ]
+    if len(places) < 2 or known[2].sum() < SAMPLES:
+        return None
+    deflection, values = (places[0] - places[1])[known[2]], torque.values[known[2]]
+    spread = float(np.std(deflection) * np.std(values))
+    if spread <= 0.0:
+        return None
+    correlation = float(np.mean((deflection - deflection.mean()) * (values - values.mean()))) / spread
+    return torque if correlation**2 < GOES_WITH else None
+
+
+UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
+"""Unit of a command that is no position -> mode that takes it."""
+WIDE = 1e4
+"""N m, rad/s: limits of motors of which nothing is known; a thousand times what joints of robots do."""
+
+
+def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> dict[str, int]:
+    """Joint -> mode that takes what was recorded of its command, where that is no position."""
+    pairing, _ = match_joints([joint.name for joint in robot.moving_joints], recording)
+    units = {(pairing.get(str(c.joint)), str(c.quantity)): c.unit for c in recording.channels.values() if c.quantity}
+    commands = ("reference_1", *(f"motor_1_{what}" for what in ("voltage", "current", "torque")))
+    found = {joint: [units[joint, one] for one in commands if (joint, one) in units] for joint in joints}
+    return {joint: UNIT_MODES[told[0]] for joint, told in found.items() if told and told[0] in UNIT_MODES}
+
+
+def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Joint -> parameters of motors and controllers of which nothing is known: limits that nothing reaches, constants that are
+    needed, and no derivative gain, since that brakes as damping does, which is fitted and may be less than a guess of both.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for block in robot.actuators:
+        motors, mode = ACTUATORS.get(block.actuator).motors, MODES[modes.get(block.joint, modes.get("*", block.mode))]
+        if block.joint in joints and (mode.motor or mode.controller):
+            limits = [f"motor_{i}_max_{what}" for i in range(1, motors + 1) for what in ("torque", "velocity") if mode.motor]
+            constants = missing_constants(block.values(), motors, mode) if mode.motor else ()
+            gains = [f"controller_{i}_derivative" for i in range(1, motors + 1) if mode.controller]
+            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
+    return found
+
+
+LATEST = 1.0
+"""s: a recording that begins later, or before 0, is played from 0."""
+STAIRS = 0.5
+"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are smooth."""
+TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
+"""Mode -> recorded quantities that are its command where none is called so."""
+FALLBACKS = ("equilibrium_position", "motor_1_position")
+"""Recorded quantities that stand in for a command that was not recorded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """One column that drives one input of the simulation."""
+
+    joint: str
+    slot: int | None
+    """Of the mode's references: 0 or 1; None: the external torque."""
+    column: Column
+    direct: bool
+    """Played from the recording itself; else from the extract beside the scenario."""
+    hold: bool
+
+    @property
+    def label(self) -> str:
+        """Column of the extract."""
+        what = "external_torque" if self.slot is None else f"reference_{self.slot + 1}"
+        return f"{self.joint}.{what}" + (f" [{self.column.unit}]" if self.column.unit else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is played and compared."""
+
+    robot: Robot
+    """With the modes that the commands need."""
+    modes: Mapping[str, int]
+    """Joint -> mode that replaces the robot file's, because of its command."""
+    recording: Recording
+    pairing: Mapping[str, str]
+    """Joint of the recording -> joint of the robot."""
+    played: tuple[Played, ...]
+    compared: tuple[tuple[str, Column], ...]
+    """(joint of the robot, column) of what is recorded and simulated, commands left out."""
+    lag: float
+    """s that the recording's clock is ahead of the simulation's."""
+    duration: float
+    """s."""
+    initial: Mapping[str, float]
+    """Joint -> its first recorded position, where that is not 0."""
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def on_bench(self) -> bool:
+        """Whether springs alone were recorded: motors' places and torques, and no motion of a link."""
+        played = {one.joint for one in self.played if one.column.quantity == "motor_1_position"}
+        others = ("elastic_torque", "link_torque", "motor_2_position")
+        return bool(self.compared) and all(
+            joint in played and str(column.quantity).startswith(others) for joint, column in self.compared
+        )
+
+
+def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> Plan:
+    """What of the recording is played into the robot, and what is compared.
+
+    strict: only what is a command is played as one, and a recording without commands is fine. Raises RecordingError where no
+    joint is common, or no column is a command, with what there is.
+    """
+    names = [joint.name for joint in robot.moving_joints]
+    pairing, found = match_joints(names, recording)
+    remarks = [problem.message for problem in found]
+    columns = {
+        (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
+    }
+    _require_units(robot, recording, columns)
+    columns |= named_otherwise(robot, columns, remarks)
+    if not any(problem.code == "unstated-unit" for problem in recording.findings):
+        remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
+    lag, end = _span(columns)
+    modes: dict[str, int] = {}
+    played: list[Played] = []
+    for block in robot.actuators:
+        command = _command(columns, block, remarks, () if strict else FALLBACKS)
+        if command is not None:
+            second = columns.get((block.joint, "reference_2"))
+            if command.quantity == "motor_1_position":
+                second = columns.get((block.joint, "motor_2_position"))
+            if second is None and MODES[block.mode].direct and command.quantity in TORQUES[block.mode]:
+                second = columns.get((block.joint, command.quantity.replace("_1_", "_2_")))
+            mode = _mode(block, command, second)
+            if mode != block.mode:
+                modes[block.joint] = mode
+                why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
+                remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
+            played.append(_played(block.joint, 0, command, recording, lag))
+            if second is not None and len(reference_names(replace(block, mode=mode))) > 1:
+                played.append(_played(block.joint, 1, second, recording, lag))
+        if (torque := columns.get((block.joint, "external_torque"))) is not None:
+            played.append(_played(block.joint, None, torque, recording, lag))
+    if not strict and not any(one.slot == 0 for one in played):
+        if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
+            raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
+        remarks.append("no joint has an actuator, and no command was recorded: the robot swings from where it begins")
+    changed = with_overrides(robot, modes=modes) if modes else robot
+    commands = {one.column.source for one in played}
+    return Plan(
+        robot=changed, modes=modes, recording=recording, pairing=pairing, played=tuple(played),
+        compared=tuple(
+            (joint, column) for (joint, quantity), column in columns.items()
+            if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
+        ),
+        lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
+        initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),
+    )  # fmt: skip
+
+
+def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
+    """Recorded time that becomes 0, and the recorded end; of the columns that are used."""
+    start = min(float(column.time[0]) for column in columns.values())
+    end = max(float(column.time[-1]) for column in columns.values())
+    return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
+
+
+def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[str, str], Column]) -> None:
+    """Raises RecordingError for columns whose unit cannot be one of their joint."""
+    prismatic = {joint.name: joint.kind == "prismatic" for joint in robot.moving_joints}
+    wrong = [wrong_unit(column, joint, prismatic=prismatic[joint]) for (joint, _), column in columns.items()]
+    if any(wrong):
+        raise RecordingError(condense(replace(problem, file=recording.path) for problem in wrong if problem is not None))
+
+
+def _command(
+    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], fallbacks: Sequence[str]
+) -> Column | None:
+    torques = TORQUES.get(block.mode, ())
+    reference = columns.get((block.joint, "reference_1"))
+    order = ["reference_1", *torques, *fallbacks]
+    if MODES[block.mode].direct and reference is not None and reference.unit not in (*MODES[block.mode].units, "N"):
+        # A motor that is told its torque takes the recorded one before any position.
+        order = [*torques, *order]
+    for quantity in order:
+        column = columns.get((block.joint, quantity))
+        if column is None or not np.isfinite(column.values).any():
+            continue
+        if column.unit in ("V", "A") and column.unit != MODES[block.mode].units[0]:
+            remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
+            continue
+        if quantity != "reference_1":
+            remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
+        return column
+    recorded = [quantity for joint, quantity in columns if joint == block.joint]
+    if recorded and fallbacks:
+        remarks.append(f"{block.joint}: no column is its command; it is told to rest where it starts")
+    return None
+
+
+def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
+    """The block's mode if it can take the command, else the nearest one that can."""
+    mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
+    alone = actuator.motors == 1 and not actuator.adjuster
+    if command.quantity == "motor_1_position" and mode.spring and (alone or second is not None):
+        # Motors whose places are known need no controller: they stand there.
+        return 2
+    if command.quantity in TORQUES.get(block.mode, ()):
+        return mode.number
+    if command.unit in ("V", "A"):
+        return mode.number
+    if command.unit in ("N m", "N"):
+        return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
+    if not command.unit and command.quantity == "reference_1" and command.given:
+        # The user says that it is what the mode takes, and in no other unit.
+        return mode.number
+    if mode.direct or mode.number == 0:
+        return 6 if mode.direct else 1
+    if mode.number in (2, 5) and actuator.motors > 1 and second is None:
+        return mode.number + 1
+    return mode.number
+
+
+def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
+    changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
+    following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
+    direct = recording.format == "text" and _plays(recording.path, column, lag)
+    return Played(joint=joint, slot=slot, column=column, direct=direct, hold=following < STAIRS)
+
+
+def _plays(path: Path, column: Column, lag: float) -> bool:
+    """Whether the playback signal reads the same numbers from the recording itself."""
+    try:
+        times, values = Playback(file=path, column=column.source, start=0.0 if lag else None).samples
+    except InputError:
+        return False
+    shifted = since(column.time, lag) if lag else column.time
+    return (
+        len(times) == len(shifted)
+        and bool(np.allclose(times, shifted, rtol=0.0, atol=1e-9))
+        and bool(np.allclose(values, column.values, rtol=1e-12, atol=0.0))
+    )
+
+
+def _initial(
+    robot: Robot, columns: Mapping[tuple[str, str], Column], played: list[Played], remarks: list[str]
+) -> dict[str, float]:
+    starts = dict(_starts(columns, played))
+    initial: dict[str, float] = {}
+    for joint in robot.moving_joints:
+        start = starts.get(joint.name, 0.0)
+        low, high = joint.stops
+        inside = min(max(start, low), high)
+        if inside != start:
+            remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
+        if abs(inside) > 1e-9:
+            # A limit stays to the last digit: rounded, it may be passed.
+            initial[joint.name] = float(inside) if inside != start else float(f"{inside:.9g}")
+    return initial
+
+
+def _starts(columns: Mapping[tuple[str, str], Column], played: list[Played]) -> Iterator[tuple[str, float]]:
+    """First recorded position of each joint: of its link, else of what else is an angle at its link."""
+    for one in played:
+        if one.slot == 0 and one.column.unit not in ("N m", "N"):
+            yield one.joint, _first(one.column)
+    for quantity in ("motor_1_position", "equilibrium_position", "link_position"):
+        for (joint, name), column in columns.items():
+            if name == quantity and np.isfinite(column.values).any():
+                yield joint, _first(column)
+
+
+def _first(column: Column) -> float:
+    return float(column.values[np.isfinite(column.values)][0])
+
+
+def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> RecordingError:
+    """idle: joints that have a command in the recording."""
+    found = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
+                      for c in list(recording.channels.values())[:30])  # fmt: skip
+    joint = robot.actuators[0].joint if robot.actuators else "JOINT"
+    if idle:
+        return RecordingError(
+            f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
+            hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
+        )  # fmt: skip
+    told = " ".join(str(c.quantity) for c in recording.channels.values())
+    bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
+    bench += f"{joint}.elastic_torque_1"
+    hint = f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, "
+    hint += "a run of a scenario is compared by `asrsim plot LOG --experiment FILE`"
+    problem = f"no column is a command that could be played; its columns: {found}"
+    return RecordingError(problem, file=recording.path, hint=hint, code="no-command")
+
+
+def extract(plan: Plan, name: str) -> dict[str, str]:
+    """File name -> text of the played columns that the signal cannot read from the recording itself, in SI.
+
+    One file a time base; `name`: of the first.
+    """
+    groups: dict[int, list[Played]] = {}
+    for one in plan.played:
+        if not one.direct:
+            groups.setdefault(id(one.column.time), []).append(one)
+    return {file: _table(members) for (file, members) in zip(_names(name, len(groups)), groups.values(), strict=True)}
+
+
+def file_of(plan: Plan, one: Played, name: str) -> str:
+    """Name of the extract in which a column is."""
+    times = list(dict.fromkeys(id(other.column.time) for other in plan.played if not other.direct))
+    return _names(name, len(times))[times.index(id(one.column.time))]
+
+
+def _names(name: str, count: int) -> list[str]:
+    stem, dot, ending = name.rpartition(".")
+    return [name if number == 1 else f"{stem}_{number}{dot}{ending}" for number in range(1, count + 1)]
+
+
+def _table(members: list[Played]) -> str:
+    time = members[0].column.time
+    values = np.column_stack([time, *(one.column.values for one in members)])
+    # A playback must be whole: what is missing is bridged by the samples around it.
+    for i in range(1, values.shape[1]):
+        good = np.isfinite(values[:, i])
+        values[:, i] = np.interp(time, time[good], values[good, i])
+    text = io.StringIO()
+    header = ",".join(["time [s]", *(f'"{one.label}"' for one in members)])
+    np.savetxt(text, values, delimiter=",", header=header, comments="", fmt="%.12g")
+    return text.getvalue()
+
 
 STEP = 0.001
 """s."""
