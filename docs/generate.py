@@ -21,7 +21,7 @@ from typing import Any
 import asrsim
 
 sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
-from tables import markdown_table, measure_table, scenario_tables
+from tables import markdown_table, measure_table, problem_tables, scenario_tables
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
@@ -38,6 +38,7 @@ def parts() -> dict[str, str]:
     """Name of a generated part -> its Markdown."""
     return {
         **scenario_tables(),
+        **problem_tables(),
         "measures": measure_table(),
         "commands": commands(),
         "packages": packages(),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
+import asrsim
 from asrsim.actuators import MODES
 from asrsim.document.block import Block, Key
 from asrsim.document.kinds import Kind
@@ -92,3 +95,65 @@ def measure_table() -> str:
         unit = {"series": "of the series", "1": "-"}.get(found.unit, found.unit)
         rows.append((f"`{name}`", NEEDS[found.needs], unit, found.doc, ", ".join(options)))
     return markdown_table(("measure", "of", "unit", "definition", "options"), rows)
+
+
+SAID = ("document", "recordings", "robot", "scenario", "signals")
+"""Packages of what users write, whose errors and warnings are catalogued."""
+
+
+def problem_tables() -> dict[str, str]:
+    """What is said under every code, and the cure, from the places in the code that say it; a table for each package."""
+    found: dict[str, dict[str, tuple[str, str]]] = {}
+    root = Path(asrsim.__file__).parent
+    for path in (path for room in SAID for path in sorted((root / room).glob("*.py"))):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        room = path.relative_to(root).parts[0].removesuffix(".py")
+        for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Module)):
+            for code, message, hint in _said(function):
+                row = found.setdefault(room, {})
+                row[code] = max(row.get(code, ("", "")), (message, hint), key=lambda pair: (bool(pair[1]), len(pair[0]) > 1))
+    return {
+        "problems": "\n\n".join(
+            f"### {room}\n\n"
+            + markdown_table(
+                ("code", "what is said", "what to do"), [(f"`{code}`", *row) for code, row in sorted(rows.items())]
+            )
+            for room, rows in sorted(found.items())
+        )
+    }
+
+
+def _said(function: ast.FunctionDef | ast.Module) -> Iterator[tuple[str, str, str]]:
+    """Code, message and hint of the calls in a function that have a code, with `...` for what differs from case to case."""
+    known: dict[str, ast.expr] = {}
+    nodes = [node for node in ast.walk(function) if isinstance(node, ast.Assign | ast.Call)]
+    for node in sorted(nodes, key=lambda node: (node.lineno, node.col_offset)):
+        if isinstance(node, ast.Assign):
+            for target in node.targets:
+                pairs = [(target, node.value)]
+                if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                    pairs = [*zip(target.elts, node.value.elts, strict=True)]
+                known |= {name.id: value for name, value in pairs if isinstance(name, ast.Name)}
+            continue
+        words = {keyword.arg: keyword.value for keyword in node.keywords}
+        if not isinstance(code := words.get("code"), ast.Constant) or not code.value or isinstance(function, ast.Module):
+            continue
+        message = node.args[0] if node.args else words.get("message")
+        cure = _template(words.get("hint"), known) or ("Choose one of those that it names" if "choices" in words else "")
+        if (said := _template(message, known)) != "...":
+            yield str(code.value), said, cure
+
+
+def _template(value: ast.expr | None, known: dict[str, ast.expr]) -> str:
+    """A text as it stands in the code; "" for none."""
+    if isinstance(value, ast.Name) and isinstance(known.get(value.id), ast.JoinedStr | ast.Constant | ast.BinOp):
+        value = known[value.id]
+    if isinstance(value, ast.Constant):
+        return " ".join(str(value.value).split()) if value.value is not None else ""
+    if isinstance(value, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "..." for part in value.values)
+    if isinstance(value, ast.BinOp) and isinstance(value.op, ast.Add):
+        return _template(value.left, known) + _template(value.right, known)
+    if isinstance(value, ast.IfExp):
+        return " / ".join(filter(None, (_template(value.body, known), _template(value.orelse, known))))
+    return "" if value is None else "..."
