@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,6 +55,19 @@ def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
     )
     for scenario in scenarios:
         assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("name", "actuator"), [("dof5_arm", None), ("dof2_vertical", None), ("plain_arm", "qbmove"), ("plain_arm", "awas_ii")]
+)
+def test_no_variant_of_a_starter_is_doubted_by_check(tmp_path, name, actuator):
+    """Soft springs of the five-joint arm would sag by 0.36 rad under its own weight."""
+    robot = Path(__file__).parents[1] / "examples" / "urdf" / f"{name}.urdf"
+    write_starter(robot, tmp_path / "start.yaml", actuators={"*": actuator} if actuator else None)
+    for scenario in load_scenario(tmp_path / "start.yaml"):
+        errors, warnings = check_against_robot(scenario, load_robot(robot))
+        assert not errors
+        assert not [str(problem) for problem in warnings if problem.file == scenario.path]
 
 
 def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):

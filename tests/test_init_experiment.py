@@ -83,7 +83,7 @@ def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_pa
     [
         ("dof1_sea", "time,q1,q1_ref,current", ""),
         ("dof1_sea", "time,joint_1.link_position,joint_1.equilibrium_position,n", "no command was recorded"),
-        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "is its command"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "played in its place"),
         ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
     ],
 )
@@ -442,17 +442,3 @@ def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor1,current")
     _, scenario = make(tmp_path, tmp_path / "lab.csv")
     assert scenario.modes == {"joint_1": 2}
-
-
-@pytest.mark.parametrize(("driven", "mode", "command"), [(True, 4, "motor_1_torque"), (False, 2, "reference_1")])
-def test_a_torque_that_does_not_go_with_the_deflection_is_the_motors(
-    tmp_path: Path, driven: bool, mode: int, command: str
-) -> None:
-    deflection = 0.1 * np.sin(9 * TIME)
-    torque = np.sign(np.sin(23 * TIME)) if driven else 5.0 * deflection + 0.02 * np.cos(90 * TIME)
-    table = np.column_stack([TIME, SMOOTH + deflection, SMOOTH, torque])
-    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header="time,hub [rad],q [rad],tau [N m]", comments="", fmt="%.12g")
-    made, scenario = make(tmp_path, tmp_path / "lab.csv")
-    assert scenario.modes == {"joint_1": mode}
-    assert set(scenario.references["joint_1"]) == {command}
-    assert any("no torque of the spring" in remark for remark in made.remarks) == driven

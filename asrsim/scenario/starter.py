@@ -48,6 +48,8 @@ class StarterJoint:
     """Initial link position, rad or m: 0, or the nearest that is away from the stops."""
     target: float
     """Link position after the step."""
+    firmer: float = 1.0
+    """Times the usual soft preset, where that one's springs do not hold the arm."""
 
     @property
     def actuator(self) -> type[Actuator]:
@@ -65,7 +67,7 @@ class StarterJoint:
         # Springs pull on their motors also at rest; half of the motors' torque is left to move with.
         while MODES[self.block.mode].motor and self._pull(stiff) > 0.5:
             stiff *= 0.9
-        return float(f"{min(soft, 0.5 * stiff):.2g}"), float(f"{stiff:.2g}")
+        return float(f"{min(soft * self.firmer, (0.5 if self.firmer == 1.0 else 0.9) * stiff):.2g}"), float(f"{stiff:.2g}")
 
     def _pull(self, preset: float) -> float:
         """What the springs ask of the motors at rest, as a share of their largest torque."""
@@ -171,6 +173,8 @@ class Starter:
     damped: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Joint -> keys of its link damping, with which swings end that last in the robot file's own; a comment where the file has
     actuators of its own."""
+    firmer: Mapping[str, float] = field(default_factory=dict)
+    """Joint -> times the usual soft preset."""
     hangs: bool = False
     """It starts where its springs hold its weight, which takes no fall."""
     arguments: Mapping[str, str] = field(default_factory=dict)
@@ -182,7 +186,9 @@ class Starter:
 def starter_text(starter: Starter) -> str:
     """The starter's YAML."""
     robot, mode = starter.robot, starter.mode
-    drives = tuple(starter_joint(robot, block) for block in robot.actuators)
+    drives = tuple(
+        replace(starter_joint(robot, block), firmer=starter.firmer.get(block.joint, 1.0)) for block in robot.actuators
+    )
     lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
@@ -368,6 +374,13 @@ def write_starter(
     if found.proposal and given:
         starter, found = _held(starter, found, loaded, out.parent)
     else:
+        firm, held = starter, found
+        for _ in range(ROUNDS):
+            firm = replace(
+                firm, firmer={**firm.firmer, **{joint: 1.3 * firm.firmer.get(joint, 1.0) for joint in held.proposal}}
+            )
+            held = sizing(_first(firm, loaded, out.parent), firm.robot) if held.proposal else held
+        starter, found = (starter, found) if held.proposal else (firm, held)
         starter = replace(starter, proposal=found.proposal)
     mount = shlex.join(["asrsim", "init", str(robot), "--actuator", "qbmove", "--out", str(out), "--overwrite"])
     idle = (replace(one, hint=f"Put some on: {mount}") for one in loaded.warnings if one.code == "no-actuators" and not given)
