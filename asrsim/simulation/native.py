@@ -11,8 +11,8 @@ from asrsim import compiling
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
 
-INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis")
-"""Modules whose functions become part of their callers. More would make compiling slow and the loop hardly faster."""
+INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
+"""Modules whose functions become part of their callers."""
 
 
 def compiled_run() -> Any:
