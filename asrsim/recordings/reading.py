@@ -191,7 +191,7 @@ def load_reading(path: Path) -> Reading:
     try:
         found = read_file(READING, path)
     except InputError as error:
-        old = any(problem.key == "columns" and problem.code == "unknown-key" for problem in error.problems)
+        old = any(problem.key == "columns" for problem in error.problems)
         hint = "In asrsim 0.2 they stood under 'columns', beside what was guessed: list all that are used under 'map'"
         raise RecordingError(
             [replace(one, hint=hint) if old and one.key == "columns" else one for one in error.problems]

@@ -35,7 +35,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     table = next((one for one in content.tables if find_raw(column, one.columns) is not None), content.tables[0])
     values = table.columns[_find(path, table, column, "column")]
     seconds, clock = _times(path, table, time_column, reading)
-    problems = [finding for finding in content.findings if finding.code in ("ragged-row", "repeated-header")]
+    problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # rows left out
     for one in ([clock] if clock is not None and clock is not values else []) + [values]:
         problems += _gaps(path, table, one)
     finite = np.flatnonzero(np.isfinite(seconds))
