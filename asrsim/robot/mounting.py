@@ -81,7 +81,7 @@ def mounted(
     problems += [
         Problem(
             "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
-            hint=did_you_mean(kind, kinds), code="unknown-actuator",
+            meant=kind, code="unknown-actuator",
         )
         for name, (kind, _) in types.items()
         if kind not in kinds

@@ -129,8 +129,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
-    if not any(problem.code == "unstated-unit" for problem in recording.findings):
-        remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
+    remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
     lag, end = _span(columns)
     modes: dict[str, int] = {}
     played: list[Played] = []
