@@ -499,7 +499,6 @@ def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
         ("", "<mot_1_kt>0.1</mot_1_kt><mot_1_voltMax>12</mot_1_voltMax>", "no effect without motor_1_resistance"),
         ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
         ("", "<mot_1_fricLoad>1.2</mot_1_fricLoad>", "never turns the motor back"),
-        ("", "<hyst_tau>0.1</hyst_tau><hyst_def>3</hyst_def>", "beyond the deflection limit"),
     ],
 )  # fmt: skip
 def test_doubtful_values_are_said(joint: str, block: str, said: str) -> None:
