@@ -223,6 +223,41 @@ def type_of(value: Any) -> Any:
     return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
 
 
+@cache
+def borrow() -> Any:
+    """What compiled code may call: arrays, in nested tuples, without their count of references.
+
+    Counting is most of what a short substep costs: each call counts every array of every tuple that it is given. The caller
+    holds the arrays meanwhile.
+    """
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic
+
+    helpers: Any = cgutils
+
+    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            array.meminfo = helpers.get_null_value(array.meminfo.type)
+            array.parent = helpers.get_null_value(array.parent.type)
+            return array._getvalue()
+        if isinstance(kind, types.BaseTuple):
+            whole: Any = kind
+            members: Any = zip(tuple(whole), helpers.unpack_tuple(builder, value), strict=True)
+            parts = [uncounted(context, builder, part, member) for part, member in members]
+            return context.make_tuple(builder, kind, parts)
+        return value
+
+    def borrowed(typing: Any, values: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return uncounted(context, builder, signature.args[0], arguments[0])
+
+        return values(values), generate
+
+    return intrinsic(borrowed)
+
+
 def _through_cache(
     compiled: Callable[[types.FunctionType, bool], T],
     function: Any,
