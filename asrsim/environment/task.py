@@ -13,8 +13,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from asrsim.environment.draws import Draws, plan
-from asrsim.environment.readings import Readings
+from asrsim.environment.readings import KNOWN, Readings
 from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import one_scenario
@@ -73,6 +74,11 @@ class Task:
             prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
         self._observe, self._tip = (observe,) if isinstance(observe, str) else tuple(observe), tip
+
+    @property
+    def read_names(self) -> list[str]:
+        """Quantities that readings may ask for."""
+        return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
 
     def readings(self, simulation: Any) -> Readings:
         """Of a simulation or of worlds. Raises InputError for what cannot be observed."""

@@ -27,7 +27,9 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._made_with = scenario, {"num_envs": num_envs, "threads": threads, **options}
         self._task = task = Task(scenario, **options)
         self.num_envs = num_envs
-        self.worlds = Worlds(task.prepared, num_envs, expected_substeps=10**6, threads=threads)
+        self.worlds = Worlds(
+            task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads
+        )
         self._readings = task.readings(self.worlds)
         self.single_observation_space, self.single_action_space = task.spaces(self._readings)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -89,7 +89,9 @@ class Door:
             own = substeps == self.substeps
             scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
             prepared = self._prepared if own else prepare(scenario, self.given)
-            found = Worlds(prepared, 1, expected_substeps=OFTEN)
+            found = Worlds(
+                prepared, 1, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False, expected_substeps=OFTEN
+            )
         while len(self._made) >= ENGINES_KEPT:
             self._made.pop(next(iter(self._made))).close()
         self._made[substeps] = found

@@ -204,34 +204,57 @@ class Core:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(self, which: NDArray[np.int64], given: Given, out: Array, *, every: int, columns: NDArray[np.int64]) -> None:
+    def run(
+        self,
+        which: NDArray[np.int64],
+        given: Given,
+        out: Array,
+        *,
+        every: int,
+        columns: NDArray[np.int64],
+        watched: bool = True,
+    ) -> None:
         """Advance worlds by the rows that are given; see :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine
         raises."""
         first = self._engines[int(which[0, 0])]
         if isinstance(first, NativeEngine) and all(self._engines[w] is first for w in which[:, 0].tolist()):
-            self._call(first, which, given, out, every, columns)
+            self._call(first, which, given, out, every, columns, watched)
             return
         for place, (world, _) in enumerate(which.tolist()):
             bound = self._engines[world]
             run = self._call if self.compiled else self._plain
-            run(bound, which[place : place + 1], given, out[place : place + 1], every, columns)
+            run(bound, which[place : place + 1], given, out[place : place + 1], every, columns, watched)
 
     def _call(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
+        self,
+        bound: BoundEngine,
+        which: NDArray[np.int64],
+        given: Given,
+        out: Array,
+        every: int,
+        columns: NDArray[np.int64],
+        watched: bool,
     ) -> None:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, len(given), every, self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            which, len(given), every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
             self.X if native else self.S[:, 0], given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
             given.pieces, exchange, bound.step, record.address, columns, out,
         )  # fmt: skip
         bound.give_back(record)
 
     def _plain(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, columns: NDArray[np.int64]
+        self,
+        bound: BoundEngine,
+        which: NDArray[np.int64],
+        given: Given,
+        out: Array,
+        every: int,
+        columns: NDArray[np.int64],
+        watched: bool,
     ) -> None:
         ((world, own),) = which.tolist()
         bound.enter(self.X, world)
@@ -240,7 +263,7 @@ class Core:
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
         try:
             kernel.run(
-                [(0, 0)], len(given), every, done, fault, [state], [self.P[world].tolist()], self._kinds,
+                [(0, 0)], len(given), every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
                 self._z.tolist(), [None], [given.inputs[own].tolist()], [given.wrenches[own]], [given.cuts[own].tolist()],
                 given.fractions.tolist(), given.on_time.tolist(), given.pieces.tolist(), exchange.data, bound.step, 0,
                 columns.tolist(), out.data,

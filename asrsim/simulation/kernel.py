@@ -63,13 +63,14 @@ ENDLESS = 1e300
 
 
 def run(
-    which: Any, count: int, every: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
+    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
     engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
     engine: int, record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
     which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
+    watched: 1 if they have the energies and the stiffness of the springs;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
     (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
@@ -131,7 +132,7 @@ def run(
                 _feel_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
-                settle_accounts(s, p, k, z, substep == 0, jumped, asked)
+                settle_accounts(s, p, k, z, substep == 0, jumped, asked and watched != 0)
                 count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):

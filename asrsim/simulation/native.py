@@ -20,7 +20,7 @@ def compiled_run() -> Any:
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
-        whole[2], 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
+        whole[2], 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
         floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
     )  # fmt: skip
     names = {**_pointers(), "borrow": compiling.borrow(), "run": kernel.run}
@@ -28,7 +28,7 @@ def compiled_run() -> Any:
 
 
 def _run(
-    which: Any, count: int, every: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
+    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
     engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
     engine: int, record: int, columns: Any, out: Any,
 ) -> None:  # fmt: skip
@@ -38,8 +38,8 @@ def _run(
         exchange, columns, out,
     ))  # fmt: skip
     run(
-        a[0], count, every, a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], engine,
-        record, a[15], a[16],
+        a[0], count, every, watched, a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14],
+        engine, record, a[15], a[16],
     )  # fmt: skip
 
 

@@ -14,6 +14,8 @@ from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, MOTOR, OWN, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
+OF_SPRINGS = ("stiffness", "spring_energy", "energy_residual")
+"""Quantities that are worked out at recorded rows only."""
 
 
 def columns_of(motors: int) -> dict[str, int]:

@@ -31,7 +31,7 @@ from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import EXTERNAL_TORQUE, Selection
+from asrsim.simulation.quantities import EXTERNAL_TORQUE, OF_SPRINGS, Selection
 from asrsim.simulation.simulation import inputs_of, make_core
 
 Numbers = Mapping[str, Mapping[str, float]]
@@ -90,12 +90,14 @@ class Worlds:
         overrides: Overrides = (),
         ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
         names: Sequence[str] | None = None,
+        watched: bool = True,
         compiled: bool | None = None,
         expected_substeps: int | None = None,
         threads: int = 1,
     ) -> None:
         """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
-        scenario's joints record; compiled, expected_substeps (of one
+        scenario's joints record; watched: energies are kept at each step, and `sane` can tell of those from nowhere; without
+        it runs are faster; compiled, expected_substeps (of one
         world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
         has native code."""
         if index(count) < 1 or index(threads) < 1:
@@ -109,12 +111,12 @@ class Worlds:
         self._engines: dict[int, Engine] = {-1: engine}
         """Number of a world -> the engine that it has for itself; -1: that of all others."""
         try:
-            self._begin(names, compiled, expected_substeps or scenario.last_substep(None), threads)
+            self._begin(names, watched, compiled, expected_substeps or scenario.last_substep(None), threads)
         except BaseException:
             self.close()
             raise
 
-    def _begin(self, names: Sequence[str] | None, compiled: bool | None, expected: int, threads: int) -> None:
+    def _begin(self, names: Sequence[str] | None, watched: bool, compiled: bool | None, expected: int, threads: int) -> None:
         prepared = self.prepared
         self.joints = self._engines[-1].joints
         self._core, _ = make_core(prepared, self._engines[-1], compiled=compiled, substeps=expected, worlds=self.count)
@@ -123,6 +125,7 @@ class Worlds:
         self.selection = Selection(prepared.drives, self._core.shape.motors, names)
         self._other: dict[int, Selection] = {}
         """Of worlds in which other joints record what is selected."""
+        self._watched = watched or any(name in OF_SPRINGS for name in self.selection.names)
         self._home_inputs = inputs_of(prepared)
         self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
         """Those that worlds had last, and what they are as inputs."""
@@ -187,7 +190,7 @@ class Worlds:
         return kept
 
     def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
-        options: Any = {"every": self.substeps, "columns": self.selection.columns}
+        options: Any = {"every": self.substeps, "columns": self.selection.columns, "watched": self._watched}
         if self._pool is None or len(which) < 2:
             self._core.run(which, given, out, **options)
             return
