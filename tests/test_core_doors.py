@@ -122,6 +122,23 @@ def test_three_motors_swing_a_link_by_their_springs(mode: int, compiled: bool) -
     assert np.abs(column(result, "energy_residual")).max() < 1e-3
 
 
+def test_worlds_are_put_in_a_state_and_go_on_from_there() -> None:
+    """As a simulation that starts there; a world that breaks stops alone, until it is put somewhere."""
+    scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", engine="mujoco", duration=1.0, modes={"*": 6})
+    with Worlds(scenario, 2, compiled=False) as worlds, asrsim.Simulation(scenario, compiled=False) as single:
+        worlds.set_state({"joint_1": [0.1, 0.3]}, {"joint_2": 1.0})
+        worlds.set_reference("joint_1", "external_torque", [1e305, 0.0])
+        worlds.advance(20)
+        assert worlds.healthy.tolist() == [False, True]
+        single.reset({"joint_1": 0.3}, velocities={"joint_2": 1.0})
+        single.advance(20)
+        np.testing.assert_array_equal(worlds.observe().link_position[1], single.observe().link_position)
+        worlds.set_state({"joint_1": 0.1}, worlds=[0])
+        worlds.advance(1)
+        assert worlds.healthy.all()
+        assert worlds.time.tolist() == [0.001, 0.021]
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_worlds_have_the_bits_of_single_runs_in_any_order(threads: int) -> None:
     """Other numbers, masses too, and other references in each; whichever are stepped first."""
