@@ -28,12 +28,13 @@ if TYPE_CHECKING:
     from asrsim.simulation.prepare import prepare
     from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.simulation import Simulation
+    from asrsim.simulation.worlds import Start, Worlds
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
-    "asrsim.environment": ("make_env",),
+    "asrsim.environment": ("make_env", "make_vec_env"),
     "asrsim.errors": ("AsrsimError", "DivergenceError", "InputError", "OutputError", "SimulationError"),
     "asrsim.identification": ("identify",),
     "asrsim.log": ("Log", "open_log", "read_log"),
@@ -43,6 +44,7 @@ _HOMES = {
     "asrsim.simulation.observation": ("Observation",),
     "asrsim.simulation.prepare": ("Prepared", "prepare"),
     "asrsim.simulation.simulation": ("Simulation",),
+    "asrsim.simulation.worlds": ("Start", "Worlds"),
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),
 }
@@ -64,12 +66,15 @@ __all__ = [
     "Scenario",
     "Simulation",
     "SimulationError",
+    "Start",
+    "Worlds",
     "__version__",
     "identify",
     "load_robot",
     "load_scenario",
     "make_env",
     "make_scenario",
+    "make_vec_env",
     "open_log",
     "prepare",
     "read_log",

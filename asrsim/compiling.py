@@ -54,7 +54,8 @@ def compile_function(
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        dispatcher: Any = numba.njit(signature, cache=cached)(copy)
+        # Threads may run worlds side by side.
+        dispatcher: Any = numba.njit(signature, cache=cached, nogil=True)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
         # The machine code itself: the dispatcher would check the types at every call. It owns that code, so it is kept alive.
@@ -70,36 +71,47 @@ def compile_function(
 
 @dataclass(frozen=True)
 class PackedFunction:
-    """A compiled function that takes a record by its address, and a number."""
+    """A compiled function of a record in memory, a state, an exchange, wrenches and a number; arrays are given by addresses."""
 
-    symbol: str
-    """The name under which compiled code of this process finds it."""
-    call: Callable[[int, int], None]
+    address: int
+    call: Callable[[int, int, int, int, float], None]
     """From Python, without the interpreter's lock."""
     owner: Any
 
 
 def compile_packed(
-    function: Any, record: Any, *, names: Mapping[str, Any] | None = None, version: str = "", inline: tuple[str, ...] = ()
+    function: Any,
+    record: Any,
+    sizes: Callable[[Any], tuple[int, int, int]],
+    *,
+    names: Mapping[str, Any] | None = None,
+    version: str = "",
+    inline: tuple[str, ...] = (),
 ) -> PackedFunction:
-    """`function(record, number)` compiled for records of these types in memory, of any sizes; see :mod:`asrsim.packed`.
-    Other arguments as in :func:`compile_function`."""
+    """`function(record, state, exchange, wrenches, fraction)` compiled for records of these types in memory, of any sizes; see
+    :mod:`asrsim.packed` and :class:`asrsim.engines.base.Native`.
+
+    sizes: of a record, how many numbers a state has, and how many rows the other two. Other arguments as in
+    :func:`compile_function`.
+    """
     import ctypes
 
     import numba
-    from llvmlite import binding
 
-    from asrsim.packed import reader
+    from asrsim.packed import reader, table_reader
 
     kind = type_of(record)
+    kinds: Any = numba.types
 
     def compiled(copy: types.FunctionType, cached: bool) -> PackedFunction:
-        callback: Any = numba.cfunc(numba.types.void(numba.types.intp, numba.types.intp), cache=cached)(copy)
-        binding.add_symbol(copy.__name__, callback.address)
-        call = ctypes.CFUNCTYPE(None, ctypes.c_ssize_t, ctypes.c_ssize_t)(callback.address)
-        return PackedFunction(copy.__name__, call, callback)
+        word = kinds.intp
+        signature = kinds.void(word, word, word, word, kinds.float64)
+        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        words = ctypes.c_ssize_t
+        call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
+        return PackedFunction(callback.address, call, callback)
 
-    given = {**(names or {}), "_unpacked": reader(kind), "_function": function}
+    given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
     return _through_cache(compiled, _at_address, given, f"{version}\n{kind}", inline)
 
 
@@ -107,11 +119,81 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("bound by compile_packed")
 
 
-_unpacked = _function = _unbound
+_unpacked = _function = _sizes = _table = _unbound
 
 
-def _at_address(address: int, number: int) -> None:
-    _function(_unpacked(address), number)
+def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction: float) -> None:
+    record = _unpacked(address)
+    size, joints, pushes = _sizes(record)
+    _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
+
+
+def compile_law(function: Any, names: Mapping[str, Any], kinds: str) -> Callback:
+    """`function` as a C function; names: as in :func:`compile_function`. kinds: of its arguments, one letter each: `d` a
+    number, `i` an integer, `a` an address."""
+    import numba
+
+    types_of: Any = {"d": numba.types.float64, "i": numba.types.intp, "a": numba.types.intp}
+
+    def compiled(copy: types.FunctionType, cached: bool) -> Callback:
+        signature = numba.types.void(*(types_of[kind] for kind in kinds))
+        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        return Callback(callback.address, callback)
+
+    return _through_cache(compiled, function, names, kinds, ())
+
+
+@dataclass(frozen=True)
+class Callback:
+    """A compiled function at an address; the owner must live."""
+
+    address: int
+    owner: Any
+
+
+@cache
+def numbers_reader(count: int) -> Any:
+    """A function that compiled code may call: read(address) -> `count` numbers that stand there, as a tuple."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    kinds: Any = types
+
+    def read(typing: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            first = builder.inttoptr(arguments[0], ir.DoubleType().as_pointer())
+            places = (ir.Constant(ir.IntType(64), i) for i in range(count))
+            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(first, [at])) for at in places])
+
+        return kinds.UniTuple(kinds.float64, count)(kinds.intp), generate
+
+    # The name is all that the digest of code that calls it sees of it.
+    read.__name__ = f"read_{count}_numbers"
+    return intrinsic(read)
+
+
+@cache
+def row_at(integers: bool = False) -> Any:
+    """A function that compiled code may call: row(address) -> the array (n,) of floats, or integers, there; of unknown
+    length."""
+    from llvmlite import ir
+    from numba import types
+    from numba.extending import intrinsic
+
+    from asrsim.packed import array_at
+
+    kinds: Any = types
+    layout = kinds.Array(kinds.int64 if integers else kinds.float64, 1, "C")
+
+    def row(typing: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return array_at(context, builder, layout, arguments[0], [ir.Constant(ir.IntType(64), 1 << 30)])
+
+        return layout(kinds.intp), generate
+
+    row.__name__ = f"row_of_{'integers' if integers else 'floats'}"
+    return intrinsic(row)
 
 
 @cache
@@ -139,29 +221,6 @@ def type_of(value: Any) -> Any:
 
     kinds: Any = numba
     return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
-
-
-def tuple_reader(start: int, count: int) -> Any:
-    """A function that compiled code may call: `count` numbers of a C-contiguous row from `start` on, as a tuple."""
-    import numba
-    from llvmlite import ir
-    from numba.extending import intrinsic
-
-    kinds: Any = numba.types
-
-    def read_numbers(typing: Any, row: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            data = context.make_array(row)(context, builder, arguments[0]).data
-            # Loads one by one: a loop over them would put them into memory once more, and wait for it.
-            places = (ir.Constant(ir.IntType(64), start + i) for i in range(count))
-            return context.make_tuple(builder, signature.return_type, [builder.load(builder.gep(data, [at])) for at in places])
-
-        return (kinds.UniTuple(row.dtype, count)(row), generate) if row.layout == "C" else None
-
-    # The name is all that the digest of code that calls it sees of it.
-    read_numbers.__name__ = f"read_{count}_from_{start}"
-    read: Any = intrinsic(read_numbers)
-    return read
 
 
 @cache

@@ -41,8 +41,14 @@ class Problem:
     """All valid choices, where there is a short list of them."""
     hint: str | None = None
     """What to do about it."""
+    meant: str | None = None
+    """A name that is none of the choices: the hint is the one that looks most like it."""
     code: str = ""
     """A stable short name of the kind of problem, such as `unknown-tag`, for machines."""
+
+    def __post_init__(self) -> None:
+        if self.meant is not None and self.hint is None:
+            object.__setattr__(self, "hint", did_you_mean(self.meant, self.choices))
 
     def __str__(self) -> str:
         place = ""
@@ -87,6 +93,7 @@ class Details(TypedDict, total=False):
     value: object | None
     choices: tuple[str, ...]
     hint: str | None
+    meant: str | None
 
 
 class Place(Details, total=False):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Generic, TypeVar
 
-from asrsim.errors import InputError, did_you_mean
+from asrsim.errors import InputError
 
 T = TypeVar("T")
 
@@ -48,7 +48,7 @@ class Registry(Generic[T]):
                 raise InputError(message, code=f"broken-{self.noun}") from None
             known = self.names()
             raise InputError(
-                f"no {self.noun} is called '{name}'", choices=known, hint=did_you_mean(name, known), code=f"unknown-{self.noun}"
+                f"no {self.noun} is called '{name}'", choices=known, meant=name, code=f"unknown-{self.noun}"
             ) from None
 
     def names(self) -> tuple[str, ...]:

@@ -168,3 +168,8 @@ def picking(rows: list[int]) -> Any:
     """What picks rows of an array: a slice where they are neighbours, which saves a copy."""
     neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
     return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
+
+
+def grid(first: int, count: int, step: float) -> Array:
+    """Times of steps in s; rounded, so that 3 * 0.1 is the 0.3 that a user writes."""
+    return np.round(np.arange(first, first + count) * step, 12)

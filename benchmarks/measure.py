@@ -122,8 +122,8 @@ def _differing(folder: Path) -> float:
     records = []
     for size in (1, 10, 8192):
         with Simulation(loaded, record=True) as simulation:
-            while simulation.substep < simulation.last + 2:
-                simulation.advance_to(min(simulation.substep + size, simulation.last + 2))
+            while simulation.substep < simulation.total:
+                simulation.advance_to(min(simulation.substep + size, simulation.total))
             simulation.flush()
             kept = getattr(simulation, "recording", simulation).kept
             records.append(concatenate(kept).values)

@@ -12,7 +12,7 @@ import pytest
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.base import saturate
 from asrsim.actuators.checker import check_actuator
-from asrsim.actuators.motor import motor_coefficients, motor_kick
+from asrsim.actuators.motor import motor_kick, motor_numbers
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.actuators.sampling import parameter_sets
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
@@ -190,9 +190,9 @@ MOTOR = {
 
 
 def kick(x: float, v: float, *, reference: float, load: float = 0.0, controlled: bool = False, **values: float) -> Any:
-    coefficients = motor_coefficients({**MOTOR, **values}, 1, step=1e-3, implicitness=0.5, controlled=controlled)
-    fastest = {**MOTOR, **values}["motor_1_max_velocity"]
-    return motor_kick(x, v, 0.0, 0.0, reference, load, -fastest, fastest, coefficients)
+    own = {**{parameter.name: parameter.default for parameter in ACTUATORS.get("sea").all_parameters()}, **MOTOR, **values}
+    numbers, fastest = motor_numbers(own, 1, MODES[5 if controlled else 4]), own["motor_1_max_velocity"]
+    return motor_kick(x, v, 0.0, 0.0, reference, load, -fastest, fastest, 1e-3, 0.5, numbers)
 
 
 def test_a_kick_is_the_midpoint_rule() -> None:

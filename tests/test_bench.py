@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import asrsim
+from asrsim.engines.base import POSITION, VELOCITY
 from asrsim.robot import load_robot
 from asrsim.signals.sinusoid import Sinusoid
 from asrsim.simulation.bench import Motion, run_bench
@@ -65,11 +66,11 @@ def test_a_bench_moves_as_its_signal_says_however_it_is_gone_through(tmp_path: P
     signal = Sinusoid(amplitude=0.5, frequency=7.0, phase=0.3)
     scenario = replace(scenario, motion={"joint": signal})
     engine = bench.BenchEngine(scenario, load_robot(scenario.robot))
-    for row in (*range(20), 3, 4, 90, 89, 0, 1, 31, 32):
-        engine.restore(row)
-        before, here = signal.values(np.array([max(row - 1, 0), row]) * scenario.step)
-        (position,), (velocity,) = engine.states()
-        assert position == pytest.approx(here, abs=1e-12)
-        assert velocity == pytest.approx((here - before) / scenario.step, abs=1e-9)
-        engine.advance([0.0])
-        assert engine.states()[0] == pytest.approx(signal.values(np.array([row + 1]) * scenario.step), abs=1e-12)
+    engine.start([0.0], [0.0], step=scenario.step, staggered=True, implicitness=0.5)
+    exchange = np.zeros((1, 5))
+    for row in (*range(1, 20), 3, 4, 90, 89, 1, 31, 32):
+        engine.state = row - 1
+        engine.step(exchange, np.zeros((0, 6)))
+        before, here = signal.values(np.array([row - 1, row]) * scenario.step)
+        assert exchange[0, POSITION] == pytest.approx(here, abs=1e-12)
+        assert exchange[0, VELOCITY] == pytest.approx((here - before) / scenario.step, abs=1e-9)

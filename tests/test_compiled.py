@@ -20,10 +20,8 @@ from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
-from asrsim.simulation import choice
-from asrsim.simulation.memory import LOADS
+from asrsim.simulation.core import pays
 from asrsim.simulation.run import Run, simulate
-from asrsim.simulation.substep import STATE
 
 pytest.importorskip("numba")
 
@@ -100,13 +98,6 @@ def assert_equal(plain: Run, fast: Run) -> None:
     assert np.nanmax(np.abs(plain.samples.values["link_velocity"])) > 1e-3, "nothing moved"
 
 
-def test_every_number_of_a_state_has_its_place_in_a_row() -> None:
-    """Of each width that a joint's state may have: none is left out, or read twice."""
-    row = [float(place) for place in range(60)]
-    for width, load in LOADS.items():
-        assert list(load(row)) == row[STATE : STATE + width]
-
-
 @pytest.mark.slow
 def test_equal_bits_of_every_actuator_in_every_mode(tmp_path: Path) -> None:
     """All on one robot, a joint each and one without actuator: one kernel to compile."""
@@ -153,27 +144,27 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     load_plugin_file(plugin)
     robot = make_robot(tmp_path, ("tabled",), 6)
     scenario = make_scenario(robot, 6)
-    with pytest.raises(SimulationError, match="cannot be compiled"):
+    with pytest.raises(SimulationError, match="cannot compile the laws of 'tabled'"):
         simulate(replace(scenario, compiled=True), robot)
-    monkeypatch.setattr("asrsim.simulation.choice.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
     run = simulate(scenario, robot)
     assert (run.status, run.compiled) == ("complete", False)
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
 
 
 def test_it_is_chosen_when_it_pays() -> None:
-    assert not choice.pays(1, 1_000)
-    assert choice.pays(5, 1_000_000)
-    assert choice.pays(5, 100_000 * 11)
+    assert not pays(1, 1_000)
+    assert pays(5, 1_000_000)
+    assert pays(5, 100_000 * 11)
 
 
 def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 6)
     scenario = make_scenario(robot, 6)
-    monkeypatch.setattr("asrsim.compiling.available", lambda: False)
+    monkeypatch.setattr("asrsim.simulation.simulation.available", lambda: False)
     monkeypatch.setattr("asrsim.simulation.run.available", lambda: False)
     assert not simulate(scenario, robot).warnings
-    monkeypatch.setattr("asrsim.simulation.choice.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
     (warning,) = simulate(scenario, robot).warnings
     assert (warning.code, warning.hint) == ("slow-loop", "pip install numba")
     with pytest.raises(SimulationError, match="Numba is not installed"):
@@ -199,16 +190,21 @@ def kernels() -> list[Path]:
 
 
 @pytest.mark.once
-def test_kernels_are_kept_and_parameters_need_no_new_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernels_are_kept_and_serve_other_robots_with_the_same_actuators(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     robot = make_robot(tmp_path, ("sea",), 6)
     scenario = make_scenario(robot, 6, compiled=True)
     simulate(scenario, robot)
-    (kept,) = kernels()
+    kept = kernels()
+    assert kept
     simulate(replace(scenario, parameters={"j0": {"spring_stiffness": 20.0}}), robot)
-    assert kernels() == [kept]
     simulate(replace(scenario, motor_substeps=3), robot)
-    assert len(kernels()) == 2
+    (tmp_path / "other").mkdir()
+    other = make_robot(tmp_path / "other", ("sea", None, "sea"), 3, damping=0.1)
+    simulate(make_scenario(other, 3, compiled=True), other)
+    assert kernels() == kept
 
 
 @pytest.mark.once

@@ -7,27 +7,6 @@ import pytest
 from test_core_truth import INSTALLED
 
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Sum
-from asrsim.simulation.substep import (
-    BOUND,
-    BRAKE,
-    COULOMB,
-    DAMPING,
-    DAMPING_TORQUE,
-    DRAG,
-    EFFORT,
-    FADE,
-    FORCE,
-    LAST_FORCE,
-    LINK_TORQUE,
-    RAW,
-    SHARE,
-    SPEED,
-    STATE,
-    STRIBECK,
-    TORQUE,
-    make_damping,
-    make_friction,
-)  # fmt: skip
 from validation.models import Body, chain, column, run
 
 STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
@@ -84,43 +63,3 @@ def test_a_braking_controller_moves_the_link_by_the_torque_that_is_logged(
     assert (np.abs(torque).max() == effort) == (effort < 1.0)
     near = 1e-12 if kicks == "whole" else 5e-5
     np.testing.assert_allclose(momentum[1:] - momentum[:-1], 1e-3 * pushed[1:-1], rtol=0.0, atol=near)
-
-
-@pytest.mark.parametrize("effort", [0.4, 3.0, np.inf])
-@pytest.mark.parametrize("damping", [0.0, 0.7, 40.0])
-@pytest.mark.parametrize("brake", [0.0, 0.5, 30.0])
-@pytest.mark.parametrize("seed", range(4))
-def test_damping_acts_on_the_mean_velocity_that_all_torques_make(
-    effort: float, damping: float, brake: float, seed: int
-) -> None:
-    """mean = speed + response (change of the torque), brake and damping in it; the brake within the effort limit."""
-    generator = np.random.default_rng(seed)
-    speed, torque, outside, last, response = generator.normal(size=5) * [2.0, 2.0, 1.0, 1.0, 0.0] + [0.0, 0.0, 0.0, 0.0, 0.05]
-    row, record = [0.0] * (STATE + 2) + [response, 1.0], [0.0] * len(RAW)
-    row[SPEED], row[TORQUE], row[LAST_FORCE], row[EFFORT] = speed, torque, last, effort
-    row[FORCE] = torque + outside
-    row[DAMPING], row[BRAKE] = damping, brake
-    record[LINK_TORQUE] = torque
-    make_damping(1, coupled=False)(0, None, [row], None, [[record]])
-    mean = speed + response * (row[FORCE] - last)
-    assert row[LAST_FORCE] == row[FORCE] == pytest.approx(torque + outside + row[DRAG])
-    assert record[DAMPING_TORQUE] == pytest.approx(-damping * mean)
-    limited = np.clip(torque - brake * mean, -effort, effort) if brake else torque
-    assert record[LINK_TORQUE] == pytest.approx(limited)
-    assert row[FORCE] == pytest.approx(record[LINK_TORQUE] + outside + record[DAMPING_TORQUE])
-
-
-@pytest.mark.parametrize("given", [-3.0, 0.0, 2.0])
-@pytest.mark.parametrize("speed", [-0.4, 0.0, 0.1])
-def test_friction_grows_with_the_torque_that_the_link_has_of_its_drive(given: float, speed: float) -> None:
-    """After the effort limit, not before; of any number of joints each has its own."""
-    rows, records = [], []
-    for j in range(3):
-        row, record = [0.0] * (STATE + 2), [0.0] * len(RAW)
-        row[SPEED], row[TORQUE], record[LINK_TORQUE] = speed, 7.0 * given, (j + 1) * given
-        row[COULOMB], row[SHARE], row[STRIBECK], row[FADE], row[BOUND] = 0.3, 0.2, 0.5, 1.0 / 0.25, -1.0
-        rows.append(row)
-        records.append(record)
-    make_friction((0, 2))(0, None, rows, None, [records])
-    expected = [0.3 + 0.2 * (j + 1) * abs(given) + 0.5 * np.exp(-((speed / 0.25) ** 2)) for j in range(3)]
-    assert [row[BOUND] for row in rows] == [pytest.approx(expected[0]), -1.0, pytest.approx(expected[2])]

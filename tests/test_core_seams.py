@@ -5,9 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,14 +21,12 @@ from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.divergence import FLOOR, EnergyGuard
 from asrsim.simulation.effects import through
-from asrsim.simulation.evaluation import DERIVED, DIRECT, Evaluation
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.stretches import plain_stretch
-from asrsim.simulation.substep import PLACES, RAW
+from asrsim.simulation.worlds import Worlds
 from asrsim.simulation.wrenches import wrench_table
 from validation.conservation import motors
 from validation.models import Body, chain, column, run
@@ -53,12 +49,18 @@ def prepared(**fields: Any) -> Prepared:
 def test_kicks_are_cut_at_the_same_jumps_whatever_the_blocks(size: int) -> None:
     given = prepared()
     inputs = Inputs(given.scenario, given.drives, substep=H, staggered=True)
-    whole = inputs.block(0, 42)
-    parts = {
-        k: pieces for first in range(0, 42, size) for k, pieces in inputs.block(first, min(size, 42 - first)).events.items()
-    }
-    assert len(whole.events) > 15
-    assert parts == whole.events
+
+    def pieces(first: int, count: int) -> dict[int, list[Any]]:
+        cuts = inputs.block(first, count).cuts
+        return {
+            first + row: [cuts.fractions[a:b].tolist(), cuts.on_time[a:b].tolist(), cuts.inputs[a:b].tolist()]
+            for row, a, b in cuts.places.tolist()
+        }
+
+    whole = pieces(0, 42)
+    parts = {k: cut for first in range(0, 42, size) for k, cut in pieces(first, min(size, 42 - first)).items()}
+    assert len(whole) > 15
+    assert parts == whole
 
 
 @pytest.mark.parametrize("size", [1, 3, 7])
@@ -83,7 +85,6 @@ def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
 )
 @pytest.mark.parametrize("size", [1, 2, 5])
 def test_energies_are_the_same_whatever_is_handed_on_at_once(limits: dict[str, float], size: int) -> None:
-    """Motors at their stops and limits: what they lose there is told from rows beside it."""
     wave = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=8.0)}
     given = prepared(references={"*": wave}, parameters={"*": {"spring_stiffness": 20.0, **limits}}, substeps=1)
     found = []
@@ -92,30 +93,10 @@ def test_energies_are_the_same_whatever_is_handed_on_at_once(limits: dict[str, f
             for end in range(rows, 201, rows):
                 simulation.advance_to(end)
                 simulation.flush()
-            meter = simulation.recording.recorder.meter
-            found.append([*meter.residual, *meter.given, *meter._totals.ravel()])
+            values = simulation.samples.values
+            found.append(np.array([values[name] for name in ("motor_work", "link_work", "friction_loss", "energy_residual")]))
     assert np.abs(found[0]).max() > 0.01
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("start", [0, 512])
-@pytest.mark.parametrize("failing", [3, 700, 1100])
-def test_a_law_without_a_value_is_told_with_its_substep(start: int, failing: int) -> None:
-    """Counted from the stretch's start, whatever the portions in which its rows are written."""
-    joints: list[Any] = [[0.0] * len(PLACES), [0, 0]]
-    engine: Any = SimpleNamespace(states=list, advance=list)
-    block: Any = SimpleNamespace(wrenches=np.zeros((2000, 0, 6)), stacked=np.zeros((2000, 1, 3)))
-    calls = count()
-
-    def laws(k: int, states: Any, joints: Any, inputs: Any, record: Any) -> None:
-        joints[1][0] = k
-        record[k][0] = [0.0] * len(RAW)
-        if next(calls) == failing:
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        plain_stretch(engine, laws, joints, friction=False)(start, 2000, np.empty((2000 - start, 1, len(RAW))), block)
-    assert joints[1][0] == failing
 
 
 def test_a_late_command_jumps_later() -> None:
@@ -125,7 +106,7 @@ def test_a_late_command_jumps_later() -> None:
 
 
 def test_energy_that_springs_and_links_have_from_nowhere_counts_together() -> None:
-    none = {"kinetic": 0.0, "turnover": np.zeros(1), "names": ["a"]}
+    none = {"kinetic": 0.0, "turnover": np.zeros(1), "excess": np.zeros(1), "names": ["a"]}
     for residual, told in ((0.0, False), (-0.6 * FLOOR, True), (0.6 * FLOOR, False)):
         fault = EnergyGuard(0.0).fault(0.6 * FLOOR, given=np.zeros(1), residual=np.array([residual]), **none)
         assert (fault is not None) == told
@@ -229,7 +210,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
     with Simulation(given, compiled=False) as simulation:
         for q, v in ((0.0, 0.0), (0.0, 3.0), (1.0, 0.0), (1.0, -2.0)):
             simulation.reset({"joint_1": q}, velocities={"joint_1": v})
-            found.append(simulation.engine.mechanical_energy())
+            found.append(simulation.model.energy([q], [v]))
     height = MASS * 9.81 * REACH * (1.0 - np.cos(1.0))
     wanted = [0.0, 4.5 * inertia, height, height + 2.0 * inertia]
     np.testing.assert_allclose(np.array(found) - found[0], wanted, atol=1e-12)
@@ -302,7 +283,7 @@ def test_a_preparation_that_nobody_runs_leaves_no_client() -> None:
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_what_a_fit_evaluates_is_what_a_run_records(stepping: str) -> None:
+def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
     """Every channel, bit by bit, of an electric motor in mode 6 and of ideal ones in mode 3."""
     electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
     scenario = make_scenario(
@@ -312,16 +293,15 @@ def test_what_a_fit_evaluates_is_what_a_run_records(stepping: str) -> None:
         references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.2, "frequency": 3}}}},
     )  # fmt: skip
     recorded = asrsim.run(scenario)
-    channels = [(joint, name) for joint in (0, 1) for name in (*DIRECT, *DERIVED)]
-    told = 0
-    for (joint, name), values in zip(channels, Evaluation(prepare(scenario)).run({}, channels), strict=True):
-        own = getattr(recorded[f"joint_{joint + 1}"], name, None)
-        assert own is None or np.array_equal(own, values), (joint, name)
-        told += own is not None
-    assert told == 28
+    samples = recorded.run.samples
+    assert samples is not None
+    with Worlds(prepare(scenario), 1) as worlds:
+        found = worlds.rollout(tuple(samples.values))
+    for name, values in samples.values.items():
+        np.testing.assert_array_equal(found[name][0], values, err_msg=name)
 
 
-def test_an_evaluation_takes_references_and_external_torques_of_its_own() -> None:
+def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
     """As a scenario with these has them, bit by bit; what is not given stays the scenario's."""
     waves = {name: Sinusoid(amplitude=0.1 * i, frequency=2.0 + i) for i, name in enumerate(("a", "b", "c"), 1)}
     keys = {"duration": 0.05, "engine": "mujoco", "compiled": False, "modes": 3, "substeps": 2}
@@ -333,11 +313,11 @@ def test_an_evaluation_takes_references_and_external_torques_of_its_own() -> Non
         ({}, {}), ({}, {"joint_1": waves["b"]}), (equilibria, {"joint_2": waves["c"]}), (equilibria, {}),
     ]  # fmt: skip
     seen = []
-    with Evaluation(prepared) as evaluation:
+    with Worlds(prepared, 1) as worlds:
         for references, torques in given:
             both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
                     for j in (*references, *torques)}  # fmt: skip
-            found = evaluation.run({}, [(0, "link_position"), (1, "link_position")], references=both)
+            found = worlds.rollout(["link_position"], references=both)["link_position"][0]
             scenario = prepared.scenario
             scenario = replace(
                 scenario, references={**scenario.references, **references},
@@ -345,8 +325,8 @@ def test_an_evaluation_takes_references_and_external_torques_of_its_own() -> Non
             )  # fmt: skip
             recorded = simulate(scenario).samples
             assert recorded is not None
-            np.testing.assert_array_equal(found, recorded.values["link_position"].T)
-            seen.append(found[:, -1].tolist())
+            np.testing.assert_array_equal(found, recorded.values["link_position"])
+            seen.append(found[-1].tolist())
     assert len({tuple(one) for one in seen}) == len(given)
 
 
@@ -354,7 +334,7 @@ def test_an_evaluation_takes_references_and_external_torques_of_its_own() -> Non
 def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_them_over(engine: str) -> None:
     """Whichever was there before, and whatever else differs: friction and damping are no part of it."""
     prepared = prepare(make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine=engine, modes={"*": 1}))
-    evaluation, robot = Evaluation(prepared, compiled=False), prepared.robot
+    worlds, robot = Worlds(prepared, 1, compiled=False), prepared.robot
     rubbing = replace(robot, joints=tuple(replace(joint, friction=0.1) for joint in robot.joints))
     heavier = [
         replace(one, links=tuple(replace(link, mass=2.0 * (link.mass or 0.0)) for link in one.links))
@@ -367,10 +347,10 @@ def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_
         assert fresh.model is not None
         expected = fresh.model.inverse_dynamics(*motion)
         fresh.close()
-        model = evaluation.engine_of(varied).model
+        model = worlds.model_of(varied)
         assert model is not None
         found = model.inverse_dynamics(*motion)
         np.testing.assert_allclose(found, expected, rtol=1e-9)
         at_first = found if at_first is None else at_first
         assert np.allclose(found, at_first) == (varied in (robot, rubbing))
-    evaluation.close()
+    worlds.close()

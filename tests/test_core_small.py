@@ -37,48 +37,24 @@ TOTAL = INERTIA + MASS * REACH**2
 # -- energies and their guard ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_what_was_given_to_the_links_is_what_they_have(tmp_path: Path, engine: str) -> None:
-    """Damping takes, a torque from outside gives, a spring of the joint's own does both."""
-    first = joint("j1", start=0.6, damping=0.05)
-    text = links("0 1 0", "0 1 0", damping=0.05).replace(
-        "</robot>", '<gazebo reference="j1"><springStiffness>3</springStiffness></gazebo></robot>'
-    )
-    given = plan(text, (first, joint("j2", start=-0.4, damping=0.05)), 0.5)
-    keys = given.keys() | {"external_torques": {"j2": 0.2}}
-    scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **keys)
-    with Simulation(scenario, record=True, compiled=False) as simulation:
-        before = simulation.engine.mechanical_energy()
-        simulation.advance(500)
-        simulation.flush()
-        after, meter = simulation.engine.mechanical_energy(), simulation.recording.recorder.meter
-        assert before is not None
-        assert after is not None
-        assert abs(after - before) > 0.05
-        assert float(meter.given.sum()) == pytest.approx(after - before, abs=0.02)
-
-
-def test_a_joint_s_own_spring_gives_what_it_held(tmp_path: Path) -> None:
-    """k (x0^2 - x^2) / 2 to rounding, whatever the step: its torque is linear over one."""
-    text = links("0 1 0").replace("</robot>", '<gazebo reference="j1"><springStiffness>3</springStiffness></gazebo></robot>')
+def test_a_joint_s_own_spring_gives_the_links_their_energy(tmp_path: Path) -> None:
+    """Had it come from nowhere, the run would have ended."""
+    text = links("0 1 0").replace("</robot>", '<gazebo reference="j1"><springStiffness>30</springStiffness></gazebo></robot>')
     given = plan(text, (joint("j1", start=0.6),), 0.2)
-    scenario = asrsim.make_scenario(given.write(tmp_path), step=5e-3, **(given.keys() | {"gravity": [0, 0, 0]}))
+    scenario = asrsim.make_scenario(given.write(tmp_path), **(given.keys() | {"gravity": [0, 0, 0]}))
     with Simulation(scenario, record=True, compiled=False) as simulation:
-        for rows in (20, 9):
-            simulation.advance(rows)
+        fastest = 0.0
+        for _ in range(20):
+            simulation.advance(10)
             simulation.flush()
-            if rows == 20:
-                seen = sum(len(part.time) for part in simulation.recording.kept)
-                gave = float(simulation.recording.recorder.meter.given[0])
-        places = np.concatenate([part.values["link_position"][:, 0] for part in simulation.recording.kept])
-    assert abs(places[seen]) < 0.55
-    assert gave == pytest.approx(1.5 * (0.6**2 - places[seen] ** 2), rel=1e-9)
+            fastest = max(fastest, abs(float(simulation.observe().link_velocity[0])))
+        assert fastest > 1.0
 
 
 def test_a_fast_moment_excuses_a_slow_one_later() -> None:
     """The engine's energy is half a step late: what matters is the fastest that the links have been."""
     guard = EnergyGuard(0.0)
-    none = {"given": np.zeros(1), "residual": np.zeros(1), "turnover": np.zeros(1), "names": ["a"]}
+    none: Any = {name: np.zeros(1) for name in ("given", "residual", "turnover", "excess")} | {"names": ["a"]}
     assert guard.fault(0.0, kinetic=8.0, **none) is None
     assert guard.fault(SHARE * 8.0 + 0.5 * FLOOR, kinetic=0.0, **none) is None
     assert guard.fault(SHARE * 8.0 + 1.5 * FLOOR, kinetic=0.0, **none) is not None

@@ -11,7 +11,7 @@ import pytest
 import asrsim
 from asrsim.engines import ENGINES
 from asrsim.engines import mujoco as mujoco_engine
-from asrsim.engines.base import EngineEntry
+from asrsim.engines.base import FRICTION, EngineEntry
 from asrsim.errors import SimulationError
 from asrsim.robot import load_robot
 from asrsim.simulation.crosscheck import LIMIT, other_engine
@@ -78,6 +78,43 @@ def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Pa
     assert not result.ok
     assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT
     assert result.summary.certificate
+
+
+class HalfFriction(mujoco_engine.MujocoEngine):
+    """Joints rub half as much."""
+
+    native = None
+
+    def step(self, exchange, wrenches, fraction=1.0):
+        """As its base."""
+        rubbing = exchange.copy()
+        rubbing[:, FRICTION] *= 0.5
+        super().step(rubbing, wrenches, fraction)
+        exchange[:, :FRICTION] = rubbing[:, :FRICTION]
+
+
+class MovedStop(mujoco_engine.MujocoEngine):
+    """A stop is 10 mrad off."""
+
+    def __init__(self, scenario, robot):
+        super().__init__(scenario, robot)
+        self._room.upper[0] += 0.01
+
+
+@pytest.mark.parametrize("wrong", [HalfFriction, MovedStop])
+def test_friction_or_stops_that_one_engine_has_wrong_are_found(wrong: type, tmp_path: Path, monkeypatch) -> None:
+    """A link that rubs falls onto its stop."""
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
+        '<inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute">'
+        '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/><limit lower="-3" upper="0.5" effort="9" velocity="99"/>'
+        '<dynamics friction="0.2"/></joint></robot>'
+    )
+    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 0.6\ninitial: {j: -1.2}\nengine: bullet\n")
+    assert asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
+    entry = EngineEntry(make=lambda *given: (wrong(*given), ()), doc="wrong", module="mujoco")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    assert not asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
 
 
 def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,9 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
-from asrsim.simulation.divergence import EnergyGuard, blame, not_finite
+from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.run import Run
-from asrsim.simulation.substep import RAW
 from validation.contacts import push, slide
 from validation.models import INSTALLED, LOAD, SETTINGS, Body, chain, run
 
@@ -192,7 +190,7 @@ def test_contacts_are_left_alone() -> None:
 def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, turnover: float = 10.0) -> str | None:
     fault = EnergyGuard(2.0).fault(
         energy, kinetic=0.0, given=np.array([given, 0.0]), residual=np.array([residual, 0.0]),
-        turnover=np.array([turnover, 1.0]), names=["a", "b"],
+        turnover=np.array([turnover, 1.0]), excess=np.array([abs(residual) - SHARE * turnover, 0.0]), names=["a", "b"],
     )  # fmt: skip
     return None if fault is None else " ".join(fault)
 
@@ -207,46 +205,6 @@ def test_the_guard_sees_springs_on_both_sides() -> None:
     assert guard(2.0, residual=3.0) is None
     assert str(guard(2.0, residual=9.0)) == "a 9 J vanished in its actuator"
     assert str(guard(2.0, residual=-9.0)) == "a 9 J came from nowhere in its actuator"
-    assert guard(None, residual=math.nextafter(5.5, 0.0)) is None
+    assert guard(None, residual=5.0) is None
     assert guard(None, residual=-5.6) is not None, "in a world with contacts the springs are still watched"
     assert guard(1e9, residual=0.0, given=1e9 - 2.0) is None
-
-
-def raw_rows(*speeds: list[float]) -> np.ndarray:
-    """Records of rows in which the joints are so fast, rad/s; everything else is 0."""
-    raw = np.zeros((len(speeds), len(speeds[0]), len(RAW)))
-    raw[:, :, RAW.index("engine_velocity")] = speeds
-    return raw
-
-
-def test_the_joint_that_is_fastest_in_the_last_rows_is_blamed() -> None:
-    drives: Any = [SimpleNamespace(name=name) for name in ("a", "b", "c")]
-    calm = [[3.0, 0.0, -0.1]] * 6
-    assert blame(raw_rows(*calm, [3.0, 0.0, -99.0]), 6, drives) == "c"
-    assert blame(raw_rows(*calm, [3.0, 50.0, 0.0], [3.0, 0.0, -20.0]), 7, drives) == "b"
-    assert blame(raw_rows(*calm, [3.0, math.nan, -99.0]), 6, drives) == "b"
-    # What comes after the row is no cause, nor what was long before.
-    assert blame(raw_rows([0.0, 9.0, 0.0], *calm, [0.0, 0.0, 99.0]), 6, drives) == "a"
-    assert blame(raw_rows([0.0, 1.0, 0.0]), 0, drives) == "b"
-
-
-def test_the_first_row_that_is_not_sane_is_found() -> None:
-    drive = RAW.index("drive_1")
-    for bad in (math.nan, math.inf, -math.inf, 1.01e4, -1.01e4):
-        raw = raw_rows(*[[1.0, -2.0]] * 9)
-        assert not_finite(raw) is None
-        raw[5, 1, RAW.index("engine_velocity")] = bad
-        raw[7, 0, RAW.index("engine_velocity")] = bad
-        assert not_finite(raw) == 5
-    for name in ("link_position", "link_torque", "damping_torque"):
-        raw = raw_rows(*[[1.0, -2.0]] * 9)
-        raw[3, 0, RAW.index(name)] = math.nan
-        assert not_finite(raw) == 3
-        # A large number of another kind is no fault.
-        raw[3, 0, RAW.index(name)] = 1e9
-        assert not_finite(raw) is None
-    raw = raw_rows(*[[1.0, -2.0]] * 9)
-    raw[2, :, drive] = math.nan  # the effort of a motor at its stop is not known
-    assert not_finite(raw) is None
-    raw[8, 0, RAW.index("link_position")] = math.inf
-    assert not_finite(raw) == 8

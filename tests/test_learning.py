@@ -245,6 +245,15 @@ def test_a_creeping_error_is_no_reason_to_stop():
     assert learn(problem(), creeping(1.05), settings(max_iterations=8)).outcome == "growing"
 
 
+def test_a_state_that_would_unpack_to_more_than_its_file_is_refused_before_it_is(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    stored = dict(np.load(state))
+    np.savez_compressed(state, **{**stored, "inputs": np.zeros((10**6, 1, 1))})
+    with pytest.raises(InputError, match=r"state\.npz.*would unpack to 7\.6"):
+        learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
 def test_every_flipped_bit_of_a_state_is_named_or_harmless(tmp_path):
     state = tmp_path / "state.npz"
     learn(problem(), static_plant, settings(max_iterations=1), state=state)

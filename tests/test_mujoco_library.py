@@ -11,7 +11,7 @@ import pytest
 from conftest import Tiny
 from packaging.requirements import Requirement
 
-from asrsim.engines import ENGINES, mujoco_library
+from asrsim.engines import mujoco_library
 from asrsim.errors import Problem
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -43,11 +43,10 @@ def test_one_version_of_mujoco_in_a_folder_is_right(tmp_path: Path, names: tuple
     assert installed(tmp_path, *names, "mujoco_warp-3.11.0") == ()
 
 
-@pytest.mark.parametrize("engine", [name for name in ("bullet", "mujoco") if ENGINES.get(name).available])
-def test_every_run_warns_of_overlapping_packages(tiny: Tiny, monkeypatch: pytest.MonkeyPatch, engine: str) -> None:
+def test_every_run_in_mujoco_warns_of_overlapping_packages(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
     warning = Problem("two versions")
-    monkeypatch.setattr(f"asrsim.engines.{engine}.overlaps", lambda: (warning,))
-    (scenario,) = load_scenario(tiny.scenario, overrides=[f"engine={engine}", "duration=0.01"])
+    monkeypatch.setattr("asrsim.engines.mujoco.overlaps", lambda: (warning,))
+    (scenario,) = load_scenario(tiny.scenario, overrides=["engine=mujoco", "duration=0.01"])
     assert warning in simulate(scenario).warnings
 
 

@@ -73,6 +73,7 @@ def test_what_no_joint_has_is_not_asked_about(tmp_path: Path, name: str) -> None
         (["joint_1.reference_1", "joint_2.motor_2_position"], ["a1", "a2"], ["a1", "a2"]),
         (["run.q1"], None, ["joint_1"]),
         (["elbow/position"], None, ["elbow"]),
+        (["elbow/position"], ["elbow_joint", "wrist_joint"], ["elbow_joint"]),
     ],
 )
 def test_names_and_numbers_say_which_joint_it_is(tmp_path: Path, names, joints, expected) -> None:

@@ -108,7 +108,7 @@ def test_later_dialect(read: Callable[[str], Robot]) -> None:
 def test_older_foreign_plugin_of_the_same_name_is_named_and_not_simulated(read: Callable[[str], Robot]) -> None:
     robot = read('<gazebo><plugin name="p" filename="libqbmove_plugin.so"><command_topic>/c</command_topic></plugin></gazebo>')
     assert robot.actuators == ()
-    assert [problem.code for problem in robot.warnings] == ["foreign-dialect"]
+    assert [problem.code for problem in robot.warnings] == ["foreign-dialect", "no-actuators"]
     assert "l1va/qbmove_ros" in robot.warnings[0].message
 
 

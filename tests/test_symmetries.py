@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.quantities import LIMITS
-from asrsim.simulation.energy import ENERGIES
+from asrsim.quantities import LIMITS, QUANTITIES
 from asrsim.simulation.run import simulate
 
 ROBOT = (Path(__file__).parents[1] / "examples/urdf/dof2_horizontal.urdf").read_text()
 JOINTS = ("joint_1", "joint_2")
 UNIT = 4.0
 """A power of two, so that no digit is lost."""
+ENERGIES = [name for name, quantity in QUANTITIES.items() if quantity.unit == "J"]
 EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at its limit of {kind}" for kind in LIMITS)}
 """Quantities that have no side."""
 GROWING = re.compile(r"torque$|_inertia|_damping|stribeck_friction|_stiffness|spring_k|max_current")

@@ -115,7 +115,7 @@ def test_a_file_may_be_loaded_again_but_takes_no_others_name(tmp_path: Path) -> 
         (DECLARATION + LAWS.replace("    @staticmethod\n", ""), "bad-law", 4),
         (DECLARATION + LAWS.replace("(q, theta_1, theta_2, parameters)", "(q)"), "bad-law", 4),
         (DECLARATION.replace('"mine"', '"My VSA"') + LAWS, "bad-declaration", 4),
-        (DECLARATION.replace("motors = 1", "motors = 3") + LAWS, "bad-declaration", 4),
+        (DECLARATION.replace("motors = 1", "motors = 9") + LAWS, "bad-declaration", 4),
         (DECLARATION.replace("default=3.0", 'default="3"') + LAWS, "bad-parameter", 4),
         (DECLARATION.replace("default=3.0", "default=float('inf')") + LAWS, "bad-parameter", 4),
         (DECLARATION.replace('name="k"', 'name="motor_1_inertia"') + LAWS, "bad-parameter", 4),

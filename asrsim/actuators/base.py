@@ -37,7 +37,7 @@ class Actuator:
     law: ClassVar[str] = ""
     """The law as text, for `asrsim actuators`."""
     motors: ClassVar[int] = 2
-    """Motors with dynamics, 1 or 2."""
+    """Motors with dynamics. With three or more, laws take a `theta_3` and so on, and `elastic_energy` must be given."""
     adjuster: ClassVar[bool] = False
     """The second reference sets an adjuster (`theta_2` of the laws) kinematically, without motor (paper section 2.3)."""
     reference_2_unit: ClassVar[str] = "rad"

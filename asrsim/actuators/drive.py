@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from asrsim.actuators.detailed_motor import Electric, detailed_coefficients, detailed_kick, electric_of, is_detailed
+from asrsim.actuators.electric import Electric, electric_of
 from asrsim.actuators.hysteresis import hysteresis_of
-from asrsim.actuators.motor import motor_coefficients, motor_kick
+from asrsim.actuators.motor import motor_numbers
 from asrsim.actuators.vectorised import Array, references_over_arrays
 
 if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
     from asrsim.actuators.modes import Mode
-
-Kick = Callable[..., tuple[float, float, float, float, float, float]]
-"""The form of :func:`asrsim.actuators.motor.motor_kick`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +50,6 @@ class Drive:
     def dynamic_motors(self) -> int:
         """Motors with dynamics in this mode."""
         return self.actuator.motors if self.mode.motor else 0
-
-    @cached_property
-    def detailed(self) -> bool:
-        """The motors have more than the toolbox's: see :mod:`asrsim.actuators.detailed_motor`."""
-        return self.dynamic_motors > 0 and (self.mode.command != "torque" or is_detailed(self.values, self.dynamic_motors))
 
     @cached_property
     def electric(self) -> tuple[Electric, ...]:
@@ -109,28 +101,23 @@ class Drive:
         """rad, least and largest position of each motor."""
         return tuple(zip(self._of_motors("min_position"), self._of_motors("max_position"), strict=True))
 
-    @property
-    def motor_kick(self) -> Kick:
-        """The law of the motors; one source for the plain and the compiled loop."""
-        return detailed_kick if self.detailed else motor_kick
-
-    def motor_coefficients(self, index: int, *, step: float, implicitness: float) -> tuple[float, ...]:
-        """Constants of `motor_kick` for a kick of `step` s of motor `index` (1 or 2); implicitness: see
-        :func:`asrsim.actuators.motor.motor_coefficients`."""
-        if self.detailed:
-            return detailed_coefficients(self.values, index, mode=self.mode, step=step, implicitness=implicitness)
-        return motor_coefficients(self.values, index, controlled=self.mode.controller, step=step, implicitness=implicitness)
+    def motor_numbers(self, index: int) -> tuple[float, ...]:
+        """Parameters of :func:`asrsim.actuators.motor.motor_kick` of motor `index` (1, 2, ...)."""
+        return motor_numbers(self.values, index, self.mode)
 
     def without_friction(self) -> Drive:
         """The same with motors that nothing but their damping brakes."""
-        names = [f"motor_{i}_{name}" for i in (1, 2) for name in ("friction_torque", "stribeck_friction", "load_friction")]
+        motors = range(1, self.actuator.motors + 1)
+        names = [f"motor_{i}_{name}" for i in motors for name in ("friction_torque", "stribeck_friction", "load_friction")]
         return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
-    def goals(self, reference_1: Array, reference_2: Array) -> tuple[Array, Array]:
-        """What the motors or springs are to follow, arrays of equal shape: through the reference map in modes 3 and 6."""
+    def goals(self, references: Array) -> Array:
+        """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
+        goals = references.copy()
         if self.mode.mapped:
-            return references_over_arrays(self.actuator)(reference_1, reference_2)
-        return reference_1, reference_2
+            mapped = references_over_arrays(self.actuator)(references[0], references[1])
+            goals[: len(mapped)] = mapped
+        return goals
 
     def _gains(self, name: str) -> tuple[float, ...]:
         if not self.mode.controller:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import exp
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +25,6 @@ def dahl(torque: float, change: float, level: float, length: float) -> float:
     if change > 0.0:
         return level + (torque - level) * exp(-change / length)
     return (torque + level) * exp(change / length) - level
-
-
-def dahl_energies(torque: Array, deflection: Array, level: Any, length: Any) -> tuple[Array, Array]:
-    """Energy stored (joints, n) and lost over the steps between (joints, n - 1), in J; torque, deflection: (joints, n).
-
-    Exact for steps of one way each, so that a loss is never negative.
-    """
-    safe = np.where(np.asarray(level) > 0.0, level, 1.0)
-    stored = 0.5 * length * torque * torque / safe
-    moved = np.diff(deflection)
-    given = level * np.abs(moved) - np.sign(moved) * length * np.diff(torque)
-    return stored, given - np.diff(stored)
 
 
 def hysteresis_of(values: Mapping[str, float]) -> tuple[float, float] | None:

@@ -1,10 +1,23 @@
-"""The DC motor with Dahl friction and position controller, as one pure law (paper sections 3.1.1, 3.1.2; eqs. 7, 8, 11)."""
+"""The DC motor with friction, controller and winding, as one pure law (paper sections 3.1.1, 3.1.2; eqs. 7, 8, 11).
+
+Friction is Dahl's: bristles stick to an anchor and slip at a torque, which may vary:
+
+    tau_c + c |tau_s| + tau_x exp(-(omega / omega_x)^2)
+
+with the Coulomb level tau_c, the spring's torque tau_s on the motor (its share c as in BAM's M3: Duclusaud et al. 2025) and the
+Stribeck excess tau_x (Armstrong-Helouvry et al. 1994). The bristles give back no more than they took whatever the level does,
+so friction is passive. The electric motor has no inductance, and its constants are seen from the output:
+
+    tau = n k_t i,    u = R i + n k_t omega,    |u| <= max_voltage,  |i| <= max_current
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import exp
 
-from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.actuators.electric import electric_of
+from asrsim.actuators.modes import Mode
 
 
 def motor_kick(
@@ -16,37 +29,58 @@ def motor_kick(
     load: float,
     slowest: float,
     fastest: float,
-    coefficients: tuple[float, ...],
+    step: float,
+    implicitness: float,
+    parameters: tuple[float, ...],
 ) -> tuple[float, float, float, float, float, float]:
-    """Accelerate a motor over one kick at a fixed position.
+    """Accelerate a motor for `step` s at a fixed position.
 
-    position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral (of the controller's
-    integral action) in N m; reference: desired position in rad (or the
-    torque in N m, mode 4); load: torque of the spring on the motor in N m; slowest, fastest: the velocities in rad/s
-    between which its stops and its speed limit keep it (:func:`velocity_bounds`). Coefficients: :func:`motor_coefficients`.
+    position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral of the controller in units
+    of the command; reference: desired position in rad, or the command itself in the modes without controller; load: torque of
+    the spring on the motor in N m; slowest, fastest: the velocities in rad/s between which its stops and its speed limit keep
+    it (:func:`velocity_bounds`). The velocity in damping, back-EMF and derivative action is (1 - implicitness) old +
+    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: of :func:`motor_numbers`.
     Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
     """
-    p, hold, i_step, d_old, d_new, keep, gain, keep_limited, gain_limited, slip, limit = coefficients
-    stretch = position - anchor
-    if abs(stretch) > slip:
-        stretch = slip if stretch > 0.0 else -slip
-        anchor = position - stretch
-    friction = FRICTION_STIFFNESS * stretch
-    load = load + friction
+    p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters
+    old, new = 1.0 - implicitness, implicitness
     error = reference - hold * position
-    push = p * error + integral
-    after = keep * velocity + gain * (push - load)
-    torque = push - d_old * velocity - d_new * after
-    if abs(torque) > limit:
-        torque = limit if torque > 0.0 else -limit
-        after = keep_limited * velocity + gain_limited * (torque - load)
-    if after > fastest or after < slowest:
-        # A limit takes the rest of the torque; damping and back-EMF are those of the velocity that is left.
-        after = fastest if after > fastest else slowest
-        torque = push - d_old * velocity - d_new * after
+    # Half of what the integral gains in the kick acts in it.
+    push = (p + 0.5 * i * step) * error + integral
+    level = coulomb + share * abs(load)
+    mean = velocity
+    stretch = position - anchor
+    torque = friction = after = 0.0
+    # The level of friction is that of the mean speed: in two rounds the kick is of second order where it falls with speed.
+    for _ in range(2 if excess != 0.0 else 1):
+        slip = (level + excess * exp(-(mean * fade) * (mean * fade))) / stiffness
+        stretch = position - anchor
+        if abs(stretch) > slip:
+            stretch = slip if stretch > 0.0 else -slip
+        friction = stiffness * stretch
+        drag = damping + gain * d + lag
+        after = (velocity * (inertia - old * step * drag) + step * (gain * push - load - friction)) / (
+            inertia + new * step * drag
+        )
+        after = fastest if after > fastest else slowest if after < slowest else after
+        middle = old * velocity + new * after
+        torque = gain * (push - d * middle) - lag * middle
+        if abs(torque + emf * middle) > stall:
+            most = stall if torque + emf * middle > 0.0 else -stall
+            drag = damping + emf
+            after = (velocity * (inertia - old * step * drag) + step * (most - load - friction)) / (inertia + new * step * drag)
+            after = fastest if after > fastest else slowest if after < slowest else after
+            torque = most - emf * (old * velocity + new * after)
         if abs(torque) > limit:
             torque = limit if torque > 0.0 else -limit
-    return after, 0.5 * (velocity + after), anchor, integral + i_step * error, torque, friction
+            after = (velocity * (inertia - old * step * damping) + step * (torque - load - friction)) / (
+                inertia + new * step * damping
+            )
+            after = fastest if after > fastest else slowest if after < slowest else after
+        mean = 0.5 * (velocity + after)
+    if stretch != position - anchor:
+        anchor = position - stretch
+    return after, mean, anchor, integral + i * step * error, torque, friction
 
 
 def velocity_bounds(position: float, low: float, high: float, fastest: float, step: float) -> tuple[float, float]:
@@ -63,36 +97,14 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     return (slowest if slowest > -fastest else -fastest), (largest if largest < fastest else fastest)
 
 
-def motor_coefficients(
-    values: Mapping[str, float], index: int, *, step: float, implicitness: float, controlled: bool
-) -> tuple[float, ...]:
-    """Constants of :func:`motor_kick` for a kick of `step` s of motor `index`.
-
-    The velocity in damping and derivative action is (1 - implicitness) old + implicitness new: 1/2 is the midpoint
-    rule (second order), 0 the explicit Euler rule. `controlled`: modes 5 and 6; else the reference is the torque.
-    """
-    inertia = values[f"motor_{index}_inertia"]
-    damping = values[f"motor_{index}_damping"]
-    p = i = d = 0.0
-    if controlled:
-        p = values[f"controller_{index}_proportional"]
-        i = values[f"controller_{index}_integral"]
-        d = values[f"controller_{index}_derivative"]
-    explicitness = 1.0 - implicitness
-    total = damping + d
-    denominator = inertia + implicitness * step * total
-    denominator_limited = inertia + implicitness * step * damping
+def motor_numbers(values: Mapping[str, float], index: int, mode: Mode) -> tuple[float, ...]:
+    """Parameters of :func:`motor_kick` of motor `index` (1, 2, ...) in a mode."""
+    motor, controller = f"motor_{index}", f"controller_{index}"
+    gains = (1.0, 0.0, 0.0)
+    if mode.controller:
+        gains = tuple(values[f"{controller}_{name}"] for name in ("proportional", "integral", "derivative"))  # type: ignore[assignment]
     return (
-        # Half of what the integral gains in the kick acts in it; in mode 4 the reference itself is the push.
-        p + 0.5 * i * step if controlled else 1.0,
-        1.0 if controlled else 0.0,
-        i * step,
-        explicitness * d,
-        implicitness * d,
-        (inertia - explicitness * step * total) / denominator,
-        step / denominator,
-        (inertia - explicitness * step * damping) / denominator_limited,
-        step / denominator_limited,
-        values[f"motor_{index}_friction_torque"] / FRICTION_STIFFNESS,
-        values[f"motor_{index}_max_torque"],
-    )
+        *gains, 1.0 if mode.controller else 0.0, values[f"{motor}_inertia"], values[f"{motor}_damping"],
+        *electric_of(values, index, mode), values[f"{motor}_friction_torque"], values[f"{motor}_stribeck_friction"],
+        1.0 / values[f"{motor}_stribeck_velocity"], values[f"{motor}_load_friction"], values[f"{motor}_friction_stiffness"],
+    )  # fmt: skip

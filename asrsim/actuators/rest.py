@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from asrsim.actuators.drive import Drive
 
@@ -15,9 +16,7 @@ FARTHEST = 1e6
 """rad from its reference within which a motor that gives way is looked for."""
 
 
-def resting_motors(
-    drive: Drive, position: float, references: tuple[float, float], *, limited: bool = True
-) -> tuple[float, float]:
+def resting_motors(drive: Drive, position: float, references: Sequence[float], *, limited: bool = True) -> tuple[float, ...]:
     """Positions of the motors at rest, rad, as the springs' law takes them: a controller without integral action gives way by
     tau_el / P.
 
@@ -25,7 +24,7 @@ def resting_motors(
     torque, and stands on its stops. Friction is left out. For ideal motors these are the references themselves.
     """
     if not (drive.mode.motor and drive.mode.controller):
-        return references
+        return tuple(references)
     resting = list(references)
     for _ in range(ROUNDS):
         before = [*resting]
@@ -33,14 +32,15 @@ def resting_motors(
             resting[motor] = _resting(drive, motor, position, references[motor], resting, limited)
         if resting == before or drive.dynamic_motors < 2:
             break
-    return resting[0], resting[1]
+    return tuple(resting)
 
 
-def resting_integrals(drive: Drive, position: float, resting: tuple[float, float]) -> tuple[float, ...]:
+def resting_integrals(drive: Drive, position: float, resting: Sequence[float]) -> tuple[float, ...]:
     """N m that the integral action of each controller gives at rest; 0 where it has none."""
     if not (drive.mode.motor and drive.mode.controller):
         return ()
-    torques = drive.actuator.elastic_torques(position, *resting, drive.elastic)
+    law: Any = drive.actuator.elastic_torques
+    torques = law(position, *resting, drive.elastic)
     limits = zip(torques, drive.integral, drive.max_torque, strict=False)
     return tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in limits)
 
@@ -48,6 +48,7 @@ def resting_integrals(drive: Drive, position: float, resting: tuple[float, float
 def _resting(drive: Drive, motor: int, position: float, wanted: float, positions: list[float], limited: bool) -> float:
     """Where one motor rests, rad, while the other stays at its place in `positions`."""
     gain, elastic = drive.proportional[motor], drive.elastic
+    law: Any = drive.actuator.elastic_torques
     most = drive.max_torque[motor] if limited else math.inf
     low, high = drive.motor_ranges[motor] if limited else (-math.inf, math.inf)
 
@@ -55,7 +56,7 @@ def _resting(drive: Drive, motor: int, position: float, wanted: float, positions
         trial = [*positions]
         trial[motor] = theta
         try:
-            return drive.actuator.elastic_torques(position, trial[0], trial[1], elastic)[motor]
+            return float(law(position, *trial, elastic)[motor])
         except OverflowError:
             return math.copysign(math.inf, theta - position)
 

@@ -20,6 +20,9 @@ from asrsim.errors import ActuatorError, Problem
 MODULES = "asrsim_plugin_"
 """What the names of users' files begin with, as modules."""
 
+MOST_MOTORS = 8
+"""Of an actuator."""
+
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
     """Raise ActuatorError where a file wants plugins that its user has not named too: no file runs code by itself."""
@@ -99,8 +102,8 @@ def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
     for key in ("title", "source"):
         if not isinstance(getattr(actuator, key, None), str):
             yield _problem(actuator, "must be given, as text", "bad-declaration", key=key)
-    if actuator.motors not in (1, 2):
-        yield _problem(actuator, "must be 1 or 2", "bad-declaration", key="motors", value=actuator.motors)
+    if actuator.motors not in range(1, MOST_MOTORS + 1):
+        yield _problem(actuator, f"must be 1 to {MOST_MOTORS}", "bad-declaration", key="motors", value=actuator.motors)
     preset = actuator.typical_preset
     if not isinstance(preset, (int, float)) or not math.isfinite(preset):
         yield _problem(actuator, "must be a finite number", "bad-declaration", key="typical_preset", value=preset)
@@ -165,7 +168,7 @@ def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
     if not isinstance(declared, tuple) or not all(isinstance(parameter, Parameter) for parameter in declared):
         yield _problem(actuator, "must be a tuple of Parameter(...)", "bad-declaration", key="parameters")
         return
-    motion = () if actuator.motors not in (1, 2) else actuator.all_parameters()[len(declared) :]
+    motion = () if actuator.motors not in range(1, MOST_MOTORS + 1) else actuator.all_parameters()[len(declared) :]
     used = {parameter.name for parameter in motion}
     for parameter in declared:
         key = f"parameters.{parameter.name}"

@@ -15,7 +15,11 @@ from asrsim.actuators.base import Actuator, saturate
 from asrsim.rebind import rebind
 
 Array = NDArray[np.float64]
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+GAUSS = tuple(
+    (0.5 * (node + 1.0), 0.5 * weight)
+    for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True)
+)
+"""Nodes and weights of Gauss's rule with twelve points on [0, 1]."""
 
 _ARRAY_MATH: dict[str, Any] = {
     name: getattr(np, name)
@@ -61,11 +65,12 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
-    def evaluate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
+    def evaluate(q: Array, *rest: Any) -> Array:
+        *thetas, parameters = rest
         if fast is not None:
             try:
                 with np.errstate(all="ignore"):
-                    values = fast(q, theta_1, theta_2, parameters)
+                    values = fast(q, *thetas, parameters)
                 if isinstance(values, tuple):
                     return np.stack([np.broadcast_to(value, q.shape) for value in values])
                 return np.asarray(values) if np.shape(values) == q.shape else np.array(np.broadcast_to(values, q.shape))
@@ -73,8 +78,8 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 pass
         if q.ndim == 2:
             own = [tuple(p[j, 0] if np.ndim(p) else p for p in parameters) for j in range(len(q))]
-            return np.stack([evaluate(q[j], theta_1[j], theta_2[j], own[j]) for j in range(len(q))], axis=-2)
-        rows = [law(*point, parameters) for point in zip(q.tolist(), theta_1.tolist(), theta_2.tolist(), strict=True)]
+            return np.stack([evaluate(q[j], *(theta[j] for theta in thetas), own[j]) for j in range(len(q))], axis=-2)
+        rows = [law(*point, parameters) for point in zip(q.tolist(), *(theta.tolist() for theta in thetas), strict=True)]
         return np.array(rows, dtype=float).T
 
     return evaluate
@@ -128,7 +133,7 @@ def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
     def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
         total = np.zeros_like(q)
         d_1, d_2 = theta_1 - q, theta_2 - q
-        for node, weight in zip(0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS, strict=True):
+        for node, weight in GAUSS:
             if actuator.adjuster:
                 torque_1, _ = torques(q, q + node * d_1, theta_2, parameters)
                 total += weight * torque_1 * d_1

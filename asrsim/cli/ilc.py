@@ -116,7 +116,7 @@ def ilc(
 
 def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
     """Those to be learned, by name."""
-    from asrsim.errors import ScenarioError, did_you_mean
+    from asrsim.errors import ScenarioError
     from asrsim.learning.plant import trajectories
 
     known = trajectories(scenario)
@@ -124,8 +124,9 @@ def _trajectories(scenario: Scenario, name: str | None) -> dict[str, Scenario]:
         return known
     if name not in known:
         names = tuple(filter(None, known))
-        hint = did_you_mean(name, names)
-        raise ScenarioError(f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, hint=hint)
+        raise ScenarioError(
+            f"has no trajectory '{name}'", file=scenario.path, key="ilc.trajectories", choices=names, meant=name
+        )
     return {name: known[name]}
 
 

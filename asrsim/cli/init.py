@@ -59,7 +59,7 @@ def init(
 
     Example: asrsim init examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml
 
-    Example: asrsim init --experiment examples/recordings/two_joints.csv --out two_joints.csv.yaml
+    Example: asrsim init --experiment examples/recordings/bench_motion.csv --out bench_motion.csv.yaml
     """
     load_plugins(plugin)
     if robot is None:

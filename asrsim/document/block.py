@@ -11,7 +11,7 @@ from asrsim.document.composite import merge_items
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
-from asrsim.errors import InputError, did_you_mean, nearest
+from asrsim.errors import InputError, nearest
 
 T = TypeVar("T")
 
@@ -195,7 +195,7 @@ class Block(Kind[T], Generic[T]):
                     "unknown key",
                     line=node.key_line(name),
                     choices=known,
-                    hint=did_you_mean(name, known),
+                    meant=name,
                     code="unknown-key",
                     show=False,
                 )

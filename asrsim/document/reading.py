@@ -40,10 +40,11 @@ class Reading:
         message: str,
         *,
         line: int | None = None,
-        choices: tuple[str, ...] = (),
-        hint: str | None = None,
         code: str = "value",
         show: bool = True,
+        choices: tuple[str, ...] = (),
+        hint: str | None = None,
+        meant: str | None = None,
     ) -> Rejected:
         """Record a problem and give back the exception to raise (or to drop, to go on)."""
         self.problems.append(
@@ -53,9 +54,10 @@ class Reading:
                 line=line if line is not None else (node.line if node else None),
                 key=".".join(path) or None,
                 value=node.describe() if node is not None and show else None,
+                code=code,
                 choices=choices,
                 hint=hint,
-                code=code,
+                meant=meant,
             )
         )
         return Rejected(message)

@@ -1,15 +1,21 @@
-"""What an engine is: joints with positions and velocities that take torques and step. It never hears of springs.
+"""What an engine is: a robot whose joints take torques and step. It never hears of springs.
 
-A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). An engine corrects its
-own lags: with `staggered` set, velocities live at half steps, and velocity-dependent torques of the links (Coriolis,
-centrifugal) count at the velocity of the whole step.
+A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). In a staggered run
+velocities live at half steps, half a step before the positions beside them, and the first kick is half a one. With mass matrix
+M, viscous damping C, implicitness w and kick = fraction * h a step of h is
+
+    (M + w kick C) dv = kick (torque - bias(q, v_whole) - C v) + impulses of friction and stops + h wrenches
+    v += dv,  q += h v
+
+where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step, in a run that is not staggered v. So the damping torque
+is -C (v + w dv): w = 1/2 is the midpoint rule.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from asrsim.registry import Registry
 from asrsim.samples import Array
@@ -17,6 +23,10 @@ from asrsim.samples import Array
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
+POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
+"""Columns of an exchange, an array (n, 5) with a row for each joint: where it is (rad, m) and how it moves (rad/s, m/s), which
+a step writes; the mean torque on it over the kick (N m, N), its viscous damping (N m s/rad, N s/m) and the bound of its Coulomb
+friction (N m, N), which a step reads."""
 Point = tuple[float, float, float]
 
 
@@ -37,98 +47,72 @@ class Model(Protocol):
     ) -> Array:
         """(n,) N m that give `accelerations`, on a base that is held; inputs (n,)."""
 
+    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+        """Kinetic and gravitational energy of the links in J, on a base that is held."""
+
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EngineKernel:
-    """A step of an engine as ordinary code on arrays, which a compiled loop runs for a whole stretch without the
-    interpreter; or, where the engine is stepped from Python, what it adds to the torques before."""
+class Scene(NamedTuple):
+    """What is around the joints."""
 
-    move: Callable[..., None]
-    """move(world): one step under `world.forces`, mean torques in N m; or changes them, from `world.positions` and
-    `world.velocities`."""
-    look: Callable[..., None] | None = None
-    """look(world): fills in `world.positions` and `world.velocities` of the joints; before every move. None: `move` takes no
-    step."""
-    advance: Callable[[Sequence[float]], None] | None = None
-    """Where `move` takes no step: one step from Python under the forces that it left."""
-    world: Any
-    """A named tuple of arrays and numbers: the engine's live state; (n,) arrays `positions`, `velocities`, `forces`, and
-    `friction` (N m, Coulomb) where joints whose friction varies are to run compiled."""
-    compiled: Mapping[str, Any]
-    """Names that the code of look and move mentions -> what stands for them in compiled code; symbols are known to the
-    process."""
-    version: str
-    """Of what is called: part of a kept kernel's name."""
-    inline: tuple[str, ...] = ()
-    """Modules whose functions become part of their callers."""
+    bodies: Mapping[str, tuple[float, ...]]
+    """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
+    contacts: Mapping[str, tuple[float, float, float]]
+    """"object/other" -> contact force on the object in N, world frame, summed over points."""
+
+
+class Record(NamedTuple):
+    """What a native step works on beside a state: the robot's numbers and work space. It serves one thread at a time."""
+
+    address: int
+    memory: Any
+    """Holds what stands at the address; the engine must live, too."""
+
+
+class Native(NamedTuple):
+    """A step of an engine as a C function, for any number of states."""
+
+    address: int
+    """Of void step(void *record, double *state, double *exchange, const double *wrenches, double fraction)."""
+    size: int
+    """Numbers of a state."""
+    make_record: Callable[[], Record]
 
 
 class Engine(Protocol):
-    """A world with one robot (or prescribed motion), stepped at a fixed step by semi-implicit Euler."""
+    """A world with one robot (or prescribed motion), stepped at a fixed step by the rule above."""
 
     joints: tuple[str, ...]
     """Moving joints; arrays and sequences below are in this order."""
-    model: Model | None
-    """None where the links have no dynamics: their motion is prescribed."""
     version: str
     """Library and version, for the log."""
+    model: Model | None
+    """None where the links have no dynamics: their motion is prescribed."""
+    state: Any
+    """The whole state, a copy. Set: the engine continues from it, to the bit."""
 
-    def states(self) -> Any:
-        """What `read` tells, as the engine has it: for the hot loop, which takes it apart by `unpack`."""
+    def start(
+        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """A run of steps of `step` s begins with the joints there, moving so; everything else as at the start. Returns where
+        they are and how they move: an engine that prescribes motion decides that itself."""
 
-    @property
-    def unpack(self) -> Callable[[Any, int], tuple[float, float]]:
-        """unpack(states, j): position and velocity of joint j; ordinary code that compiles with the loop's."""
+    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+        """One step. exchange: see :data:`POSITION`; C-contiguous; wrenches: (w, 6) force (N) and torque (N m) of each of the
+        scenario's wrenches, means over the whole step; fraction: of the kick, 1/2 in the first step of a staggered run."""
 
-    def states_type(self) -> Any:
-        """Numba's type of `states`."""
-
-    def read(self) -> tuple[list[float], list[float]]:
-        """Positions (rad, m) and velocities (rad/s, m/s) of the joints, the latter half a step late if staggered."""
-
-    def set_friction(self, bounds: Sequence[float]) -> None:
-        """Coulomb friction of the joints (N m) in the steps to come, where it varies; joints begin with that of the robot."""
-
-    def advance(self, forces: Sequence[float], fraction: float = 1.0) -> None:
-        """One step under mean torques (N m), one a joint. fraction: of the kick, less than 1 for the first of a staggered
-        run."""
-
-    def prepare(self, step: float, *, staggered: bool) -> None:
-        """Before the first step: its length in s; staggered: see the module."""
-
-    def set_state(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
-        """Joints there, moving so; everything else as at the start."""
-
-    def snapshot(self) -> Any:
-        """The engine's whole state, to be given to `restore`."""
-
-    def restore(self, state: Any) -> None:
-        """Continue from a snapshot of this engine, to the bit."""
+    def scene(self) -> Scene:
+        """Bodies and contacts now."""
 
     def vary(self, robot: Robot) -> bool:
-        """Take over inertials, damping and friction of a robot of the same structure, exactly; False: an engine must be
+        """Take over the inertials of a robot of the same structure, exactly, before the next start; False: an engine must be
         made."""
 
-    def mechanical_energy(self) -> float | None:
-        """Kinetic and gravitational energy of the robot's links in J; None where contacts or a free base exchange it."""
-
-    def apply_wrench(self, index: int, values: Sequence[float]) -> None:
-        """Force (N) and torque (N m), six numbers, of the scenario's wrench `index` for the next step."""
-
-    def bodies(self) -> Mapping[str, tuple[float, ...]]:
-        """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
-
-    def contacts(self) -> Mapping[str, tuple[float, float, float]]:
-        """ "object/other" -> contact force on the object in N, world frame, summed over points."""
-
-    def accelerate(self) -> None:
-        """The loop is compiled: compile what is the engine's own, too."""
-
-    def kernel(self) -> EngineKernel | None:
-        """The engine's part in compiled loops; None where it has none, and every step goes through Python."""
+    @property
+    def native(self) -> Native | None:
+        """The step as a C function, of a run that has started; None where there is none."""
 
     def close(self) -> None:
         """Release everything."""

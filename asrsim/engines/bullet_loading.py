@@ -1,12 +1,15 @@
-"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal."""
+"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal. The only module that imports
+it."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 from asrsim.engines.foreign import crashes, quiet
 from asrsim.errors import RobotError
@@ -18,11 +21,23 @@ NO_CLAMP = 1e9
 """rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
 
 
-def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
-    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError.
+def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
+    """The module `pybullet`, the number of a new physics client (28 MB), and what ends it, at the latest when nobody has
+    `owner` any more."""
+    with quiet():
+        import pybullet
 
-    Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
-    """
+        client = pybullet.connect(pybullet.DIRECT)
+    return pybullet, client, finalize(owner, _disconnect, pybullet, client)
+
+
+def _disconnect(p: Any, client: int) -> None:
+    with suppress(p.error), quiet():
+        p.disconnect(client)
+
+
+def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
+    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError."""
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(urdf, encoding="utf-8")
@@ -46,13 +61,13 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
             raise RobotError(message, file=robot.path, code="engine-load") from error
 
 
-def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot) -> None:
-    """Principal moments of the links (name -> Bullet's number) as the data have them.
+def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot, lift: float = 0.0) -> None:
+    """Principal moments of the links (name -> Bullet's number) as the data have them, each with `lift` kg m^2 more.
 
     Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
     """
     for link in robot.links:
-        moments, _ = principal_axes(link)
+        moments = tuple(moment + lift for moment in principal_axes(link)[0])
         if p.getDynamicsInfo(body, links[link.name], client)[2] != moments:
             p.changeDynamics(body, links[link.name], localInertiaDiagonal=moments, physicsClientId=client)
 

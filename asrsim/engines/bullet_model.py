@@ -1,105 +1,190 @@
-"""The model behind PyBullet's engine: kinematics and dynamics of one robot, past the traps of Bullet's own routines.
+"""Kinematics and dynamics of the robot alone, by PyBullet's routines on a physics client of their own.
 
-Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
+PyBullet's routines have traps, which this module is there for. Those of dynamics count degrees of freedom in the order of
+Bullet's links, see a floating base along the axes of its inertia, its velocity before its translation, and ignore how it
+stands; forces on the base they give the other way round.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import Model, Point
+from asrsim.engines.base import Point
+from asrsim.engines.bullet_loading import connect, load_body, set_inertias
 from asrsim.engines.foreign import quiet
-from asrsim.robot.poses import Pose
+from asrsim.errors import RobotError
+from asrsim.robot.engine_text import engine_urdf
+from asrsim.robot.inertia import principal_axes
+from asrsim.robot.merge import merge_fixed
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Vector
+from asrsim.scenario.data import Scenario, Wrench
+
+BASE = 6
+"""Degrees of freedom of a floating base."""
 
 
 class BulletModel:
-    """See :class:`asrsim.engines.base.Model`. The robot is `body`, whose moving joints Bullet numbers `indices`.
+    """See :class:`asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot have."""
 
-    gravity: m/s^2, as the client has it; fixed: the base is held; links: link of the file -> Bullet's number of the body that
-    it is part of, and its pose in that body's frame; other: a model of the same robot by another engine.
-    """
-
-    def __init__(
-        self, p: Any, client: int, body: int, indices: Sequence[int], *, joints: tuple[str, ...], gravity: Vector, fixed: bool,
-        links: Mapping[str, tuple[int, Pose]], other: Callable[[], Model],
-    ) -> None:  # fmt: skip
-        self._p, self._client, self._body = p, client, body
-        self._indices = list(indices)
-        self._gravity = gravity
-        self._fixed = fixed
-        self._places = links
-        self.joints, self.links = joints, tuple(links)
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        self._p, self._client, self.close = connect(self)
+        merged = merge_fixed(robot)
+        bare = replace(
+            merged.robot,
+            links=tuple(replace(link, collisions=()) for link in merged.robot.links),
+            joints=tuple(replace(joint, lower=None, upper=None) for joint in merged.robot.joints),
+        )
+        self._text, _ = engine_urdf(bare)
+        self._scenario, self._robot = scenario, bare
+        self._body = self._load(0.0)
+        p, client = self._p, self._client
+        index = places_of(p, client, self._body)
+        self.indices = [index[joint.child] for joint in bare.moving_joints]
+        self._places = {name: (index[place.body], place.pose) for name, place in merged.places.items()}
+        self.root = bare.root.name
+        self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
+        self.base = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
-        self._to_bullet = sorted(range(len(self._indices)), key=self._indices.__getitem__)
-        self._from_bullet = [self._to_bullet.index(j) for j in range(len(self._indices))]
-        self._same_order = self._to_bullet == list(range(len(self._indices)))
-        self._zero = [0.0] * len(self._indices)
-        if indices:
-            # Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
-            with quiet():
-                try:
-                    self.mass_matrix(self._zero)
-                except SystemError:
-                    # Bullet steps links with inertias that no body has, but its dynamics decline them.
-                    instead = other()
-                    for name in ("mass_matrix", "bias", "inverse_dynamics", "link_point"):
-                        setattr(self, name, getattr(instead, name))
+        self._to_bullet = sorted(range(len(self.indices)), key=self.indices.__getitem__)
+        self._same_order = self._to_bullet == list(range(len(self.indices)))
+        self._ours = self._same_order and not self.base
+        from_bullet = [self._to_bullet.index(j) for j in range(len(self.indices))]
+        # Of a base: translation before rotation.
+        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.base] + [self.base + j for j in from_bullet], dtype=np.int64)
+        self._forces = np.array([*range(self.base), *(self.base + j for j in from_bullet)], dtype=np.int64)
+        self._block = np.ix_(self._rows, self._rows)
+        self._zero = [0.0] * len(self.indices)
+        dynamics = p.getDynamicsInfo(self._body, -1, client)
+        self.centre, self.axes = np.array(dynamics[3]), self._matrix(dynamics[4])
+        self._standing = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1])
+        self._parts = [(1.0, self._body)]
+        self._set_gravity(self._standing)
+        self._set_up()
 
-    def index_of(self, link: str) -> int:
-        """Bullet's number of the body that a link of the file is part of."""
-        return self._places[link][0]
+    def _load(self, lift: float) -> int:
+        p, client = self._p, self._client
+        body = load_body(p, client, self._text, self._scenario, self._robot)
+        set_inertias(p, client, body, places_of(p, client, body), self._robot, lift)
+        return body
 
-    def frame_now(self, link: str) -> tuple[Array, Array]:
-        """Origin (3,) m and rotation (3, 3) of a link's frame in the world as it is now."""
-        index, pose = self._places[link]
-        centre, rotation, local = self.inertial_frame(index)
-        origin = np.asarray(centre) - rotation @ np.asarray(local)
-        return origin + rotation @ pose.position, rotation @ pose.rotation
+    def _set_up(self) -> None:
+        """Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
 
-    def inertial_frame(self, index: int) -> tuple[Any, Array, Any]:
-        """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
-
-        With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of
-        frames that it tells beside those of the inertias.
+        It declines inertias that no body has, as some published robots have. Mass matrix and bias are linear in inertias, and
+        those of I are twice those of I + s less those of I + 2 s, which bodies can have.
         """
-        p, client, body = self._p, self._client, self._body
-        dynamics = p.getDynamicsInfo(body, index, client)
-        if index == -1:
-            position, inertial = p.getBasePositionAndOrientation(body, client)
-            return position, self._matrix(inertial) @ self._matrix(dynamics[4]).T, dynamics[3]
-        state = p.getLinkState(body, index, 0, 1, client)
-        return state[0], self._matrix(state[1]) @ self._matrix(dynamics[4]).T, dynamics[3]
+        if not self.joints:
+            return
+        with quiet():
+            try:
+                self.mass_matrix(self._zero)
+                return
+            except SystemError:
+                moments = [sorted(principal_axes(link)[0]) for link in self._robot.links]
+                lift = max(c - a - b + 1e-9 * c for a, b, c in moments)
+                self._parts = [(2.0, self._load(lift)), (-1.0, self._load(2.0 * lift))]
+            try:
+                self.mass_matrix(self._zero)
+            except SystemError as error:
+                message = "PyBullet finds no dynamics for this robot: an inertia of it is not one that a body can have"
+                raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
-    def base_pose(self) -> tuple[float, ...]:
-        """World pose of the root link's URDF frame: x y z in m, quaternion x y z w."""
-        centre, rotation, local = self.inertial_frame(-1)
-        x, y, z, w = self._p.getDynamicsInfo(self._body, -1, self._client)[4]
-        turned = self._p.getBasePositionAndOrientation(self._body, self._client)[1]
-        return (*(centre - rotation @ np.asarray(local)).tolist(), *_product(turned, (-x, -y, -z, w)))
-
-    def _states(self) -> Sequence[Any]:
-        states: Sequence[Any] = self._p.getJointStates(self._body, self._indices, self._client)
-        return states
-
-    def _ordered(self, values: Sequence[float]) -> list[float]:
+    def _ordered(self, values: Sequence[float] | Array) -> list[float]:
         """`values` of the moving joints in Bullet's order."""
-        return list(values) if self._same_order else [values[j] for j in self._to_bullet]
+        plain: list[float] = values.tolist() if isinstance(values, np.ndarray) else [float(value) for value in values]
+        return plain if self._same_order else [plain[j] for j in self._to_bullet]
+
+    # -- for stepping ------------------------------------------------------------------------------------------------
+
+    def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
+        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the
+        world's axes, rotation about the base link's own.
+
+        rotation: (3, 3) of a base that floats.
+        """
+        matrix = self._mass(self._ordered(positions))
+        if rotation is not None:
+            for axes, at in ((rotation @ self.axes, slice(0, 3)), (self.axes, slice(3, 6))):
+                matrix[at] = axes @ matrix[at]
+                matrix[:, at] = matrix[:, at] @ axes.T
+        return matrix
+
+    def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
+        """(v,) N m that give no acceleration, in the same order; velocity: (v,)."""
+        q = self._ordered(positions)
+        if rotation is None:
+            return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
+        turned = rotation @ self.axes
+        spins, moves = (self.axes.T @ velocity[3:6]).tolist(), (turned.T @ velocity[:3]).tolist()
+        bias = self._forces_at(turned, q, [*spins, *moves, *self._ordered(velocity[BASE:])], self._zero)
+        bias[:3], bias[3:6] = turned @ bias[:3], self.axes @ bias[3:6]
+        return bias
+
+    def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
+        """(v,) N m that wrenches make, whose forces (N) and torques (N m) are `values` (w, 6)."""
+        total = np.zeros(self.base + len(self.indices))
+        # The model's own base stands as at the start.
+        turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
+        for wrench, value in zip(wrenches, values, strict=True):
+            if not value.any():
+                continue
+            at, frame, jacobian = self.link_point(wrench.link, wrench.point, positions)
+            axes = np.eye(3) if wrench.frame == "world" else turn @ frame
+            force, torque = axes @ value[:3], axes @ value[3:]
+            total[self.base :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
+            if rotation is not None:
+                arm = turn @ (at - np.array(self._p.getBasePositionAndOrientation(self._body, self._client)[0]))
+                total[:3] += force
+                total[3:6] += rotation.T @ (torque + np.cross(arm, force))
+        return total
+
+    def _standing_frame(self) -> Array:
+        """(3, 3) of the base link's frame at the start."""
+        return self._standing @ self.axes.T
+
+    def _mass(self, positions: list[float]) -> Array:
+        """(v, v) along Bullet's axes, in our order."""
+        matrix = self._sum(self._p.calculateMassMatrix, positions)
+        return matrix if self._ours else matrix[self._block]
+
+    def _sum(self, ask: Any, *arguments: list[float]) -> Array:
+        """What a routine of Bullet's says of the robot."""
+        client = self._client
+        if len(self._parts) == 1:
+            return np.array(ask(self._body, *arguments, physicsClientId=client))
+        return np.asarray(sum(part * np.array(ask(body, *arguments, physicsClientId=client)) for part, body in self._parts))
+
+    def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
+        """(v,) that give accelerations of the joints, along Bullet's axes, in our order. turned: of the base's inertia."""
+        states = [positions, velocities, accelerations]
+        if self.base:
+            # Where the base is does not count, and its velocity must have six numbers.
+            still = [0.0] * (BASE + len(self.indices) - len(velocities))
+            states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
+            # Gravity is turned in the base's place.
+            self._set_gravity(turned)
+        total = self._sum(self._p.calculateInverseDynamics, *states)
+        return total if self._ours else total[self._forces]
+
+    def _set_gravity(self, turned: Array) -> None:
+        gravity = (turned.T @ self._scenario.gravity).tolist()
+        self._p.setGravity(*gravity, physicsClientId=self._client)
+
+    # -- the model ---------------------------------------------------------------------------------------------------
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
         """(n, n) kg m^2 (kg) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
-        values = self._ordered([float(value) for value in positions])
-        matrix = np.array(self._p.calculateMassMatrix(self._body, values, physicsClientId=self._client), dtype=float)
-        n = len(self._indices)
-        if not self._fixed:
-            # The base takes part in every motion: its six rows are eliminated.
-            base, cross = matrix[:6, :6], matrix[:6, 6:]
-            matrix = matrix[6:, 6:] - cross.T @ np.linalg.solve(base, cross)
-        return matrix[-n:, -n:][np.ix_(self._from_bullet, self._from_bullet)]
+        matrix = self._mass(self._ordered(positions))
+        if not self.base:
+            return matrix
+        # The base takes part in every motion: its rows are eliminated.
+        base, cross = matrix[:BASE, :BASE], matrix[:BASE, BASE:]
+        return np.asarray(matrix[BASE:, BASE:] - cross.T @ np.linalg.solve(base, cross))
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
         """(n,) N m that give no acceleration, on a base that is held."""
@@ -109,70 +194,71 @@ class BulletModel:
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
         """(n,) N m that give `accelerations`, on a base that is held."""
-        p, client = self._p, self._client
-        states = [self._ordered([float(value) for value in values]) for values in (positions, velocities, accelerations)]
-        # Bullet's routine ignores the orientation of the base (of its inertia's axes): gravity is turned in its place.
-        turned = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1]).T @ np.array(self._gravity)
-        if not self._fixed:
-            still = [0.0] * 6
-            states = [[*still, 1.0, *states[0]], [*still, *states[1]], [*still, *states[2]]]
-        p.setGravity(*turned.tolist(), physicsClientId=client)
-        try:
-            torques = np.array(p.calculateInverseDynamics(self._body, *states, physicsClientId=client), dtype=float)
-            return torques[-len(self._indices) :][self._from_bullet]
-        finally:
-            p.setGravity(*self._gravity, physicsClientId=client)
+        states = [self._ordered(values) for values in (positions, velocities, accelerations)]
+        return self._forces_at(self._standing, *states)[self.base :]
 
-    def mechanical_energy(self) -> float:
-        """Kinetic and gravitational energy in J of the links that joints move; all that moves, on a base that is held."""
+    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+        """Kinetic and gravitational energy of the links in J, on a base that is held."""
         p, client, body = self._p, self._client, self._body
-        states = self._states()
-        velocities = np.array([state[1] for state in states])
-        energy = 0.5 * float(velocities @ self.mass_matrix([state[0] for state in states]) @ velocities)
+        self._place(positions)
+        speeds = np.asarray(velocities, dtype=float)
+        energy = 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds)
         for index in range(p.getNumJoints(body, client)):
             mass = p.getDynamicsInfo(body, index, client)[0]
             if mass:
                 position = p.getLinkState(body, index, 0, 1, client)[0]
-                energy -= mass * sum(g * x for g, x in zip(self._gravity, position, strict=True))
+                energy -= mass * sum(g * x for g, x in zip(self._scenario.gravity, position, strict=True))
         return energy
 
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame.
-
-        Moves the robot to `positions`: for models that are not being simulated.
-        """
+        """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
         p, client, body = self._p, self._client, self._body
         index, pose = self._places[link]
-        values = [float(value) for value in positions]
-        for joint, value in zip(self._indices, values, strict=True):
-            p.resetJointState(body, joint, value, 0.0, physicsClientId=client)
+        self._place(positions)
         at = pose.position + pose.rotation @ np.asarray(point, dtype=float)
+        centre, rotation, local = inertial_frame(p, client, body, index)
+        position = np.asarray(centre) + rotation @ (at - np.asarray(local))
         if index == -1:
-            centre, rotation, local = self.inertial_frame(index)
-            position = np.asarray(centre) + rotation @ (at - np.asarray(local))
-            return position, rotation @ pose.rotation, np.zeros((6, len(self._indices)))
-        centre, rotation, local = self.inertial_frame(index)
+            return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
         turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
-            body, index, turned.tolist(), self._ordered(values), self._zero, self._zero, physicsClientId=client
+            body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
         )
-        base = self._matrix(p.getBasePositionAndOrientation(body, client)[1])
-        jacobian = np.vstack([base @ np.array(linear, dtype=float), base @ np.array(angular, dtype=float)])
-        jacobian = jacobian[:, -len(self._indices) :][:, self._from_bullet]
-        return np.asarray(centre) + rotation @ (at - np.asarray(local)), rotation @ pose.rotation, jacobian
+        jacobian = np.vstack([self._standing @ np.array(linear), self._standing @ np.array(angular)])
+        return position, rotation @ pose.rotation, jacobian[:, self._rows[self.base :]]
+
+    def _place(self, positions: Sequence[float] | Array) -> None:
+        """The robot's joints there."""
+        for joint, value in zip(self.indices, positions, strict=True):
+            self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
 
     def _matrix(self, quaternion: Sequence[float]) -> Array:
         return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
 
 
-def _product(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float, float]:
-    """Product of quaternions (x, y, z, w); Bullet's own works in single precision."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
-    return (
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
+def places_of(p: Any, client: int, body: int) -> dict[str, int]:
+    """Link of a robot -> Bullet's number of it."""
+    places = {p.getBodyInfo(body, client)[0].decode(): -1}
+    for index in range(p.getNumJoints(body, client)):
+        places[p.getJointInfo(body, index, client)[12].decode()] = index
+    return places
+
+
+def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
+    """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
+
+    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of frames
+    that it tells beside those of the inertias.
+    """
+
+    def matrix(quaternion: Sequence[float]) -> Array:
+        return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
+
+    dynamics = p.getDynamicsInfo(body, index, client)
+    if index == -1:
+        position, inertial = p.getBasePositionAndOrientation(body, client)
+        return position, matrix(inertial) @ matrix(dynamics[4]).T, dynamics[3]
+    state = p.getLinkState(body, index, 0, 1, client)
+    return state[0], matrix(state[1]) @ matrix(dynamics[4]).T, dynamics[3]

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.mujoco_build import HARD
-from asrsim.engines.mujoco_world import BEFORE, FRACTION, NOW, STEP
-from asrsim.engines.mujoco_world import World as State
+from asrsim.engines.mujoco_step import Record
+from asrsim.engines.rigid import IMPLICITNESS, STEP, Room, aim
 from asrsim.samples import Array
 from asrsim.scenario.data import World
 
@@ -40,48 +41,58 @@ class MujocoContacts:
         model.dof_invweight0[:] *= LIGHTER
         model.opt.tolerance, model.opt.ls_iterations = TOLERANCE, SEARCH
 
-    def tune(self, state: State) -> None:
-        """Constraints for the step: their time constants are multiples of it."""
-        m, step = self._m, float(state.scheme[STEP])
+    def start(self, room: Room) -> None:
+        """Constraints for the step of a run: their time constants are multiples of it."""
+        m, step = self._m, float(room.scheme[STEP])
+        self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
-        joints = state.joint_v
+        joints = room.joint_v
         m.dof_solimp[joints] = HARD
         m.dof_solref[joints] = (-1.0, -HARD[0] / step)
         places = [int(np.flatnonzero(m.jnt_dofadr == dof)[0]) for dof in joints]
-        limited = np.isfinite(state.lower) | np.isfinite(state.upper)
+        limited = np.isfinite(room.lower) | np.isfinite(room.upper)
         m.jnt_limited[places] = limited
-        m.jnt_range[places] = np.column_stack([np.maximum(state.lower, -1e9), np.minimum(state.upper, 1e9)])
+        m.jnt_range[places] = np.column_stack([np.maximum(room.lower, -1e9), np.minimum(room.upper, 1e9)])
         m.jnt_solimp[places] = HARD
         self._limited = [place for place, limit in zip(places, limited, strict=True) if limit]
         m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
-    def move(self, state: State) -> None:
-        """A step under the state's forces; friction, contacts and the rest act for the kick's fraction of it."""
-        mj, m, d = self._mujoco, self._m, self._d
-        now, before, fraction = state.scheme[NOW], state.scheme[BEFORE], float(state.scheme[FRACTION])
-        step = float(state.scheme[STEP])
+    def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, fraction: float) -> None:
+        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. In the place of `held` the
+        state has accelerations from which the solver starts."""
+        mj, m, d, room = self._mujoco, self._m, self._d, record.room
+        step = float(room.scheme[STEP])
+        kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
+        lagging = state[first : first + size].copy()
+        damping = exchange[:, DAMPING]
+        m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
         # It may vary from step to step, and is a constraint's bound only where it is not 0.
-        m.dof_frictionloss[state.joint_v] = state.friction
+        m.dof_frictionloss[room.joint_v] = exchange[:, FRICTION]
+        d.qpos[:] = state[:first]
+        d.qvel[:] = lagging
+        d.qacc_warmstart[:] = state[first + 2 * size :]
         # Stops within reach of this step have rows among the constraints.
         m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
         mj.mj_fwdPosition(m, d)
-        lagging = d.qvel.copy()
-        d.qvel[:] = now * lagging + before * state.previous
-        state.previous[:] = lagging
+        aim(room, state, fraction)
         mj.mj_fwdVelocity(m, d)
         d.qvel[:] = lagging
         mj.mj_referenceConstraint(m, d)
-        self._aim_at_stops(fraction * step, step)
+        self._aim_at_stops(kick, step)
         d.qfrc_applied[:] = 0.0
-        d.qfrc_applied[state.joint_v] = state.forces
-        self._push(state, fraction)
+        d.qfrc_applied[room.joint_v] = exchange[:, TORQUE] - damping * lagging[room.joint_v]
+        self._push(record, wrenches, fraction)
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
-        d.qvel[:] += fraction * step * d.qacc
+        change = kick * d.qacc
+        d.qvel[:] = lagging + change
         mj.mj_integratePos(m, d.qpos, d.qvel, step)
-        d.qacc_warmstart[:] = d.qacc
+        state[:first] = d.qpos
+        state[first:] = [*d.qvel, *(lagging if fraction == 1.0 else lagging - change), *d.qacc]
+        exchange[:, POSITION] = d.qpos[room.joint_q]
+        exchange[:, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
         """Let stops be inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond
@@ -91,10 +102,10 @@ class MujocoContacts:
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
-    def _push(self, state: State, fraction: float) -> None:
+    def _push(self, record: Record, wrenches: Array, fraction: float) -> None:
         """Wrenches, which are means over the whole step."""
         for values, body, point, turn, local in zip(
-            state.wrench, state.wrench_body, state.wrench_point, state.wrench_turn, state.wrench_local, strict=True
+            wrenches, record.wrench_body, record.wrench_point, record.wrench_turn, record.wrench_local, strict=True
         ):
             rotation = self._d.xmat[body].reshape(3, 3)
             force, torque = values[:3] / fraction, values[3:] / fraction
@@ -103,14 +114,14 @@ class MujocoContacts:
             position = self._d.xpos[body] + rotation @ point
             self._mujoco.mj_applyFT(self._m, self._d, force, torque, position, body, self._d.qfrc_applied)
 
-    def poses(self) -> dict[str, tuple[float, ...]]:
-        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from qpos, since bodies' poses lag a step."""
+    def poses(self, state: Array) -> dict[str, tuple[float, ...]]:
+        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from the configuration, since bodies' poses lag a step."""
         poses = {}
         for name in self._objects:
             body = self._m.body(f"object/{name}")
             if body.dofnum[0]:
                 at = int(self._m.jnt_qposadr[body.jntadr[0]])
-                pose = self._d.qpos[at : at + 7]
+                pose = state[at : at + 7]
             else:
                 pose = np.concatenate([self._m.body_pos[body.id], self._m.body_quat[body.id]])
             poses[name] = (*pose[:3].tolist(), *pose[4:7].tolist(), float(pose[3]))

@@ -8,9 +8,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from asrsim.compiling import PackedFunction, compile_packed, type_of
-from asrsim.engines import mujoco_stages as stages
-from asrsim.engines.mujoco_world import World
+from asrsim.compiling import PackedFunction, compile_packed
+from asrsim.engines import mujoco_step
+from asrsim.engines.rigid import INLINE
 from asrsim.errors import Problem, SimulationError
 from asrsim.rebind import rebind
 
@@ -18,8 +18,6 @@ LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
 """File names of the library beside the package's bindings: Linux, macOS, Windows."""
 PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
 """Packages that install into the folder `mujoco`: the name in their folders of metadata, the name for pip."""
-INLINE = ("asrsim.engines.mujoco_stages", "asrsim.engines.exact_friction")
-"""Compiled into their callers."""
 
 
 def load() -> Any:
@@ -76,8 +74,8 @@ def _library() -> Any:
     path = next((path for path in files if library_version() in path.name), files[0])
     # The routines take less time than giving back the interpreter's lock does.
     library = ctypes.PyDLL(str(path))
-    kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int, "d": ctypes.c_double}
-    for name, arguments in stages.ROUTINES.items():
+    kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int}
+    for name, arguments in mujoco_step.ROUTINES.items():
         function = getattr(library, name)
         function.argtypes, function.restype = [kinds[kind] for kind in arguments], None
     return library
@@ -90,25 +88,21 @@ def stop_the_clock() -> None:
 
 
 @cache
-def plain_stage() -> Any:
-    """:func:`asrsim.engines.mujoco_stages.stage`, which calls the library through ctypes."""
-    return rebind(stages.stage, names={name: getattr(_library(), name) for name in stages.ROUTINES})
-
-
-def compiled_stage(world: World, version: str) -> PackedFunction:
-    """:func:`asrsim.engines.mujoco_stages.stage` through Numba: the same code for all robots."""
-    return _compiled_stage(type_of(world), version)
+def plain_step() -> Any:
+    """:func:`asrsim.engines.mujoco_step.step`, which calls the library through ctypes."""
+    return rebind(mujoco_step.step, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
 
 
 @cache
-def _compiled_stage(kind: Any, version: str) -> PackedFunction:
+def compiled_step(kind: Any, version: str) -> PackedFunction:
+    """:func:`asrsim.engines.mujoco_step.step` through Numba, for records of this type: the same code for all robots."""
     from llvmlite import binding
     from numba import types
 
     binding.load_library_permanently(_library()._name)
-    kinds = {"m": types.intp, "i": types.intc, "d": types.float64}
+    kinds = {"m": types.intp, "i": types.intc}
     names = {
         name: types.ExternalFunction(name, types.void(*(kinds[kind] for kind in arguments)))
-        for name, arguments in stages.ROUTINES.items()
+        for name, arguments in mujoco_step.ROUTINES.items()
     }
-    return compile_packed(stages.stage, kind, names=names, version=version, inline=INLINE)
+    return compile_packed(mujoco_step.step, kind, mujoco_step.sizes, names=names, version=version, inline=INLINE)

@@ -23,7 +23,7 @@ class MujocoModel:
         self._mujoco, self._model = mujoco, model
         self._data = mujoco.MjData(model)
         self._home = home.copy()
-        self._places = places
+        self.places = places
         self.joints = joints
         self.links = tuple(places)
         numbers = [model.joint(name).id for name in joints]
@@ -82,15 +82,16 @@ class MujocoModel:
         self._mujoco.mj_rne(self._model, data, 1, torques)
         return torques[self.at_v]
 
-    def potential_energy(self, positions: Sequence[float] | Array) -> float:
-        """J of gravity, of all links on a base that is held."""
-        data = self._place(positions)
-        return -float(self._model.body_mass @ (data.xipos @ self._model.opt.gravity))
+    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+        """J of all links, kinetic and of gravity, on a base that is held."""
+        data, speeds = self._place(positions), np.asarray(velocities, dtype=float)
+        gravity = -float(self._model.body_mass @ (data.xipos @ self._model.opt.gravity))
+        return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + gravity
 
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Position (3,) m, rotation (3, 3), Jacobian (6, n) of a point of a link, world frame."""
         data = self._place(positions)
-        body, offset, turn = self._places[link]
+        body, offset, turn = self.places[link]
         rotation = data.xmat[body].reshape(3, 3)
         position = data.xpos[body] + rotation @ (offset + turn @ np.asarray(point, dtype=float))
         linear, angular = np.zeros((3, self._model.nv)), np.zeros((3, self._model.nv))

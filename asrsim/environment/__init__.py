@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 from asrsim.extras import library
 
 if TYPE_CHECKING:
-    from asrsim.environment.env import SoftRobotEnv, State
+    from asrsim.environment.env import SoftRobotEnv
+    from asrsim.environment.task import State
+    from asrsim.environment.vector import SoftRobotVectorEnv
     from asrsim.scenario.data import Scenario
 
 OBSERVED = ("link_position", "link_velocity")
@@ -56,6 +58,52 @@ def make_env(
     """
     library("gymnasium", "gym")
     from asrsim.environment.env import SoftRobotEnv
+
+    return SoftRobotEnv(
+        scenario, variant=variant, overrides=overrides, render_mode=render_mode, size=size,
+        **_options(control_rate, observe, act, reward, terminated, randomise, initial, goal, tip),
+    )  # fmt: skip
+
+
+def make_vec_env(
+    scenario: str | Path | Scenario,
+    num_envs: int,
+    *,
+    variant: str | None = None,
+    overrides: Any = (),
+    control_rate: float = 50.0,
+    observe: Sequence[str] = OBSERVED,
+    act: Sequence[str] = (),
+    reward: Callable[[State], float] | None = None,
+    terminated: Callable[[State], bool] | None = None,
+    randomise: Mapping[str, Any] | None = None,
+    initial: Mapping[str, Any] | None = None,
+    goal: Mapping[str, Any] | None = None,
+    tip: tuple[str, Sequence[float]] | None = None,
+    threads: int = 1,
+) -> SoftRobotVectorEnv:
+    """Many environments of a scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than one
+    after the other. An episode that is over begins anew at the next step.
+
+    Args:
+        scenario: File, or a scenario that was loaded.
+        num_envs: Number of environments.
+        threads: Threads that share them where the engine has native code.
+
+    Other arguments and errors as of :func:`make_env`; `reward` and `terminated` are asked for each environment.
+    """
+    library("gymnasium", "gym")
+    from asrsim.environment.vector import SoftRobotVectorEnv
+
+    return SoftRobotVectorEnv(
+        scenario, num_envs=num_envs, threads=threads, variant=variant, overrides=overrides,
+        **_options(control_rate, observe, act, reward, terminated, randomise, initial, goal, tip),
+    )  # fmt: skip
+
+
+def _options(
+    control_rate: Any, observe: Any, act: Any, reward: Any, terminated: Any, randomise: Any, initial: Any, goal: Any, tip: Any
+) -> dict[str, Any]:
     from asrsim.environment.options import check_options
 
     options: dict[str, Any] = {
@@ -64,7 +112,7 @@ def make_env(
         "goal": {} if goal is None else goal, "tip": tip,
     }  # fmt: skip
     check_options(options)
-    return SoftRobotEnv(scenario, variant=variant, overrides=overrides, render_mode=render_mode, size=size, **options)
+    return options
 
 
 def register() -> None:
@@ -80,4 +128,4 @@ def register() -> None:
 
 register()
 
-__all__ = ["OBSERVED", "make_env", "register"]
+__all__ = ["OBSERVED", "make_env", "make_vec_env", "register"]

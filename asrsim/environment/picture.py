@@ -67,6 +67,6 @@ class Picture:
         return self._painter.image(frames, self._camera, self._size, self._size)
 
     def _frames(self) -> dict[str, Array]:
-        positions = self._simulation.loop.joint_states()[0]
-        poses = {name: np.array(pose) for name, pose in self._simulation.engine.bodies().items()}
+        positions = self._simulation.observe().link_position.tolist()
+        poses = {name: np.array(pose) for name, pose in self._simulation.look().scene().bodies.items()}
         return self._scene.frames(dict(zip(self._simulation.joints, positions, strict=True)), poses)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from asrsim.environment.env import SoftRobotEnv, State
+    from asrsim.environment.env import SoftRobotEnv
+    from asrsim.environment.task import State
 
 TIP = (0.115, 0.0, 0.0)
 """m, on the last link."""

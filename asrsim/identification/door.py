@@ -8,21 +8,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.electric import electric_of
 from asrsim.actuators.user import load_plugin_file
 from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines import ENGINES
 from asrsim.engines.bench import link_motion
-from asrsim.errors import AsrsimError, DivergenceError, RobotError
+from asrsim.errors import AsrsimError, RobotError
+from asrsim.quantities import QUANTITIES
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.evaluation import DERIVED, EXTERNAL, Evaluation
 from asrsim.simulation.prepare import prepare, resolution_of
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import DIRECT
+from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
+from asrsim.simulation.quantities import columns_of
+from asrsim.simulation.worlds import Start, Worlds
 from asrsim.workers import Executor, in_order
 
 __all__ = [
@@ -30,8 +32,14 @@ __all__ = [
     "equilibrium_over_arrays", "link_motion", "load_plugin_file", "over_arrays",
 ]  # fmt: skip
 
-COMPARABLE = (*DIRECT, *DERIVED)
-"""Quantities that a simulation can give."""
+SOURCES = ("link_position", "motor_1_position", "motor_2_position")
+"""Quantities of which others are made."""
+DERIVED = ("equilibrium_position", "deflection")
+"""Quantities of motor positions."""
+COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
+"""Quantities that a sensor can measure, and a simulation give."""
+OFTEN = 10**7
+"""Substeps that the simulations of one fit come to at least: compiling pays."""
 ENGINES_KEPT = 3
 """Numbers of substeps whose engines are kept: fits go to and fro between two."""
 LONG = 12.0
@@ -72,18 +80,21 @@ class Door:
         """Whether the number of substeps is asrsim's choice."""
         self.exact_in_time = not self._prepared.stepping.released
         """Whether finer substeps come nearer to the truth: the released code has steps of its own."""
-        self._evaluations: dict[Substeps, Evaluation] = {}
+        self._made: dict[Substeps, Worlds] = {}
         self.pool: Pool | None = None
 
-    def _evaluation(self, substeps: Substeps) -> Evaluation:
-        found = self._evaluations.pop(substeps, None)
+    def _worlds(self, substeps: Substeps) -> Worlds:
+        found = self._made.pop(substeps, None)
         if found is None:
             own = substeps == self.substeps
             scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
-            found = Evaluation(self._prepared if own else prepare(scenario, self.given))
-        while len(self._evaluations) >= ENGINES_KEPT:
-            self._evaluations.pop(next(iter(self._evaluations))).close()
-        self._evaluations[substeps] = found
+            prepared = self._prepared if own else prepare(scenario, self.given)
+            found = Worlds(
+                prepared, 1, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False, expected_substeps=OFTEN
+            )
+        while len(self._made) >= ENGINES_KEPT:
+            self._made.pop(next(iter(self._made))).close()
+        self._made[substeps] = found
         return found
 
     def rollout(
@@ -98,18 +109,43 @@ class Door:
             if found is not None:
                 yield from found
                 return
-        evaluation = self._evaluation(substeps)
         for world in worlds:
             began = clock.perf_counter()
-            try:
-                yield evaluation.run(
-                    world.parameters, names, steps=steps, references=world.references, positions=world.positions,
-                    velocities=world.velocities, motors=world.motors,
-                )  # fmt: skip
-            except (DivergenceError, RobotError):
-                yield None
+            yield self._run(names, world, steps, substeps)
             if self.pool is not None:
                 self.pool.seconds += clock.perf_counter() - began
+
+    def _run(self, names: Sequence[tuple[int, str]], world: World, steps: int | None, substeps: Substeps) -> Array | None:
+        made = self._worlds(substeps)
+        wanted = {SOURCES[0], *(name for _, name in names)}
+        wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
+        quantities = [name for name in made.selection.names if name in wanted]
+        start = Start(
+            parameters=world.parameters, references=world.references, motors=world.motors,
+            # A recording may begin a hair beyond a stop.
+            positions={
+                drive.name: min(max(q, drive.joint.stops[0]), drive.joint.stops[1])
+                for drive, q in zip(self.drives, world.positions, strict=True)
+            },
+            velocities=dict(zip(self.joints, world.velocities, strict=True)),
+        )  # fmt: skip
+        try:
+            found = made.rollout(quantities, start=start, steps=steps)
+        except RobotError:
+            return None
+        if not made.healthy[0]:
+            return None
+        return np.stack([self._channel(found, joint, name) for joint, name in names])
+
+    def _channel(self, found: Mapping[str, Array], joint: int, name: str) -> Array:
+        """(rows,) of one quantity of a joint; NaN where no joint records it."""
+        missing = np.full(next(iter(found.values())).shape[1], np.nan)
+        own = {source: found[source][0, :, joint] if source in found else missing for source in (*SOURCES, name)}
+        if name not in DERIVED:
+            return own[name]
+        actuator, (position, first, second) = self.drives[joint].actuator, (own[source] for source in SOURCES)
+        rest = first if actuator is None else equilibrium_over_arrays(actuator)(first, second)
+        return np.asarray(rest - position if name == "deflection" else rest)
 
     def varied(self, parameters: Numbers) -> Prepared:
         """Its `drives` and its `robot` are those with other numbers. Raises RobotError."""
@@ -122,15 +158,15 @@ class Door:
 
     def inverse_dynamics(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
         """(rows, joints) torques of inertia, gravity and Coriolis forces along a motion."""
-        model = self._evaluation(self.substeps).engine_of(robot).model
+        model = self._worlds(self.substeps).model_of(robot)
         assert model is not None  # links that nothing prescribes have dynamics
         return np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
 
     def close(self) -> None:
         """Release the engines."""
-        for one in self._evaluations.values():
+        for one in self._made.values():
             one.close()
-        self._evaluations.clear()
+        self._made.clear()
 
 
 def _substeps(prepared: Prepared) -> Substeps:

@@ -50,15 +50,16 @@ def equilibrium_for_load(
     under their load. guess: an equilibrium nearby, which saves time. Raises LoadError where the springs or the motors
     cannot hold the load.
     """
-    law, spring = drive.actuator.elastic_torques, drive.elastic
+    law: Any = drive.actuator.elastic_torques
+    spring = drive.elastic
 
-    def motors(equilibrium: float) -> tuple[float, float]:
+    def motors(equilibrium: float) -> tuple[float, ...]:
         references = drive.actuator.motor_references(equilibrium, preset)
         return resting_motors(drive, position, references, limited=False) if droop else references
 
     def surplus(equilibrium: float) -> float:
         try:
-            return sum(law(position, *motors(equilibrium), spring)) - load
+            return float(sum(law(position, *motors(equilibrium), spring)) - load)
         except OverflowError:
             return math.copysign(math.inf, equilibrium - position)
 

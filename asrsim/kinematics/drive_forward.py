@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.motor import motor_kick
 from asrsim.actuators.vectorised import over_arrays, references_over_arrays
 from asrsim.samples import Array
 
@@ -17,7 +18,7 @@ LONGEST = 2.5e-3
 class Start(NamedTuple):
     """Where two motors are at the start; with one motor the second entries are not used."""
 
-    positions: tuple[float, float]
+    positions: tuple[float, ...]
     """rad."""
     velocities: tuple[float, float] = (0.0, 0.0)
     """rad/s."""
@@ -57,11 +58,8 @@ def link_torque(drive: Drive, position: Array, velocity: Array, motors: Array, i
 def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[float]], start: Start) -> Array:
     """Drift - kick - drift, as the simulation's motors."""
     drive = drive.without_friction()
-    law, elastic, kick, half = drive.actuator.elastic_torques, drive.elastic, drive.motor_kick, 0.5 * step
-    motors = [
-        (drive.motor_coefficients(i + 1, step=step, implicitness=0.5), drive.values[f"motor_{i + 1}_max_velocity"])
-        for i in range(drive.dynamic_motors)
-    ]
+    law, elastic, half = drive.actuator.elastic_torques, drive.elastic, 0.5 * step
+    motors = list(zip(map(drive.motor_numbers, range(1, drive.dynamic_motors + 1)), drive.max_velocity, strict=True))
     places, rates = [*start.positions], [*start.velocities]
     units = [electric.gain or 1.0 for electric in drive.electric]
     sums = [torque / unit for torque, unit in zip(start.integrals or (0.0, 0.0), units, strict=False)]
@@ -72,8 +70,8 @@ def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[
         found.append(tuple(places))
         middle = places[0] + half * rates[0], places[1] + half * rates[1]
         torques = law(q, *middle, elastic)
-        for i, (coefficients, most) in enumerate(motors):
-            how = (wanted[i], torques[i], -most, most, coefficients)
-            rates[i], _, _, sums[i], _, _ = kick(middle[i], rates[i], 0.0, sums[i], *how)
+        for i, (numbers, most) in enumerate(motors):
+            how = (wanted[i], torques[i], -most, most, step, 0.5, numbers)
+            rates[i], _, _, sums[i], _, _ = motor_kick(middle[i], rates[i], 0.0, sums[i], *how)
             places[i] = middle[i] + half * rates[i]
     return np.array(found)

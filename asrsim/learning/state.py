@@ -8,6 +8,7 @@ import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -75,10 +76,16 @@ def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     """What a state holds, checked: its head, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
     try:
+        with ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+        if size > path.stat().st_size:
+            raise _no_state(path, f"it would unpack to {size / 2**20:.3g} MiB, and states are not compressed")
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
         # A damaged file fails in the zip reader, in NumPy or in JSON, each with errors of its own.
+    except InputError:
+        raise
     except Exception as error:
         raise _no_state(path, str(error) or type(error).__name__) from error
     if wrong := misfit(head, {"scenario_path": str, "variant": str, "trials": [object], "*": object}):

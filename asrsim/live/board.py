@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.vectorised import over_arrays
 from asrsim.live.transport import Outlet
 from asrsim.log.cdr import CdrBuilder, Column
 from asrsim.log.frames import FrameMessages
@@ -21,19 +20,13 @@ from asrsim.log.topics import (
     topic_paths,
 )
 from asrsim.samples import Array, JointInfo, RunInfo, Samples
-from asrsim.simulation.groups import spring_groups
-from asrsim.simulation.recorder import COLUMN, DIRECT
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.substep import RAW
 
 APPLIED = "applied"
 """Part of the names of topics that tell which reference is in force: the toolbox's own names are for setting it."""
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
 """Ending of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
-
-_FOUND = ("reference_1", "reference_2", "external_torque", "link_velocity", "stiffness")
-"""Quantities that are not in the raw record."""
 
 
 class Board:
@@ -61,15 +54,9 @@ class Board:
             outlets.append(Outlet("/tf_static", self._frames.static_topic.message, latched=True))
             latched[outlets[-1].name] = self._frames.static
         self.outlets, self.latched = tuple(outlets), latched
-        self._groups = [
-            (group, over_arrays(group.actuator.stiffness), group.elastic) for group in spring_groups(simulation.prepared.drives)
-        ]
-        record = len(self._joints) * len(RAW)
-        self._table = np.full(record + len(_FOUND) * len(self._joints) + 1, np.nan)
-        """Numbers of a step: the raw record (joints, columns), the quantities of `_FOUND` (5, joints), and a NaN."""
-        self._record, self._found = self._table[:record], self._table[record:-1].reshape(len(_FOUND), -1)
-        self._filled = record + _FOUND.index("stiffness") * len(self._joints)
-        self._positions = [COLUMN[name] for name in ("link_position", "position_1", "position_2")]
+        self._quantities = tuple(dict.fromkeys(name for joint in info.joints for name in joint.quantities))
+        self._table = np.full(len(self._quantities) * len(self._joints) + 1, np.nan)
+        """Numbers of a step: quantities (of each joint), and a NaN."""
         self._encoder = _Encoder(topics, self._place)
         self._wanted: Sequence[Sequence[bool]] = ()
 
@@ -78,9 +65,7 @@ class Board:
         j = self._joints.index(joint)
         if quantity not in self._known[joint]:
             return len(self._table) - 1
-        if quantity in DIRECT:
-            return j * len(RAW) + COLUMN[DIRECT[quantity]]
-        return len(self._record) + _FOUND.index(quantity) * len(self._joints) + j
+        return self._quantities.index(quantity) * len(self._joints) + j
 
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
         """Of the outlets that are not latched, in their order, empty where nobody wants one or it is not due.
@@ -103,7 +88,7 @@ class Board:
         """The frames' message."""
         if self._frames is None:
             return b""
-        position = self._record.reshape(1, len(self._joints), -1)[:, :, COLUMN["link_position"]]
+        position = self._table[:-1].reshape(len(self._quantities), -1)[None, self._quantities.index("link_position")]
         samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position})
         return self._frames.messages(samples)[0][1]
 
@@ -113,20 +98,9 @@ class Board:
             self._frames.rewind()
 
     def _fill(self) -> None:
-        """The table, as the log will have its numbers: the last substep completed by the velocity after it."""
-        simulation = self._simulation
-        if simulation.row is None:
-            raise RuntimeError("nothing has been simulated yet")
-        raw, inputs = simulation.row
-        np.concatenate((raw, *inputs, raw[:, COLUMN["engine_velocity"]]), axis=None, out=self._table[: self._filled])
-        if simulation.prepared.stepping.staggered and simulation.substep > 1:
-            velocity = self._found[_FOUND.index("link_velocity")]
-            velocity += simulation.engine.read()[1]
-            velocity *= 0.5
-        if "stiffness" in self._encoder.wanted:
-            for group, law, elastic in self._groups:
-                positions = (raw[group.pick, place, None] for place in self._positions)
-                self._found[-1, group.pick] = law(*positions, elastic)[:, 0]
+        """The table, as the log will have its numbers."""
+        found = self._simulation.read(self._quantities)
+        np.concatenate(list(found.values()), out=self._table[:-1])
 
 
 class _Encoder:
@@ -183,7 +157,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
 
     yield Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build())
     for topic in robot_topics(joints):
-        if topic.name == TIME_TOPIC or topic.message == "asrsim_msgs/JointDetails" or _users(topic):
+        if topic.name == TIME_TOPIC or topic.message == "asrsim_msgs/JointDetails":
             continue
         if topic.name in settable:
             path, _, name = topic.name.rpartition("/")
@@ -205,12 +179,6 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
         builder.float64s([*of(driven, name), *(None for _ in preset)])
     if driven:
         yield Topic(name=f"{CONTROL}/joint_states", message="sensor_msgs/JointState", template=builder.build())
-
-
-def _users(topic: Topic) -> bool:
-    """Whether its number is a quantity of a user's own, which the recorder works out later."""
-    wanted = {*DIRECT, *_FOUND}
-    return any(column.name not in wanted for _, column in topic.template.floats)
 
 
 def _named(topic: Topic, prefix: str) -> Topic:

@@ -19,7 +19,6 @@ from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, RunInfo, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.recording import Recording
 from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary, make_summary
@@ -28,8 +27,8 @@ from asrsim.summary import Collector, RunSummary, make_summary
 class Episode:
     """A sink of the simulation: samples go to the log that is open.
 
-    To make samples of what was stepped, to write them, and to close a chunk with them takes up to a millisecond each: they are
-    jobs, of which a tick that has the time does one. A thread would hold Python's lock in the midst of a tick.
+    To write samples and to close a chunk with them takes up to a millisecond each: they are jobs, of which a tick that has
+    the time does one. A thread would hold Python's lock in the midst of a tick.
     """
 
     def __init__(self, scenario: Scenario, info: RunInfo) -> None:
@@ -56,10 +55,6 @@ class Episode:
             files.close()
             raise
         self._files = files
-
-    def attend(self, recording: Recording) -> None:
-        """Take what the recording's simulation steps."""
-        recording.taker = lambda part: self.jobs.append(partial(recording.evaluate, part))
 
     def write(self, samples: Samples) -> None:
         """From the recording."""

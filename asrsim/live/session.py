@@ -72,7 +72,6 @@ class Session:
             prepared, sinks=[self.episode], duration=settings.duration or FOREVER,
             chunk=max(1, round(BATCH / step)) * substeps, expected_substeps=10**6,
         )  # fmt: skip
-        self.episode.attend(self.simulation.recording)
         ranges = ranges_of(prepared)
         self.board = Board(self.simulation, prepared.info, namespace=settings.namespace)
         self.gate = Gate(prepared.info.joints, ranges, prefix=self.board.prefix)
@@ -205,9 +204,9 @@ class Session:
     def _advance(self, steps: int) -> None:
         """Go on by whole steps, to one substep beyond: with it the whole step's record is complete."""
         before = self._steps_done
-        while self._steps_done < before + steps or self.simulation.row is None:
+        while self._steps_done < before + steps or self.simulation.substep == 0:
             due = (self._steps_done // self._publish_steps + 1) * self._publish_steps
-            wanted = 0 if self.simulation.row is None else min(before + steps, due)
+            wanted = 0 if self.simulation.substep == 0 else min(before + steps, due)
             self.simulation.advance_to(wanted * self.simulation.substeps + 1)
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
@@ -252,8 +251,6 @@ class Session:
     def _close(self, wall: float, error: DivergenceError | None) -> RunSummary:
         if error is None:
             try:
-                # The last sample said is complete two substeps on.
-                self.simulation.advance_to(self.simulation.substep + 2)
                 self.simulation.flush()
             except DivergenceError as caught:
                 error = caught

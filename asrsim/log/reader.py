@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from mcap.exceptions import McapError
 
-from asrsim.errors import LogError, Problem, did_you_mean
+from asrsim.errors import LogError, Problem
 from asrsim.log.cdr import Column
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
@@ -189,7 +189,7 @@ class LogReader:
                 file=self.path,
                 key=key,
                 choices=choices,
-                hint=did_you_mean(name, choices),
+                meant=name,
                 code=f"unknown-{noun}",
             )
             for noun, key, asked, choices in (

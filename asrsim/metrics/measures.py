@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem
 from asrsim.metrics import difference, motion, oscillation, response, ringing, step, values
 from asrsim.registry import Registry
 from asrsim.samples import Array
@@ -141,7 +141,7 @@ def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
     choices = (*known, "start", "end")
     problems = [
         Problem("is not an option of this measure", key=f"{found.name}.{name}", choices=choices,
-                hint=did_you_mean(name, choices), code="unknown-option")
+                meant=name, code="unknown-option")
         for name in options if name not in known
     ]  # fmt: skip
     problems += [

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import LogError, Problem, did_you_mean
+from asrsim.errors import LogError, Problem
 from asrsim.log import LogReader, open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.plots.decimate import BINS, Envelope
@@ -192,7 +192,7 @@ def _members(reader: LogReader, asked: Sequence[str] | None) -> tuple[JointInfo,
     if unknown:
         raise LogError(
             Problem(f"the log has no joint '{name}'", file=reader.path, key="joint", choices=tuple(by_name),
-                    hint=did_you_mean(name, tuple(by_name)), code="unknown-joint")
+                    meant=name, code="unknown-joint")
             for name in unknown
         )  # fmt: skip
     return reader.info.joints if asked is None else tuple(by_name[name] for name in dict.fromkeys(asked))
@@ -207,7 +207,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str]
     if unknown:
         raise LogError(
             Problem(f"the log has no quantity '{name}'", file=reader.path, key="quantity", choices=choices,
-                    hint=did_you_mean(name, choices), code="unknown-quantity")
+                    meant=name, code="unknown-quantity")
             for name in unknown
         )  # fmt: skip
     return tuple(dict.fromkeys(asked))

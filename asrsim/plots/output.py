@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem
 from asrsim.outfile import written
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
     if unknown:
         raise InputError(
             Problem(f"no picture format is called '{name}'", key="format", choices=FORMATS,
-                    hint=did_you_mean(name, FORMATS), code="unknown-format")
+                    meant=name, code="unknown-format")
             for name in unknown
         )  # fmt: skip
     return tuple(dict.fromkeys(formats))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, RecordingError, did_you_mean
+from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
 from asrsim.log.derived import DERIVED_SOURCES
 from asrsim.metrics import MetricRow
@@ -73,9 +73,8 @@ def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int 
         variant, equals, name = text.partition("=")
         if equals and variant and not Path(text).exists():
             if variant not in labels:
-                hint = did_you_mean(variant, tuple(labels))
                 message = f"no log is labelled '{variant}'"
-                problem = Problem(message, key="experiment", choices=tuple(labels), hint=hint, code="unknown-variant")
+                problem = Problem(message, key="experiment", choices=tuple(labels), meant=variant, code="unknown-variant")
                 raise InputError(problem)
             chosen.append((Path(name), labels.index(variant), False))
             continue

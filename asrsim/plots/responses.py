@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.errors import InputError, LogError, Problem, RecordingError, did_you_mean
+from asrsim.errors import InputError, LogError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
@@ -190,7 +190,7 @@ def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
             if value is not None and value not in choices:
                 problems.append(
                     Problem(f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices,
-                            hint=did_you_mean(value, choices), code=f"unknown-{kind}")
+                            meant=value, code=f"unknown-{kind}")
                 )  # fmt: skip
     if problems:
         raise LogError(problems)

@@ -161,6 +161,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
 def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
     """The meaning where a name of a joint stands before the quantity."""
     called = find_joint(name, joints or ())[0] or _called(re.split("[./]", name)[-1])
+    within = [joint for joint in joints or () if {*tokens_of(called)} <= {*tokens_of(joint)}]
+    called = within[0] if len(within) == 1 else called  # elbow of elbow_joint
     place = re.fullmatch(r"(?:joint|axis|j)[_ ]?(\d+)", called)
     if place is None or not joints or called in joints:
         return _fitting(called, quantity, unit)

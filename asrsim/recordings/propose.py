@@ -38,10 +38,10 @@ def propose(
     if rate is not None:
         lines.append(f"time: {{rate: {rate:g}}}".ljust(40) + "# Hz, as stated")
     elif clock := part.series[0].clock:
-        doubt = next((one.message for one in recording.findings if one.code in ("time-unit-assumed", "time-guessed")), "")
+        doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
         lines.append(f"time: {clock}".ljust(40) + (f"# ? {doubt}" if doubt else "# its name and unit"))
     used = [column for column in recording.channels.values() if column.quantity]
-    marks = [one for one in recording.findings if one.code == "missing-mark"]
+    marks = [one for one in recording.findings if isinstance(one.value, float)]
     lines += [f"# missing: {one.value:g}".ljust(40) + f"# ? {one.key}: {one.message}" for one in marks]
     lines += ["map:" if used else "map: {}", *(_line(column, part.reading.maps) for column in used)]
     lines += _questions(recording)
@@ -70,7 +70,7 @@ def _questions(recording: Recording) -> list[str]:
         column.source for column in recording.channels.values() if not column.quantity and not column.origin.startswith("asked")
     ]
     lines += [f"# not used: {', '.join(others)}"] if others else []
-    odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key and problem.code != "asked"]
+    odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
     return [*lines, *(["# odd about the file:", *odd] if odd else [])]
 
 

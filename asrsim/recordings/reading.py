@@ -8,12 +8,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Unpack
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
 from asrsim.document.kinds import NUMBER, Choice, Integer, Number, Optional, Text
-from asrsim.errors import InputError, Problem, RecordingError, did_you_mean
+from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.recordings.names import ALIASES, KNOWN
 from asrsim.recordings.units import Unit, find_unit, parse_unit
 
@@ -190,7 +191,7 @@ def load_reading(path: Path) -> Reading:
     try:
         found = read_file(READING, path)
     except InputError as error:
-        old = any(problem.key == "columns" and problem.code == "unknown-key" for problem in error.problems)
+        old = any(problem.key == "columns" for problem in error.problems)
         hint = "In asrsim 0.2 they stood under 'columns', beside what was guessed: list all that are used under 'map'"
         raise RecordingError(
             [replace(one, hint=hint) if old and one.key == "columns" else one for one in error.problems]
@@ -287,10 +288,10 @@ def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
     quantity = ALIASES.get(name, name)
     if quantity not in KNOWN:
         choices = (*KNOWN, *ALIASES)
-        raise _error(column, f"no quantity is called '{name}'", choices=choices, hint=did_you_mean(name, choices))
+        raise _error(column, f"no quantity is called '{name}'", choices=choices, meant=name)
     return ColumnMap(column=column, joint=joint, quantity=quantity, unit=unit, scale=scale, offset=offset, zero=zero,
                      unwrapped=unwrapped, origin=origin)  # fmt: skip
 
 
-def _error(key: str, message: str, *, choices: tuple[str, ...] = (), hint: str | None = None) -> RecordingError:
-    return RecordingError(message, key=key, choices=choices, hint=hint, code="bad-mapping")
+def _error(key: str, message: str, **details: Unpack[Details]) -> RecordingError:
+    return RecordingError(message, key=key, code="bad-mapping", **details)

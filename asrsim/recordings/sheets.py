@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, did_you_mean, listed
+from asrsim.errors import Problem, RecordingError, listed
 from asrsim.extras import library
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
@@ -26,8 +26,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
 
     book = CalamineWorkbook.from_path(path)
     if reading.sheet is not None and reading.sheet not in book.sheet_names:
-        hint = did_you_mean(reading.sheet, book.sheet_names)
-        raise RecordingError("there is no such sheet", key=reading.sheet, choices=tuple(book.sheet_names), hint=hint)
+        raise RecordingError("there is no such sheet", key=reading.sheet, choices=tuple(book.sheet_names), meant=reading.sheet)
     names = book.sheet_names if reading.sheet is None else [reading.sheet]
     tables = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in names}
     full = [name for name, rows in tables.items() if sum(any(isinstance(cell, float) for cell in row) for row in rows) > 1]

@@ -222,7 +222,7 @@ def content_of_table(
     findings = [*faults.problems(layout, len(values))]
     if layout.skipped:
         said = f"passed over above the numbers: lines {listed(layout.skipped, 8)}"
-        findings.append(Problem(said, line=layout.skipped[0], code="preamble"))
+        findings.append(Problem(said, code="preamble"))
     if layout.header_line is None:
         said, hint = "has no header; columns are called column_1, column_2, ...", "Name them with --map 2=joint_1.link_position"
         findings.append(Problem(said, hint=hint, code="no-header"))

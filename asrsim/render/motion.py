@@ -129,7 +129,7 @@ class Film:
             scenario, robot = restore(info, Path(folder))
             shown = drawable(robot, scenario.package_paths)
             scene = Scene(shown.robot, scenario)
-        missing = [str(warning) for warning in shown.warnings if warning.code == "missing-visual-mesh"]
+        missing = [str(warning) for warning in shown.warnings if warning.key is None]  # of pictures, not of collisions
         return scene, (*missing, *shown.notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:

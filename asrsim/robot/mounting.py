@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.detailed_motor import missing_constants
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_parameter
@@ -81,7 +81,7 @@ def mounted(
     problems += [
         Problem(
             "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
-            hint=did_you_mean(kind, kinds), code="unknown-actuator",
+            meant=kind, code="unknown-actuator",
         )
         for name, (kind, _) in types.items()
         if kind not in kinds

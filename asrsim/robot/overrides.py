@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.errors import Problem, ScenarioError
 from asrsim.robot.blocks import MODE_CHOICES, default_value
 from asrsim.robot.model import UNREAD, ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_name, tag_parameters
@@ -48,7 +48,7 @@ def overridden(
                 "no actuator is on this joint",
                 key=f"{section}.{joint}",
                 choices=joints,
-                hint=did_you_mean(joint, joints),
+                meant=joint,
                 code="unknown-joint",
             )
             for joint in keys
@@ -142,4 +142,4 @@ def _names(block: ActuatorBlock) -> set[str]:
 
 def _unknown(place: str, key: str, known: set[str]) -> Problem:
     names = tuple(sorted(known))
-    return Problem("no such parameter", key=place, hint=did_you_mean(key, names), choices=names, code="unknown-parameter")
+    return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")

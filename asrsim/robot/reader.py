@@ -105,7 +105,7 @@ def _read(root: Any, data: bytes, path: Path, line: Line, earlier: tuple[Problem
         faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
         return replace(robot, warnings=tuple(findings.warnings), faults=faults)
     check_sanity(findings, robot)
-    if not blocks and robot.moving_joints and not any(problem.code == "foreign-dialect" for problem in findings.warnings):
+    if not blocks and robot.moving_joints:
         findings.warn(
             "no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name,
             hint="`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint",

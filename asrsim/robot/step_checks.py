@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.electric import electric_of
 from asrsim.errors import Problem
 from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.model import ActuatorBlock, Joint, Robot

@@ -98,7 +98,7 @@ class StructureReader(InertialReader):
             self.findings.error(
                 "joint type is unknown" if kind else "joint has no type",
                 code="joint-type", line=line, key=name, value=kind or None, choices=JOINT_KINDS,
-                hint=did_you_mean(kind, JOINT_KINDS),
+                meant=kind,
             )  # fmt: skip
             kind = "continuous"
         parent = self._end(element, "parent", name, links)

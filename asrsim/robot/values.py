@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
-from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem
 from asrsim.robot.attributes import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock

@@ -124,7 +124,7 @@ def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str =
         f"the robot has no {kind}{noun} '{name}'",
         key=key,
         choices=known,
-        hint=did_you_mean(name, known),
+        meant=name,
         code=f"unknown-{noun}",
     )
 

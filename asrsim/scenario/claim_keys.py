@@ -12,7 +12,7 @@ from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, NUMBER, Choice, File, Kind, Optional, Schema, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.errors import ScenarioError
 from asrsim.scenario.choices import engines
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
@@ -71,8 +71,7 @@ class Expectation:
         known = (*QUANTITIES, *DERIVED)
         for key, name in (("quantity", self.quantity), ("reference", self.reference)):
             if self.joint is not None and name is not None and name not in known:
-                hint = did_you_mean(name, known)
-                raise ScenarioError("no such quantity", key=key, choices=known, hint=hint, code="unknown-quantity")
+                raise ScenarioError("no such quantity", key=key, choices=known, meant=name, code="unknown-quantity")
         if self.reference is not None and (self.body is not None or self.against is not None):
             raise ScenarioError("goes with a joint, and without `against`", key="reference", code="expect")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.detailed_motor import electric_of
+from asrsim.actuators.electric import electric_of
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
 from asrsim.errors import OutputError, Problem, RobotError, ScenarioError
 from asrsim.outfile import check_output, make_folder, write_text
@@ -383,14 +383,19 @@ def write_starter(
         starter, found = (starter, found) if held.proposal else (firm, held)
         starter = replace(starter, proposal=found.proposal)
     mount = shlex.join(["asrsim", "init", str(robot), "--actuator", "qbmove", "--out", str(out), "--overwrite"])
-    idle = (replace(one, hint=f"Put some on: {mount}") for one in loaded.warnings if one.code == "no-actuators" and not given)
+    idle = (
+        replace(one, hint=f"Put some on: {mount}")
+        for one in loaded.warnings
+        if one.key == loaded.name and not (loaded.actuators or given)
+    )
     if given:
         starter = _sized(starter, steadying(_first(starter, loaded, out.parent), starter.robot))
     lasts, damped = calming(_first(starter, loaded, out.parent), starter.robot)
     damped = {joint: keys for joint, keys in damped.items() if not given or joint in starter.given}
     starter = replace(starter, damped=damped, hangs=_hangs(starter, found))
     text = starter_text(starter)
-    locked = (one for one in loaded.warnings if one.code == "locked-joint")
+    still = {joint.name for joint in loaded.joints if not joint.moves}
+    locked = (one for one in loaded.warnings if one.key in still)
     notes = (*idle, *locked, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
     beside = schema_beside(out) if schema else None
     check_output(out, "schema", inputs=[robot], replace=True)

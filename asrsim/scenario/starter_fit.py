@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.detailed_motor import NEEDED
+from asrsim.actuators.electric import NEEDED
 from asrsim.actuators.user import command_line
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.scenario.starter import word

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.detailed_motor import missing_constants
+from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.user import command_line
 from asrsim.errors import InputError, RecordingError, listed
 from asrsim.quantities import is_comparable
@@ -129,8 +129,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
     }
     _require_units(robot, recording, columns)
-    if not any(problem.code == "unstated-unit" for problem in recording.findings):
-        remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
+    remarks += filter(None, (beyond_stops(c, joint, robot.joint(joint).stops) for (joint, _), c in columns.items()))
     lag, end = _span(columns)
     modes: dict[str, int] = {}
     played: list[Played] = []

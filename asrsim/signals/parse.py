@@ -8,7 +8,7 @@ from asrsim.document.block import Block, declared_keys
 from asrsim.document.kinds import Kind, Schema, attempt
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import KeyPath, Reading
-from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.errors import ScenarioError
 from asrsim.signals.base import Signal
 
 FORM = "a number, or a mapping with one key, the kind of signal"
@@ -45,7 +45,7 @@ class SignalKind(Kind[Signal]):
                 f"no signal is called '{kind}'",
                 line=node.key_line(kind),
                 choices=SIGNALS.names(),
-                hint=did_you_mean(_OTHER_WORDS.get(kind.lower(), kind), SIGNALS.names()),
+                meant=_OTHER_WORDS.get(kind.lower(), kind),
                 code="unknown-signal",
                 show=False,
             )

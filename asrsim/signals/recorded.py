@@ -35,7 +35,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     table = next((one for one in content.tables if find_raw(column, one.columns) is not None), content.tables[0])
     values = table.columns[_find(path, table, column, "column")]
     seconds, clock = _times(path, table, time_column, reading)
-    problems = [finding for finding in content.findings if finding.code in ("ragged-row", "repeated-header")]
+    problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # rows left out
     for one in ([clock] if clock is not None and clock is not values else []) + [values]:
         problems += _gaps(path, table, one)
     finite = np.flatnonzero(np.isfinite(seconds))
@@ -70,8 +70,9 @@ def read_topic(path: Path, topic: str, field: str, *, header_time: bool) -> tupl
     tables = [table for table in content.tables if table.name == topic]
     if not tables:
         known = content.topics or tuple(table.name for table in content.tables)
-        hint = did_you_mean(topic, known)
-        raise RecordingError(f"there is no topic '{topic}'", file=path, key="topic", choices=known, hint=hint, code="no-topic")
+        raise RecordingError(
+            f"there is no topic '{topic}'", file=path, key="topic", choices=known, meant=topic, code="no-topic"
+        )
     fields = {
         column.name.removeprefix(topic).lstrip("/") or "data": (column, table) for table in tables for column in table.columns
     }
@@ -145,7 +146,7 @@ def _find(path: Path, table: RawTable, wanted: str, key: str) -> int:
         return index
     names = tuple(split_header(column.name)[0] for column in table.columns)
     message = f"there is no column '{wanted}' of numbers"
-    raise RecordingError(message, file=path, key=key, choices=names, hint=did_you_mean(wanted, names), code="no-column")
+    raise RecordingError(message, file=path, key=key, choices=names, meant=wanted, code="no-column")
 
 
 def _line(table: RawTable, row: int) -> int | None:

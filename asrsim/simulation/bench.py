@@ -18,6 +18,25 @@ from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, make_drives
+from asrsim.simulation.joint import advance, remember_springs
+from asrsim.simulation.laws import plain_laws
+from asrsim.simulation.layout import (
+    DRIVE_TORQUE,
+    JOINT_STEP,
+    KICK_POSITION,
+    LAGGING,
+    LOAD,
+    MEAN_VELOCITY,
+    MOTOR_POSITION,
+    OWN,
+    P_LEVEL,
+    PER_MOTOR,
+    POSITION,
+    SPRING_LAW,
+    STATE_LAW,
+    TORQUE,
+)  # fmt: skip
+from asrsim.simulation.rows import positions_of, shape_of, start_of, tables
 from asrsim.simulation.steppings import STEPPINGS
 
 OUTPUTS = (
@@ -85,44 +104,59 @@ def _simplest(step: float, rounding: float) -> float:
 
 
 def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, resting: bool) -> dict[str, Array]:
-    constants: dict[float, Any] = {}
-    half = drive.constants(0.5 * steps[0]) if resting else None
-    look = drive.constants(0.0) if resting else None
-    state: Any = drive.initial_state
-    advance = drive.advance
+    shape = shape_of([drive], [None])
+    kinds, constants = tables([drive], [None], shape, motor_substeps=1, cutoff=False)
+    k: list[Any] = kinds[0].tolist()
+    p = constants[0].tolist()
+    if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
+        actuator: Any = drive.actuator
+        k[SPRING_LAW], k[STATE_LAW] = plain_laws(actuator, positions_of(drive))
+    if drive.stepping.joint_step is not None:
+        k[JOINT_STEP] = drive.stepping.joint_step
+    s = start_of(drive, None, shape, drive.initial_position, 0.0)
+    references = np.zeros((max(shape.motors, 2), len(motion.position)))
+    references[0], references[1] = motion.reference_1, motion.reference_2
+    columns = (motion.position, motion.velocity, motion.reference_1, motion.reference_2)
+    goals = drive.goals(references).T.tolist()
     rows = []
-    references = (motion.reference_1, motion.reference_2)
-    columns = (motion.position, motion.velocity, *references, *drive.goals(*references))
-    for row, (step, q, v, r_1, r_2, goal_1, goal_2) in enumerate(zip(steps, *(c.tolist() for c in columns), strict=True)):
-        if step not in constants:
-            constants[step] = drive.constants(step)
-        before = state
-        try:
-            if resting and row == 0:
-                torque, _, record = advance(before, look, q, v, goal_1, goal_2)
-                _, state, _ = advance(before, half, q, v, goal_1, goal_2)
-            else:
-                torque, state, record = advance(state, constants[step], q, v, goal_1, goal_2)
-        except (ZeroDivisionError, OverflowError) as error:
+    for row, (step, q, v, r_1, r_2) in enumerate(zip(steps, *(column.tolist() for column in columns), strict=True)):
+        s[POSITION], s[LAGGING] = q, v
+        u = [0.0, *goals[row]]
+        z = (step, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
+        before = [s[OWN + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
+        if resting and row == 0:
+            # What is shown is the state at rest; half a step brings the motors' velocities to where they live.
+            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
+            torque, shown = s[TORQUE], list(s)
+            advance(s, p, k, z, u, 0.5 * step, 0)
+        else:
+            advance(s, p, k, z, u, step, DRIVE_TORQUE)
+            torque, shown = s[TORQUE], s
+        if p[P_LEVEL] > 0.0:
+            remember_springs(s, p, k)
+        if not math.isfinite(torque):
             raise SimulationError(
                 f"joint '{drive.name}', row {row + 1}: the law has no finite value at q = {q:g}, references {r_1:g} and {r_2:g}"
-            ) from error
-        torque -= drive.link_brake * v
-        rows.append((q, v, r_1, r_2, torque, *_outputs(drive, q, before, record)))
+            )
+        rows.append((q, v, r_1, r_2, torque - drive.link_brake * v, *_outputs(drive, q, before, shown)))
     table = np.array(rows, dtype=float).reshape(len(rows), len(OUTPUTS))
     return {name: table[:, index] for index, name in enumerate(OUTPUTS)}
 
 
-def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], record: Sequence[float]) -> tuple[float, ...]:
+def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence[float]) -> tuple[float, ...]:
     """Torques, stiffness and motors of one row, as the released code publishes them where it does."""
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return (math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    torque_1, torque_2, x, v_x, drive_x, _, y, v_y, drive_y, _ = record
+    torque_1, torque_2 = (s[OWN + i * PER_MOTOR + LOAD] for i in range(2))
+    x, v_x, drive_x, y, v_y, drive_y = (
+        s[OWN + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
+    )
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.
-    motors = (before[0], before[4]) if released and mode.number == 4 else (x, y)
-    stiffness = actuator.stiffness(q, *motors, drive.elastic)
+    motors = before if released and mode.number == 4 else (x, y)
+    law: Any = actuator.stiffness
+    stiffness = law(q, *motors, drive.elastic)
     if released and not mode.motor:
         x = y = 0.0
     if not released and actuator.motors == 1 and not actuator.adjuster:

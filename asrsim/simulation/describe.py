@@ -9,7 +9,7 @@ from asrsim.robot.poses import quaternion
 from asrsim.samples import Frame, JointInfo, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.recorder import has_second_reference, recorded_quantities
+from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
 
@@ -27,7 +27,9 @@ def describe(
             actuator=drive.actuator.name if drive.actuator else "rigid",
             mode=drive.mode.number if drive.mode else None,
             namespace=drive.block.namespace if drive.block else "",
-            motors=0 if not drive.mode or not drive.mode.spring else (2 if has_second_reference(drive) else 1),
+            motors=drive.actuator.motors + drive.actuator.adjuster
+            if drive.actuator and drive.mode and drive.mode.spring
+            else 0,
             prismatic=drive.joint.kind == "prismatic",
             quantities=recorded_quantities(drive),
         )

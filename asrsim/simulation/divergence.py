@@ -7,43 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.recorder import COLUMN
-from asrsim.simulation.substep import RAW
+from asrsim.simulation.layout import EXCESS, GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
+from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.substeps import COARSE
 
-SHARE = 0.5
-"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
 FLOOR = 5e-3
 """J below which energy is not checked."""
-FASTEST = 1e4
-"""rad/s (m/s) that no spring or motor of a robot gives."""
-
-
-def not_finite(raw: Array) -> int | None:
-    """First row of raw (n, joints, columns) with a number that is not finite or absurd, NaN efforts at stops left out."""
-    # No number is larger than the root of this sum.
-    if (np.einsum("kjc,kjc->jc", raw, raw) <= FASTEST**2).all():
-        return None
-    velocity = raw[:, :, COLUMN["engine_velocity"]]
-    with np.errstate(all="ignore"):
-        # One sum tells of any NaN or infinity; which number it was is seldom asked.
-        if np.isfinite(raw.sum()) and np.abs(velocity).max(initial=0.0) <= FASTEST:
-            return None
-    numbers = raw[:, :, [i for i, name in enumerate(RAW) if not name.startswith("drive")]]
-    bad = ~np.isfinite(numbers).all(axis=(1, 2)) | (np.abs(velocity) > FASTEST).any(axis=1)
-    return int(np.argmax(bad)) if bad.any() else None
-
-
-def blame(raw: Array, row: int, drives: Sequence[SteppedJoint]) -> str:
-    """The joint that moves fastest, in the rows before `row`, for its inertia: the one that ran away."""
-    window = raw[max(row - 5, 0) : row + 1, :, COLUMN["engine_velocity"]]
-    speeds = np.nanmax(np.abs(np.where(np.isfinite(window), window, 1e300)), axis=0)
-    return drives[int(np.argmax(speeds))].name
 
 
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
@@ -68,19 +40,33 @@ class EnergyGuard:
         self._start = energy
         self._fastest = 0.0
 
+    def look(self, model: Model | None, state: Array, names: Sequence[str]) -> tuple[str, str] | None:
+        """Joint and what is wrong with its energy, or None. model: None where contacts or wrenches do work of their own on the
+        links; state: (joints, columns)."""
+        energy, kinetic = None, 0.0
+        if model is not None:
+            positions, velocities = state[:, POSITION], state[:, LAGGING]
+            energy = model.energy(positions, velocities)
+            kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
+        given, residual, turnover, excess = (state[:, column] for column in (GIVEN, RESIDUAL, TURNOVER, EXCESS))
+        return self.fault(
+            energy, kinetic=kinetic, given=given, residual=residual, turnover=turnover, excess=excess, names=names
+        )
+
     def fault(
-        self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, names: Sequence[str]
-    ) -> tuple[str, str] | None:
+        self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, excess: Array,
+        names: Sequence[str],
+    ) -> tuple[str, str] | None:  # fmt: skip
         """Joint and what is wrong with its energy, or None.
 
         energy: kinetic and gravitational energy of the links in J, None where contacts or wrenches do work of their own;
         kinetic: its first part (the engine has it half a step late, so links that only exchange it with gravity seem to gain);
         by joint, in J: given: work of actuators and external torques on the links; residual: what vanished in the actuators;
-        turnover: sum of the absolute flows.
+        turnover: sum of the absolute flows; excess: most by which a residual was larger than its share of them.
         """
         scale = FLOOR + SHARE * float(turnover.sum())
-        worst = int(np.abs(residual).argmax())
-        if abs(residual[worst]) > scale:
+        worst = int(excess.argmax())
+        if excess[worst] > FLOOR:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.layout import EXTERNAL, GOALS
 
 BALANCED = 1e-10
 """N m (N): what may be left of a joint's balance."""
@@ -38,11 +40,10 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     8) stay where they are. Raises ScenarioError naming the joint that finds no balance.
     """
     sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
-    goals = []
+    goals: list[tuple[float, ...]] = []
     for j, drive in enumerate(drives):
-        first, second = drive.goals(sampled[0][:, j], sampled[1][:, j])
-        goals.append((float(first[0]), float(second[0])))
-    external = sampled[2][0]
+        goals.append(tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()))
+    external = sampled[EXTERNAL, :, 0]
     sprung = [j for j, drive in enumerate(drives) if _gives_way(drive)]
     q = np.array([_unloaded(drive, goals[j]) for j, drive in enumerate(drives)])
     low, high = np.array([drive.joint.stops for drive in drives]).T
@@ -94,7 +95,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
 
 
-def _resting(drive: SteppedJoint, q: float, goals: tuple[float, float], load: float) -> SteppedJoint:
+def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:
     """The drive with its link at q, rad (m), where it holds a load, N m (N)."""
     positions: tuple[float, ...] | None = None
     integrals: tuple[float, ...] = ()
@@ -107,19 +108,20 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, float], load: fl
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
 
 
-def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, float]) -> float:
+def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> float:
     """N m on the link that stands at q, motors at rest: of spring or controller within the effort limit, and of a passive
     spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
         motors = resting_motors(drive.drive, q, goals)
-        torque = sum(drive.drive.actuator.elastic_torques(q, *motors, drive.elastic))
+        law: Any = drive.drive.actuator.elastic_torques
+        torque = float(sum(law(q, *motors, drive.elastic)))
     elif drive.drive and drive.drive.mode.controller:
         torque = drive.drive.proportional[0] * (goals[0] - q)
     return _limited(drive, torque) + drive.joint.spring_stiffness * (drive.joint.spring_reference - q)
 
 
-def _unloaded(drive: SteppedJoint, goals: tuple[float, float]) -> float:
+def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
     """rad (m) where the joint rests without load, within its stops; where it is if no spring and no controller holds it."""
     if drive.drive is None and drive.joint.spring_stiffness == 0.0:
         return drive.initial_position

@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import references_over_arrays
-from asrsim.samples import Array, picking
+from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.effects import through
+from asrsim.simulation.layout import GOALS
+from asrsim.simulation.rows import shape_of
 from asrsim.simulation.sensors import Sensor
-from asrsim.simulation.substep import READINGS
 from asrsim.simulation.wrenches import wrench_table
 
 REST = Constant(value=0.0)
-
-
-@dataclass(frozen=True)
-class Piece:
-    """A part of a kick: its fraction of a step, the inputs in it, and whether the whole step's time is at its start."""
-
-    fraction: float
-    rows: tuple[list[float], list[float], list[float]]
-    """References 1, references 2, external torques, one a joint."""
-    on_time: bool
-    substep: int
 
 
 @dataclass(frozen=True)
@@ -50,25 +41,36 @@ class Cut:
         return self.edges[:1] if not self.substep and len(middles) == 1 else middles
 
 
+class Cuts(NamedTuple):
+    """The kicks in which inputs jump, as :func:`asrsim.simulation.kernel.run` takes them."""
+
+    places: NDArray[np.int64]
+    """(m, 3) row of the block, first piece, piece after the last."""
+    fractions: Array
+    """(pieces,) of a substep."""
+    on_time: NDArray[np.bool_]
+    """(pieces,) whether the whole substep's time is at the piece's start."""
+    inputs: Array
+    """(pieces, joints, columns)."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Inputs of substeps first..first+n-1."""
 
     first: int
-    arrays: Array
-    """References 1 and 2 and external torques, (3, joints, n)."""
-    stacked: Array
-    """What the joints' laws are given, (n, joints, columns), in memory joint by joint within a column: references, after the
-    reference map in modes 3 and 6, external torques, and for each sensor whether it samples then, and its noise."""
+    references: Array
+    """External torques and references as they are logged, (columns, joints, n): see
+    :data:`asrsim.simulation.layout.EXTERNAL`."""
+    inputs: Array
+    """What the joints are given, (n, joints, columns): the same with references mapped to motors, and for each sensor whether
+    it samples then, and its noise."""
     wrenches: Array
     """(n, w, 6) N, N m: means over the kicks."""
-    events: dict[int, tuple[Piece, ...]]
-    sides: dict[int, Array] = field(default_factory=dict)
-    """Filled by the loop, by substep with an event: means over the half kicks before and after its time, (2, joints, columns
-    of the raw record with the torque after its limit, and the external torque)."""
+    cuts: Cuts
 
     def __len__(self) -> int:
-        return int(self.arrays.shape[2])
+        return len(self.inputs)
 
 
 class Inputs:
@@ -85,7 +87,7 @@ class Inputs:
     ) -> None:
         self.substep = substep
         self.held: dict[tuple[int, int], float] = {}
-        """(joint, 0 or 1) -> the reference that stands in place of the scenario's; it makes no jumps."""
+        """(joint, column) -> the value that stands in place of the scenario's; it makes no jumps."""
         self._starts: dict[Any, tuple[Array, list[Cut]]] = {}
         self._sensors = tuple(sensors)
         self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
@@ -95,18 +97,18 @@ class Inputs:
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), references_over_arrays(actuator)) for actuator, rows in mapped.items()]
-        self._signals: tuple[list[Signal], list[Signal], list[Signal]] = ([], [], [])
-        for index, drive in enumerate(drives):
-            references = scenario.references_of(drive.name)
-            effects = for_joint(scenario.command_effects, drive.name)
-            names = drive.mode.references if drive.mode else ()
-            for slot in (0, 1):
-                signal: Signal = REST
-                if slot < len(names):
-                    signal = references.get(names[slot], self._rest(drive, slot))
-                    signal = through(signal, effects, step=scenario.step, seed=(scenario.seed, index, slot))
-                self._signals[slot].append(signal)
-            self._signals[2].append(for_joint(scenario.external_torques, drive.name, REST))
+        self._shape = shape_of(drives, sensors or [None] * len(drives))
+        self._signals: list[list[Signal]] = [[for_joint(scenario.external_torques, drive.name, REST) for drive in drives]]
+        for slot in range(self._shape.motors):
+            self._signals.append([self._reference(scenario, drive, j, slot) for j, drive in enumerate(drives)])
+
+    def _reference(self, scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Signal:
+        names = references_of(drive)
+        if slot >= len(names):
+            return REST
+        signal = scenario.references_of(drive.name).get(names[slot], self._rest(drive, slot))
+        effects = for_joint(scenario.command_effects, drive.name)
+        return through(signal, effects, step=scenario.step, seed=(scenario.seed, j, slot))
 
     @staticmethod
     def _rest(drive: SteppedJoint, slot: int) -> Signal:
@@ -114,18 +116,17 @@ class Inputs:
         mode = drive.mode
         if mode is None or mode.number == 0 or mode.direct:
             return REST
-        if slot == 0 or (slot == 1 and not mode.mapped and drive.actuator is not None and not drive.actuator.adjuster):
+        if slot == 0 or (not mode.mapped and drive.actuator is not None and not drive.actuator.adjuster):
             return Constant(value=drive.initial_position)
         return REST
 
-    def sample(self, time: Array) -> tuple[Array, Array, Array]:
-        """References 1 and 2 and external torques at `time` (n,): each (n, joints)."""
-        first, second, external = self._with_held(self._scenario_at(time))
-        return first.T, second.T, external.T
+    def sample(self, time: Array) -> Array:
+        """External torques and references at `time` (n,), (columns, joints, n)."""
+        return self._with_held(self._scenario_at(time))
 
     def _scenario_at(self, time: Array) -> Array:
-        """What the scenario's signals say: (3, joints, n)."""
-        tables = np.empty((3, len(self._signals[0]), len(time)))
+        """What the scenario's signals say: (columns, joints, n)."""
+        tables = np.empty((len(self._signals), len(self._signals[0]), len(time)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
         for table, signals in zip(tables, self._signals, strict=True):
@@ -143,38 +144,51 @@ class Inputs:
             tables[slot, joint] = value
         return tables
 
-    def _goals(self, inputs: Array, columns: int = READINGS) -> Array:
-        """What the laws are given, (columns, joints, n): inputs (3, joints, n) mapped to motors, and room for sensors."""
-        goals = np.empty((columns, *inputs.shape[1:]))
-        goals[:READINGS], goals[READINGS:] = inputs, 0.0
+    def _goals(self, references: Array) -> Array:
+        """References (columns, joints, n) mapped to motors."""
+        goals = references.copy()
         for rows, law in self._maps:
-            goals[0, rows], goals[1, rows] = law(inputs[0, rows], inputs[1, rows])
+            mapped = law(*references[GOALS : GOALS + 2, rows])
+            for slot, values in enumerate(mapped):
+                goals[GOALS + slot, rows] = values
         return goals
+
+    @property
+    def steady(self) -> bool:
+        """Nothing that the scenario says changes, and there are no sensors and no wrenches."""
+        signals = (signal for column in self._signals for signal in column)
+        return not self._wrenches and not any(self._sensors) and all(type(signal) is Constant for signal in signals)
+
+    def mapped(self, references: Array) -> Array:
+        """Input rows without sensors, (n, joints, columns), of external torques and references (columns, joints, n)."""
+        return self._goals(references).transpose(2, 1, 0)
 
     def block(self, first: int, count: int) -> Block:
         """Inputs of substeps `first` .. `first + count - 1`."""
         tables, cuts = self._plan(first, count)
-        inputs = self._with_held(tables)
-        goals = self._goals(inputs, input_columns(self._sensors))
-        stacked = goals[:, :, :count].transpose(2, 1, 0)
+        references = self._with_held(tables)
+        goals = self._goals(references)
+        sensors = 2 * max((0 if sensor is None else sensor.count for sensor in self._sensors), default=0)
+        inputs = np.zeros((count, goals.shape[1], len(goals) + sensors))
+        inputs[:, :, : len(goals)] = goals[:, :, :count].transpose(2, 1, 0)
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
-                sensor.fill(stacked[:, joint, READINGS:], first, self.substep)
+                sensor.fill(inputs[:, joint, len(goals) :], first, self.substep)
         wrenches = np.zeros((count, len(self._wrenches), 6))
         for index, table in enumerate(self._wrenches):
             wrenches[:, index] = table(first, count, self.substep)
-        pieces = goals[:READINGS, :, count:].transpose(0, 2, 1).tolist()
-        return Block(first, inputs[:, :, :count], stacked, wrenches, self._events(cuts, pieces))
+        pieces = np.ascontiguousarray(goals[:, :, count:].transpose(2, 1, 0))
+        return Block(first, references[:, :, :count], inputs, wrenches, self._cut_table(first, cuts, pieces))
 
     def hold(self, block: Block, row: int) -> None:
         """What is held now, in a block without cuts that was made when the same references were held, from a row on."""
         for (joint, slot), value in self.held.items():
-            block.arrays[slot, joint, row:] = value
-        block.stacked[row:, :, :READINGS] = self._goals(block.arrays[:, :, row:]).transpose(2, 1, 0)
+            block.references[slot, joint, row:] = value
+        block.inputs[row:, :, : len(block.references)] = self._goals(block.references[:, :, row:]).transpose(2, 1, 0)
 
     def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
-        """What the scenario says for a block, (3, joints, n + pieces): for its substeps, then for the pieces of its cuts, which
-        come too. Kept for the first block of many runs alike."""
+        """What the scenario says for a block, (columns, joints, n + pieces): for its substeps, then for the pieces of its
+        cuts, which come too. Kept for the first block of many runs alike."""
         key = first, count, frozenset(self.held)
         if key in self._starts:
             tables, cuts = self._starts[key]
@@ -214,23 +228,15 @@ class Inputs:
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
         return Cut(substep, [edge for edge in edges if substep or edge >= now])
 
-    def _events(self, cuts: Sequence[Cut], goals: Sequence[list[list[float]]]) -> dict[int, tuple[Piece, ...]]:
-        """The pieces of the cuts, by substep; goals: references 1 and 2 and external torques of all pieces, one after the
-        other."""
-        events, rows = {}, zip(*goals, strict=True)
+    def _cut_table(self, first: int, cuts: Sequence[Cut], inputs: Array) -> Cuts:
+        """The cuts of a block; inputs: of all their pieces, one after the other."""
+        places: list[tuple[int, int, int]] = []
+        fractions: list[float] = []
+        on_time: list[bool] = []
         for cut in cuts:
-            now = cut.substep * self.substep
-            events[cut.substep] = tuple(
-                Piece((b - a) / self.substep, next(rows), a == now, cut.substep) for a, b in pairwise(cut.edges)
-            )
-        return events
-
-
-def input_columns(sensors: Sequence[Any]) -> int:
-    """Columns of a block's inputs; sensors: one a joint, or None."""
-    return READINGS + 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
-
-
-def grid(first: int, count: int, step: float) -> Array:
-    """Times of steps in s; rounded, so that 3 * 0.1 is the 0.3 that a user writes."""
-    return np.round(np.arange(first, first + count) * step, 12)
+            begin, now = len(fractions), cut.substep * self.substep
+            for a, b in pairwise(cut.edges):
+                fractions.append((b - a) / self.substep)
+                on_time.append(a == now)
+            places.append((cut.substep - first, begin, len(fractions)))
+        return Cuts(np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions), np.array(on_time, dtype=bool), inputs)

@@ -10,16 +10,16 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.kernels import MOTOR_STATE
-from asrsim.simulation.loop import Loop
+from asrsim.simulation.layout import LAGGING, MOTOR_POSITION, MOTOR_VELOCITY, OWN, PER_MOTOR, POSITION
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The state at a whole step; arrays are (n,) in the order of the joints, NaN where a joint has no such thing."""
+    """The state at a whole step; arrays are (n,) in the order of the joints, of several worlds (N, n), NaN where a joint has
+    no such thing."""
 
-    time: float
-    """s."""
+    time: Any
+    """s; of several worlds (N,)."""
     link_position: Array
     """rad (m)."""
     link_velocity: Array
@@ -31,32 +31,31 @@ class Observation:
     motor_2_velocity: Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Snapshot:
     """Everything that decides how a simulation goes on."""
 
     owner: object
     """Of the simulation and its parameters; it goes on from no other."""
-    substep: int
-    engine: Any
-    joints: Any
+    state: Any
     held: Mapping[tuple[int, int], float]
     record: Any
+    row: Any
 
 
-def observe(time: float, drives: Sequence[SteppedJoint], loop: Loop, substep: float) -> Observation:
-    """The state of a loop at a whole step, at `time` s; substep in s."""
-    positions, velocities = loop.joint_states()
-    motors = np.full((4, len(drives)), np.nan)
-    for j, (drive, state) in enumerate(zip(drives, loop.motor_states(), strict=True)):
+def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
+    """States (..., joints, columns) at a whole step, at `time` s; substep in s."""
+    motors = np.full((4, *state.shape[:-1]), np.nan)
+    for j, drive in enumerate(drives):
         lag = drive.stepping.first_drift * substep
-        for i in range(drive.dynamic_motors):
-            position, velocity = state[MOTOR_STATE * i :][:2]
-            motors[2 * i : 2 * i + 2, j] = position + lag * velocity, velocity
+        for i in range(min(drive.dynamic_motors, 2)):
+            m = OWN + i * PER_MOTOR
+            position, velocity = state[..., j, m + MOTOR_POSITION], state[..., j, m + MOTOR_VELOCITY]
+            motors[2 * i, ..., j], motors[2 * i + 1, ..., j] = position + lag * velocity, velocity
     return Observation(
         time=time,
-        link_position=np.array(positions),
-        link_velocity=np.array(velocities),
+        link_position=state[..., POSITION].copy(),
+        link_velocity=state[..., LAGGING].copy(),
         motor_1_position=motors[0],
         motor_1_velocity=motors[1],
         motor_2_position=motors[2],

@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError, SimulationError
+from asrsim.errors import InputError, Problem, RobotError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.describe import describe
-from asrsim.simulation.drives import SteppedJoint, make_drives
+from asrsim.simulation.drives import SteppedJoint, make_drives, references_of
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared, make_engine
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
@@ -77,10 +78,6 @@ def prepare(
         scenario = plan_references(scenario, robot)
     engine, engine_warnings = make_engine(scenario, robot)
     try:
-        varying = [drive.name for drive in drives if drive.joint.friction_varies]
-        if varying and not hasattr(engine, "set_friction"):
-            message = f"the engine '{scenario.engine}' cannot have the friction of joint '{varying[0]}', which varies"
-            raise SimulationError(message)
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
         ranges = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
@@ -138,12 +135,11 @@ def _resolve(
         masses = [model.mass_matrix(position) for position in configurations]
         check_inertia(drives, masses[0])
         gravity = np.max([np.abs(model.bias(position, still)) for position in configurations], axis=0)
-    external = np.max(np.abs(sampled[2]), axis=0)
+    external = np.max(np.abs(sampled[EXTERNAL]), axis=1)
     stiffness = [
         reachable_stiffness(
             drive,
-            sampled[0][:, j],
-            sampled[1][:, j],
+            sampled[GOALS:, j],
             interval=scenario.duration / 2000,
             load=float(gravity[j] + external[j]),
             inertia=max(float(mass[j, j]) for mass in masses),
@@ -153,7 +149,7 @@ def _resolve(
     if STEPPINGS.get(scenario.stepping).released:
         # The released code knows no substeps, and runs springs that it does not resolve.
         finite = np.minimum(stiffness, 1e12).tolist()
-        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15)
+        found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15, explicit=True)
         return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
     return resolve(
         drives,
@@ -163,22 +159,21 @@ def _resolve(
         substeps=scenario.substeps,
         motor_substeps=scenario.motor_substeps,
         cap=scenario.substep_cap,
+        explicit=STEPPINGS.get(scenario.stepping).implicitness == 0.0,
     )
 
 
 def _with_ranges(
-    sampled: tuple[Array, Array, Array], drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
-) -> tuple[Array, Array, Array]:
-    """References in which those that may be set take their least and largest values, too, in turns."""
-    tables = [table.copy() for table in sampled]
+    sampled: Array, drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
+) -> Array:
+    """Inputs (columns, joints, n) in which those that may be set take their least and largest values, too, in turns."""
+    table = sampled.copy()
     for j, drive in enumerate(drives):
         given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
-        for slot, name in enumerate(drive.mode.references if drive.mode else ()):
+        for column, name in enumerate((EXTERNAL_TORQUE, *references_of(drive))):
             if name in given:
-                tables[slot][1::4, j], tables[slot][3::4, j] = given[name]
-        if EXTERNAL_TORQUE in given:
-            tables[2][1::4, j], tables[2][3::4, j] = given[EXTERNAL_TORQUE]
-    return tables[0], tables[1], tables[2]
+                table[column, j, 1::4], table[column, j, 3::4] = given[name]
+    return table
 
 
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:

@@ -14,8 +14,9 @@ from asrsim.robot.vary import varied_robot
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.equilibrium import at_equilibrium
+from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
@@ -84,21 +85,21 @@ class Prepared:
         return given.get(reference, (-math.inf, math.inf))
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
-        """Number of the joint, and 0 or 1 for the reference of that name in its mode, 2 for `external_torque`; raises
-        InputError."""
+        """Number of the joint, and the column of an input row of the reference of that name in its mode, or of
+        `external_torque`; raises InputError."""
         names = tuple(drive.name for drive in self.drives)
         if joint not in names:
             hint = did_you_mean(joint, names)
             raise InputError(f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint")
         j = names.index(joint)
         mode = self.drives[j].mode
-        known = mode.references if mode else ()
+        known = references_of(self.drives[j]) or (mode.references if mode else ())
         if reference == EXTERNAL_TORQUE:
-            return j, 2
+            return j, EXTERNAL
         if reference not in known:
             message = f"joint '{joint}' has no reference '{reference}'"
             raise InputError(message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference")
-        return j, known.index(reference)
+        return j, GOALS + known.index(reference)
 
     def start(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> tuple[list[float], list[float]]:
         """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError."""

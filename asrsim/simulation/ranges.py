@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from asrsim.actuators.detailed_motor import largest_command
+from asrsim.actuators.electric import largest_command
 from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint

@@ -1,77 +1,208 @@
-"""The row of numbers of a joint, as a run begins with it: see :data:`asrsim.simulation.substep.PLACES`."""
+"""The rows of numbers with which joints begin a run: see :mod:`asrsim.simulation.layout`."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.kernels import MOTOR_STATE
-from asrsim.simulation.memory import STATE_NUMBERS
-from asrsim.simulation.substep import (
-    BASE,
-    BOUND,
-    BRAKE,
-    COULOMB,
-    DAMPING,
-    EFFORT,
-    FADE,
-    FASTEST,
-    GAIN_1,
-    GAIN_2,
-    INERTIA,
-    LAG,
-    PLACES,
+from asrsim.simulation.layout import (
+    ANCHOR,
+    CONTROLLED,
+    CONTROLLERS,
+    DEFLECTION,
+    DIRECT,
+    DRIVES,
+    DYNAMIC,
+    GOALS,
+    INTEGRAL,
+    KIND,
+    KINDS,
+    LAGGING,
+    LAST_DEFLECTION,
+    LAW,
+    LINK_OWN,
+    MOTOR_INTEGRAL,
+    MOTOR_POSITION,
+    MOTOR_VELOCITY,
+    MOTORS,
+    ON_LINK,
+    OWN,
+    PASSIVE,
+    PER_DRIVE,
+    PER_MOTOR,
+    PLACED,
+    POSITION,
     PREVIOUS,
-    RATIO,
-    REST,
-    SHARE,
-    SPRING,
-    STATE,
-    STRIBECK,
-    WEIGHT,
-    Sensing,
+    RING,
+    RINGS,
+    SPRINGS,
+    SPRUNG,
+    THETAS,
+    TORQUES,
 )  # fmt: skip
+from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
+from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
+from asrsim.simulation.sensors import Sensor
+
+AT_STOP = 1e-12
+"""rad or m before a stop from which on a link is at it: a step reaches the stop but for rounding."""
 
 
-def joint_row(
-    drive: SteppedJoint,
-    sensing: Sensing | None,
-    constants: Any,
-    position: float,
-    velocity: float,
-    substep: float,
-    *,
-    compiled: bool,
-) -> list[Any]:
-    """The row without its response; position (rad) and velocity (rad/s) of the link at the start, substep in s. constants: of
-    the law, as plain Python takes them; compiled: in a row."""
-    row: list[Any] = [0.0] * len(PLACES)
-    gains, law = drive.derivative_gains, drive.link_damping
-    given = {
-        PREVIOUS: velocity, EFFORT: drive.joint.most_effort,
-        FASTEST: drive.joint.velocity or float("inf"), DAMPING: drive.constant_damping, BRAKE: drive.link_brake,
-        SPRING: drive.joint.spring_stiffness, REST: drive.joint.spring_reference, WEIGHT: 0.5,
-        LAG: drive.stepping.first_drift * substep, BASE: drive.constant_damping, RATIO: law.ratio if law else 0.0,
-        INERTIA: law.inertia if law else 0.0, GAIN_1: gains[0], GAIN_2: gains[1],
-        BOUND: drive.joint.friction, COULOMB: drive.joint.friction, STRIBECK: drive.joint.stribeck_friction,
-        FADE: 1.0 / drive.joint.stribeck_velocity, SHARE: drive.joint.load_friction,
-    }  # fmt: skip
-    for column, value in given.items():
-        row[column] = float(value)
-    rings = [_ring(drive, sensing, i, position, velocity) for i in range(2)]
-    if compiled:
-        state = [float(number) for number in drive.initial_state]
-        room = [0.0] * (STATE_NUMBERS - len(state))
-        row[STATE:] = [*state, *room, *constants, *rings[0], *rings[1]]
+@dataclass(frozen=True)
+class Shape:
+    """Places in the rows of a robot's joints, which are the same for all of them."""
+
+    motors: int
+    """Blocks of motors that every joint has room for."""
+    ring: int
+    """Numbers that one sensor keeps."""
+    parameters: int
+    """Numbers of the longest law."""
+
+    @property
+    def thetas(self) -> int:
+        """Where motor positions begin, as laws take them."""
+        return OWN + self.motors * PER_MOTOR
+
+    @property
+    def state(self) -> int:
+        """Columns of S."""
+        return self.thetas + 2 * self.motors + self.motors * self.ring
+
+    @property
+    def drives(self) -> int:
+        """Columns of P before the law's."""
+        return LINK_OWN + self.motors * PER_DRIVE
+
+    @property
+    def constants(self) -> int:
+        """Columns of P."""
+        return self.drives + self.parameters
+
+    @property
+    def goals(self) -> int:
+        """Columns of an input row without those of sensors."""
+        return GOALS + self.motors
+
+
+def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> Shape:
+    """The places that these joints need."""
+    return Shape(
+        motors=max((positions_of(drive) for drive in drives), default=2),
+        ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
+        parameters=max((len(drive.elastic) for drive in drives), default=0),
+    )
+
+
+def positions_of(drive: SteppedJoint) -> int:
+    """Motor positions that the joint's law takes: two at least."""
+    return max(2, drive.actuator.motors + drive.actuator.adjuster) if drive.actuator else 2
+
+
+def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[int]:
+    """A joint's row of K, without addresses."""
+    k = [0] * KINDS
+    mode, actuator = drive.mode, drive.actuator
+    if mode is None or actuator is None:
+        k[KIND] = PASSIVE
     else:
-        row[STATE:] = [drive.initial_state, constants, *rings]
-    return row
+        k[KIND] = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
+        k[DYNAMIC] = drive.dynamic_motors
+        if mode.spring:
+            k[SPRINGS], k[PLACED] = actuator.motors, actuator.motors + actuator.adjuster
+    k[MOTORS] = positions_of(drive)
+    if sensor is not None:
+        k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
+    k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
+    k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
+    k[DRIVES], k[LAW] = LINK_OWN, shape.drives
+    return k
 
 
-def _ring(drive: SteppedJoint, sensing: Sensing | None, i: int, position: float, velocity: float) -> list[float]:
-    """What sensor `i` saw before the start: the start."""
-    if sensing is None:
-        return []
-    state = drive.initial_state
-    x, v = (position, velocity) if sensing.on_link or len(state) < MOTOR_STATE * (i + 1) else state[MOTOR_STATE * i :][:2]
-    return [x, v] * (sensing.delay + 2) + [0.0, x, v]
+def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, motor_substeps: int, cutoff: bool) -> list[float]:
+    """A joint's row of P."""
+    joint, law, values = drive.joint, drive.link_damping, drive.values
+    follows = drive.mode is not None and drive.mode.spring
+    low, high = joint.stops
+    level, length = drive.hysteresis or (0.0, 1.0)
+    gains = ("proportional", "integral", "derivative")
+    row = [
+        joint.most_effort, joint.velocity or np.inf, float(cutoff), low + AT_STOP, high - AT_STOP, drive.constant_damping,
+        law.ratio if law and follows else 0.0, law.inertia if law else 0.0, drive.link_brake, joint.spring_stiffness,
+        joint.spring_reference,
+        joint.friction, joint.stribeck_friction, 1.0 / joint.stribeck_velocity, joint.load_friction,
+        *(values.get(f"controller_1_{name}", 0.0) for name in gains), motor_substeps if drive.dynamic_motors else 1,
+        values.get("max_deflection", np.inf), level, length,
+        sensor.delay if sensor else 0, sensor.effects.quantum if sensor else 0.0,
+    ]  # fmt: skip
+    motors = [_motor(drive, index) for index in range(1, shape.motors + 1)]
+    row += [number for motor in motors for number in motor]
+    row += drive.elastic
+    return [float(number) for number in row] + [0.0] * (shape.constants - len(row))
+
+
+def _motor(drive: SteppedJoint, index: int) -> list[float]:
+    """Numbers of motor `index` (1, 2, ...); zeros where the joint has none."""
+    phantom = drive.stepping.released and drive.dynamic_motors and index <= RELEASED_MOTORS
+    if index > drive.dynamic_motors and not phantom:
+        return [0.0] * PER_DRIVE
+    if index > drive.dynamic_motors:
+        return _phantom(drive)
+    assert drive.drive is not None
+    values, electric = drive.values, index in drive.electric_motors
+    constant = values[f"motor_{index}_torque_constant"] * values[f"motor_{index}_gear_ratio"] if electric else 0.0
+    names = ("min_position", "max_position", "max_velocity", "max_torque")
+    limits = [values[f"motor_{index}_{name}"] for name in names]
+    return [*drive.drive.motor_numbers(index), *limits, constant, values[f"motor_{index}_resistance"] if electric else 0.0]
+
+
+def _phantom(drive: SteppedJoint) -> list[float]:
+    """Numbers of the second motor that the released code gives every actuator."""
+    assert drive.actuator is not None
+    assert drive.mode is not None
+    own = PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)
+    held = float(drive.mode.controller)
+    return [
+        own["proportional"], own["integral"], own["derivative"], held, own["inertia"], own["damping"], 1.0, 0.0, 0.0, np.inf,
+        own["max_torque"], own["friction_torque"], 0.0, 1.0, 0.0, 1.0, own["min_position"], own["max_position"], np.inf, np.inf,
+        0.0, 0.0,
+    ]  # fmt: skip
+
+
+def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position: float, velocity: float) -> list[float]:
+    """A joint's row of S at the start, its link at `position` (rad) with `velocity` (rad/s)."""
+    s = [0.0] * shape.state
+    s[POSITION], s[LAGGING], s[PREVIOUS] = position, velocity, velocity
+    mode = drive.mode
+    if mode is not None and not mode.spring and mode.controller:
+        s[INTEGRAL] = (drive.integrals or (0.0,))[0]
+    starts = drive.motor_starts(shape.motors) if drive.dynamic_motors else []
+    for i in range(shape.motors):
+        m = OWN + i * PER_MOTOR
+        s[m + DEFLECTION] = s[m + LAST_DEFLECTION] = np.nan
+        if i < len(starts):
+            s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]
+    for i in range(sensor.count if sensor else 0):
+        # What a sensor saw before the start: the start.
+        x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
+        ring = shape.thetas + 2 * shape.motors + i * shape.ring
+        seen = [*[x, v] * (sensor.delay + 2), 0.0, x, v]  # type: ignore[union-attr]
+        s[ring : ring + len(seen)] = seen
+    return s
+
+
+def tables(
+    drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: Shape, *, motor_substeps: int, cutoff: bool
+) -> tuple[NDArray[np.int64], Array]:
+    """K (joints, ...) without addresses, and P (joints, ...)."""
+    released = any(drive.stepping.released for drive in drives)
+    substeps = 1 if released else motor_substeps
+    both = list(zip(drives, sensors, strict=True))
+    kinds = np.array([kind_of(drive, sensor, shape) for drive, sensor in both], dtype=np.int64).reshape(-1, KINDS)
+    constants = [constants_of(drive, sensor, shape, motor_substeps=substeps, cutoff=cutoff) for drive, sensor in both]
+    return kinds, np.array(constants).reshape(-1, shape.constants)

@@ -6,7 +6,8 @@ import math
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
+from asrsim.simulation.counts import Counts
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import Counts
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
@@ -108,7 +109,6 @@ def run_to_end(
     prepared = simulation.prepared
     status, error = "complete", None
     began = clock.perf_counter()
-    # One row beyond the end completes the last velocity.
     total = simulation.total
     waiting = iter(commands)
     command = next(waiting, None)
@@ -134,13 +134,19 @@ def run_to_end(
     return run
 
 
-def run_of(
-    simulation: Simulation, status: str, *, wall_time: float, message: str = "", prepared: Prepared | None = None,
-    counts: Counts | None = None,
-) -> Run:  # fmt: skip
-    """What a simulation has done so far, as a run. prepared, counts: of another such run of it."""
-    prepared, recording = prepared or simulation.prepared, simulation.recording
-    counts = counts or recording.recorder.counts
+def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
+    """What a simulation has done so far, as a run."""
+    kept, prepared = simulation.recording.kept, simulation.prepared
+    run = make_run(
+        prepared, simulation.counts, status, wall_time=wall_time, compiled=simulation.compiled, message=message,
+        simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
+        samples=concatenate(kept) if kept else None,
+    )  # fmt: skip
+    return replace(run, warnings=(*run.warnings, *_slow(simulation)))
+
+
+def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Run:
+    """A run of a scenario; more: other fields of :class:`Run`."""
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
@@ -148,12 +154,8 @@ def run_of(
         status=status,
         resolution=prepared.resolution,
         counts=counts,
-        wall_time=wall_time,
-        simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-        samples=concatenate(recording.kept) if recording.kept else None,
-        message=message,
-        warnings=(*prepared.warnings, *_slow(simulation), *_stiffer_than_foreseen(prepared, counts)),
-        compiled=simulation.compiled,
+        warnings=(*prepared.warnings, *_stiffer_than_foreseen(prepared, counts)),
+        **more,
     )
 
 

@@ -15,7 +15,6 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Effects
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.effects import Noise
-from asrsim.simulation.substep import Sensing
 
 
 @dataclass(frozen=True)
@@ -23,14 +22,17 @@ class Sensor:
     """The encoders of a joint's controllers."""
 
     effects: Effects
-    sensing: Sensing
+    delay: int
+    """Substeps."""
+    on_link: bool
+    """They read the link (mode 1), not the motors."""
     noises: tuple[Noise | None, ...]
     """One an encoder."""
 
     @property
     def count(self) -> int:
         """Encoders."""
-        return self.sensing.count
+        return len(self.noises)
 
     def fill(self, table: Array, first: int, substep: float) -> None:
         """Whether each encoder samples, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
@@ -51,10 +53,5 @@ def sensor_of(drive: SteppedJoint, effects: Effects | None, *, substep: float, i
     if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
         return None
     count = max(drive.dynamic_motors, 1)
-    sensing = Sensing(
-        delay=round(effects.delay / substep), quantum=effects.quantum, on_link=not drive.mode.motor, count=count,
-        # The motors' positions and velocities are those of half a substep ago; a link's are brought to the present.
-        ahead=drive.stepping.first_drift if drive.mode.motor else 0.0,
-    )  # fmt: skip
     noises = tuple(Noise((seed, index, 2 + i), effects.noise) if effects.noise else None for i in range(count))
-    return Sensor(effects, sensing, noises)
+    return Sensor(effects, round(effects.delay / substep), not drive.mode.motor, noises)

@@ -51,7 +51,6 @@ class Track:
     def advance(self) -> None:
         """Another chunk."""
         if self._simulation is not None:
-            # One row beyond the end completes the last velocity.
             self._simulation.advance_to(self._simulation.next_chunk(self._simulation.total))
             self._simulation.flush()
             self.running = self._simulation.substep < self._simulation.total

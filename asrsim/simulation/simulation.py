@@ -10,20 +10,27 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+
+from asrsim.compiling import available
+from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, SimulationError
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.choice import make_loop
 from asrsim.simulation.chunks import chunk_end, longest_chunk
-from asrsim.simulation.divergence import blame, not_finite, runaway
+from asrsim.simulation.core import Core, given_by, pays
+from asrsim.simulation.counts import Counts, counts_of
+from asrsim.simulation.divergence import runaway
 from asrsim.simulation.inputs import Block, Inputs
+from asrsim.simulation.layout import HEALTHY, LAGGING, NO_VALUE
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.recorder import BEHIND
 from asrsim.simulation.recording import Recording, Sink
-from asrsim.simulation.stretches import NoValueError
+
+ONE = np.zeros((1, 2), dtype=np.int64)
+"""The only world, and the only set of inputs."""
 
 
 class Simulation:
@@ -71,35 +78,24 @@ class Simulation:
 
     def _begin(self, sinks: Any, record: bool, compiled: bool | None, expected: Any, duration: Any, chunk: Any) -> None:
         prepared, engine = self.prepared, self.engine
-        substep, staggered = prepared.substep, prepared.stepping.staggered
-        engine.prepare(substep, staggered=staggered)
-        engine.set_state(prepared.initial_positions, prepared.initial_velocities)
         self.joints = engine.joints
         self.last = prepared.last_substep(duration)
-        """Substep at which the scenario's duration ends; its sample needs `total` substeps."""
-        self.total = self.last + 1 + BEHIND
-        self.recording = Recording(prepared, engine, last=self.last, sinks=sinks, keep=record)
-        self._inputs = self._inputs_of(prepared)
-        expected = expected or self.last
-        self.loop, self.slow_because = make_loop(prepared, engine, self.recording, compiled=compiled, substeps=expected)
+        """Substep at which the scenario's duration ends, and of the last sample."""
+        self.total = self.last + 1
+        self._core, self.slow_because = make_core(prepared, engine, compiled=compiled, substeps=expected or self.last)
+        motors = self._core.shape.motors
+        self.recording = Recording(prepared, engine, motors=motors, last=self.last, sinks=sinks, keep=record)
+        self._inputs = inputs_of(prepared)
         self._chunk = longest_chunk(len(prepared.drives), chunk)
-        self.row: tuple[Array, Array] | None = None
-        """Of the last substep: raw record (joints, columns of :data:`asrsim.simulation.substep.RAW`), inputs (3, joints)."""
+        self._row: tuple[Array, Array] | None = None
+        """Of the last whole step: logged columns (joints, columns) of the state, and references (input columns, joints)."""
         self._block: Block | None = None
         self._stale = False
         """Another value is held than the block has."""
         self._first: Block | None = None
-        self.substep = 0
-        """Substeps done."""
         self._closed, self._owner = False, object()
+        self._core.start(0, prepared.drives, prepared.initial_positions, prepared.initial_velocities)
         self._start: Snapshot | None = self.snapshot()
-
-    @staticmethod
-    def _inputs_of(prepared: Prepared) -> Inputs:
-        staggered = prepared.stepping.staggered
-        return Inputs(
-            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors
-        )
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -109,9 +105,14 @@ class Simulation:
         return round(self.substep * self.prepared.substep, 12)
 
     @property
+    def substep(self) -> int:
+        """Substeps done."""
+        return int(self._core.done[0])
+
+    @property
     def compiled(self) -> bool:
         """Whether the loop runs compiled."""
-        return self.loop.compiled
+        return self._core.compiled
 
     def advance(self, steps: int = 1) -> None:
         """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
@@ -146,27 +147,47 @@ class Simulation:
         return self._first
 
     def _run(self, block: Block, start: int, stop: int) -> None:
-        h, omega_h = self.prepared.substep, self.prepared.resolution.omega_h
-        try:
-            raw = self.loop.run(block, start, stop, self.recording.room(len(block) - start))
-        except NoValueError as fault:
-            self.recording.flush(self.substep, check=False)
-            raise runaway(fault.joint, fault.substep * h, str(fault), omega_h) from fault
-        row = not_finite(raw)
-        if row is None:
-            self.recording.take(block, start, stop)
-            self.row = raw[-1].copy(), block.arrays[:, :, stop - 1].copy()
-            self.substep += stop - start
-            return
-        self.recording.take(block, start, start + max(row, 1))
-        self.substep += max(row, 1)
-        self.recording.flush(self.substep, check=False)
-        joint = blame(raw, row, self.prepared.drives)
-        raise runaway(joint, (block.first + start + row) * h, "its motion is no longer finite or sane", omega_h)
+        """Rows of the block; where the world is looked at, in pieces that end there."""
+        watch, every = self.recording.watch, self.recording.look_every
+        while start < stop:
+            end = stop
+            if watch is not None:
+                if self.substep % every == 0:
+                    self._core.look(0)
+                    watch(self.substep)
+                end = min(stop, start + every - self.substep % every)
+            self._run_piece(block, start, end)
+            start = end
+
+    def _run_piece(self, block: Block, start: int, stop: int) -> None:
+        first, every, columns = self.substep, self.recording.every, self.recording.selection.columns
+        rows: Sequence[int] = range(first + (-first) % every, first + stop - start, every)
+        out = np.empty((1, len(rows), len(self.joints), len(columns)))
+        self._core.run(ONE, given_by(block, start, stop), out, every=every, columns=columns)
+        healthy = self._core.fault[0, 0] == HEALTHY
+        rows = [row for row in rows if row < self.substep] if not healthy else rows
+        if len(rows):
+            places = [row - block.first for row in rows]
+            references = block.references[:, :, places[0] : places[-1] + 1 : every]
+            self.recording.take(rows[0] // every, out[0, : len(rows)], references)
+            self._row = out[0, len(rows) - 1].copy(), references[:, :, -1].copy()
+        if not healthy:
+            self._diverge(out[0, : len(rows)])
+
+    def _diverge(self, rows: Array) -> None:
+        """Raises DivergenceError; rows: the last ones that were recorded."""
+        core, prepared = self._core, self.prepared
+        self.recording.flush(self.substep, core.S[0], check=False)
+        kind, joint = core.fault[0]
+        time = self.substep * prepared.substep
+        if kind == NO_VALUE:
+            raise runaway(self.joints[joint], time, "its law has no finite value", prepared.resolution.omega_h)
+        joint = fastest_joint(core.S[0, :, LAGGING])
+        raise runaway(self.joints[joint], time, "its motion is no longer finite or sane", prepared.resolution.omega_h)
 
     def flush(self) -> None:
         """Hand on what is recorded so far; raises DivergenceError where energy came from nowhere."""
-        self.recording.flush(self.substep)
+        self.recording.flush(self.substep, self._core.S[0])
 
     @property
     def samples(self) -> Samples:
@@ -174,6 +195,11 @@ class Simulation:
         if not self._closed:
             self.flush()
         return self.recording.samples
+
+    @property
+    def counts(self) -> Counts:
+        """Limits that were met since the start."""
+        return counts_of(self._core.S[0], self.substep)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -196,7 +222,7 @@ class Simulation:
             if held.get((j, slot)) == value:
                 return value
             # A block that is kept for later runs, or that a reference's jumps cut, is no place for another value.
-            if (j, slot) not in held or self._block is self._first or (self._block and self._block.events):
+            if (j, slot) not in held or self._block is self._first or (self._block and len(self._block.cuts.places)):
                 self._block = None
             held[j, slot], self._stale = value, True
         return value
@@ -204,19 +230,40 @@ class Simulation:
     def observe(self) -> Observation:
         """The state now."""
         self._check_open()
-        return observe(self.time, self.prepared.drives, self.loop, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; at the
+        start, as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name
+        that no joint records."""
+        self._check_open()
+        self.recording.selection.check(names)
+        rows, references = self._row or self._first_row()
+        values = self.recording.selection.values(rows[None], references[:, :, None])
+        return {name: values[name][0] for name in names}
+
+    def _first_row(self) -> tuple[Array, Array]:
+        """What the next step would record; nothing moves."""
+        state, block = self._core.state(0), self._inputs.block(self.substep, 1)
+        out = np.empty((1, 1, len(self.joints), len(self.recording.selection.columns)))
+        self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self.recording.selection.columns)
+        self._core.put(0, state)
+        return out[0, 0], block.references[:, :, 0]
+
+    @property
+    def model(self) -> Model | None:
+        """Kinematics and dynamics of the robot; None where its links have no dynamics."""
+        return self.engine.model
+
+    def look(self) -> Engine:
+        """The engine in the present state: its model, and what is around the robot."""
+        self._check_open()
+        return self._core.look(0)
 
     def snapshot(self) -> Snapshot:
         """The state, to be given to :meth:`restore`; what is recorded, too."""
         self._check_open()
-        return Snapshot(
-            owner=self._owner,
-            substep=self.substep,
-            engine=self.engine.snapshot(),
-            joints=self.loop.snapshot(),
-            held=dict(self._inputs.held),
-            record=self.recording.state(),
-        )
+        return Snapshot(self._owner, self._core.state(0), dict(self._inputs.held), self.recording.state(), self._row)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there.
@@ -227,11 +274,9 @@ class Simulation:
         if snapshot.owner is not self._owner:
             message = "is a snapshot of another simulation, or of this one with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
-        self.engine.restore(snapshot.engine)
-        self.loop.restore(snapshot.joints)
-        self.substep = snapshot.substep
+        self._core.put(0, snapshot.state)
         self._inputs.held = dict(snapshot.held)
-        self._block = self.row = None
+        self._block, self._row = None, snapshot.row
         self.recording.put_back(snapshot.record)
 
     def reset(
@@ -256,36 +301,30 @@ class Simulation:
         if signals is not None:
             own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
             self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
-            self._inputs, self._first, self._start, self._owner = self._inputs_of(self.prepared), None, None, object()
+            self._inputs, self._first, self._start, self._owner = inputs_of(self.prepared), None, None, object()
         positions, speeds = self.prepared.start(initial or {}, velocities or {})
         if parameters is not None:
             self._take_over(self.prepared.with_numbers(parameters))
             # Another robot may be at equilibrium elsewhere.
             positions, speeds = self.prepared.start(initial or {}, velocities or {})
-        self.substep, self._block, self.row, self._inputs.held = 0, None, None, {}
-        self.engine.set_state(positions, speeds)
-        self.recording.renew()
+        self._block, self._row, self._inputs.held = None, None, {}
         starting = zip(self.prepared.drives, positions, strict=True)
-        self.loop.take_drives([d if d.initial_position == q else replace(d, initial_position=q) for d, q in starting])
-        self.loop.reset()
-        self.loop.refresh_response(0)
+        drives = [d if d.initial_position == q else replace(d, initial_position=q) for d, q in starting]
+        self._core.start(0, drives, positions, speeds)
+        self.recording.renew(positions, speeds)
 
     def _take_over(self, varied: Prepared) -> None:
         # What was kept has other numbers.
         self._start, self._owner = None, object()
         moved = varied.robot.links != self.prepared.robot.links
-        same = self.engine.vary(varied.robot)
-        if not same:
+        if not self.engine.vary(varied.robot):
             self.engine.close()
             self.engine = varied.make_engine()
-            self.engine.prepare(varied.substep, staggered=varied.stepping.staggered)
         self.prepared = varied = varied.settled(self.engine.model)
         self.recording.take_over(varied, self.engine)
         if moved and self.engine.model is not None:
             check_inertia(varied.drives, self.engine.model.mass_matrix(varied.initial_positions))
-        if not (same and self.loop.take_drives(varied.drives)):
-            compiled = self.loop.compiled
-            self.loop, _ = make_loop(varied, self.engine, self.recording, compiled=compiled, substeps=self.last)
+        self._core.take_over(0, varied, self.engine)
 
     def close(self) -> None:
         """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
@@ -301,3 +340,33 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def inputs_of(prepared: Prepared) -> Inputs:
+    """The input signals of the scenario."""
+    staggered = prepared.stepping.staggered
+    return Inputs(prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors)
+
+
+def make_core(prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1) -> tuple[Core, str]:
+    """The core, and why it is the plain one where compiled code would pay; empty where it would not.
+
+    compiled: whether it is; None: the scenario's choice, else where it pays in a run of so many substeps. Raises
+    SimulationError where it cannot be had and is asked for.
+    """
+    wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
+    if wanted or (wanted is None and pays(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)):
+        try:
+            if not available():
+                raise SimulationError("Numba is not installed")
+            return Core(prepared, engine, worlds=worlds, compiled=True), ""
+        except SimulationError as error:
+            if wanted:
+                raise
+            slow_because = str(error)
+    return Core(prepared, engine, worlds=worlds), slow_because
+
+
+def fastest_joint(velocities: Array) -> int:
+    """The number of the joint that moves fastest; one that has no velocity moves faster than any."""
+    return int(np.argmax(np.where(np.isfinite(velocities), np.abs(velocities), np.inf)))

@@ -1,29 +1,34 @@
-"""Steppings: how actuators and engine share a step. One table of constants serves all but the released order."""
+"""Steppings: how actuators and engine share a step."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from asrsim.registry import Registry
+from asrsim.simulation.released import released_step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """The constants that make a scheme."""
+    """A scheme: its constants, or a step of a joint of its own."""
 
     name: str
     order: int
     """Order of convergence where forces are smooth; 1 with Coulomb friction or impacts."""
     doc: str
     implicitness: float = 0.5
-    """Of motor damping and derivative action: 1/2 midpoint, 0 explicit."""
+    """Of damping and derivative action: 1/2 midpoint, 0 explicit."""
     first_drift: float = 0.5
     """Part of a motor's step before its kick."""
     staggered: bool = True
     """Velocities live at half steps: the first kick is half, damping and controllers extrapolate the velocity, the Coriolis
     lag is corrected, kicks split where an input jumps, and logged velocities are centred."""
+    joint_step: Callable[..., None] | None = None
+    """A joint's step in place of :func:`asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
+    steppings that are not staggered."""
     released: bool = False
-    """Joints step in the released toolbox's own order."""
+    """The joints are the released toolbox's: without substeps, with motors that start at 0, and not passive."""
 
 
 STEPPINGS: Registry[Stepping] = Registry("stepping", entry_point_group="asrsim.steppings", instance=Stepping)
@@ -47,6 +52,7 @@ for _stepping in (
         implicitness=0.0,
         first_drift=0.0,
         staggered=False,
+        joint_step=released_step,
         released=True,
         doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
     ),

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +35,9 @@ STEEPEST = math.sqrt(2.0 / math.e)
 """Steepest slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
 """What of a motor makes bristles."""
+RINGING = 0.5
+"""Share of itself to which a motion that dies within a step comes back, with the other sign: less would lag, more would
+ring."""
 STANDING = 1e-3
 """rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
 
@@ -50,34 +55,35 @@ class Resolution:
     """omega times the substep, link side."""
     stiffness: tuple[float, ...]
     """Largest reachable stiffness of each joint in N m/rad."""
+    link_implicitness: float
+    """Weight of the new velocity in that which damps the links: 1/2 is the midpoint rule, more damps what is stiff."""
 
 
-def reachable_stiffness(
-    drive: SteppedJoint, reference_1: Array, reference_2: Array, *, interval: float, load: float, inertia: float
-) -> float:
+def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
     """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds it is told so.
 
-    reference_1, reference_2: (n,), sampled over the run every `interval` s; load: N m, bound of gravity's and external
+    references: (columns, n), sampled over the run every `interval` s; load: N m, bound of gravity's and external
     torques on the link; inertia: kg m^2, the most that the joint can carry. A spring is deflected at most to max_deflection,
     and by no more than its pretension (half the references' spread) plus what load and motion add. Ideal motors jump as
     their references do. Motors with dynamics run at most as fast as their references or their speed limit, where they
     catch the link's inertia with the spring, and hold no more than their torque.
     """
-    actuator, mode = drive.actuator, drive.mode
+    actuator: Any = drive.actuator
+    mode = drive.mode
     if actuator is None or mode is None or not mode.spring:
         return 0.0
     limit = drive.values.get("max_deflection", math.pi)
     # The released code moves an adjuster by a motor, in mode 4 by a torque: its range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
-    sigma = float(reference_2[np.argmax(np.abs(reference_2))]) if actuator.adjuster and not torque_driven else 0.0
+    sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
 
     def torque_at(deflection: float) -> float:
-        pairs = [(d, sigma if actuator.adjuster else d) for d in (deflection, -deflection)]
-        return max(abs(part) for pair in pairs for part in _torques(drive, *pair, drive.elastic))
+        deflections = [_positions(drive, [d] * actuator.motors, sigma) for d in (deflection, -deflection)]
+        return float(max(abs(part) for positions in deflections for part in _torques(drive, positions)))
 
-    goals = np.column_stack(drive.goals(reference_1, reference_2))[:, : 1 if actuator.motors == 1 else 2]
-    centre = goals.mean(axis=1)
-    spread = float(np.max(np.abs(goals - centre[:, None]))) if not mode.direct else 0.0
+    goals = drive.goals(references)[: actuator.motors]
+    centre = goals.mean(axis=0)
+    spread = float(np.max(np.abs(goals - centre))) if not mode.direct else 0.0
     offset = abs(float(centre[0]) - drive.initial_position)
     changes = np.abs(np.diff(centre))
     change = float(np.max(changes)) if len(changes) else 0.0
@@ -86,7 +92,7 @@ def reachable_stiffness(
         pull = max(min(drive.electric(i).limit, drive.electric(i).stall) for i in motors)
         speed = fastest = max(drive.values[f"motor_{i}_max_velocity"] for i in motors)
         if mode.direct:
-            torques = [drive.electric(i).torque_of(np.abs(goals[:, i - 1])) for i in motors]
+            torques = [drive.electric(i).torque_of(np.abs(goals[i - 1])) for i in motors]
             pull = min(pull, float(np.max(torques)))
             spread = _largest_below(torque_at, pull, limit)
         elif offset < STANDING:
@@ -98,10 +104,9 @@ def reachable_stiffness(
     reach = _largest_below(torque_at, bound, limit)
     grid = np.linspace(-reach, reach, 9).tolist()
     best = 0.0
-    for d_1 in grid:
-        for d_2 in [sigma] if actuator.adjuster else (grid if actuator.motors == 2 else [0.0]):
-            value = abs(actuator.stiffness(0.0, d_1, d_2, drive.elastic))
-            best = max(best, value) if math.isfinite(value) else math.inf
+    for deflections in product(grid, repeat=actuator.motors):
+        value = abs(actuator.stiffness(0.0, *_positions(drive, deflections, sigma), drive.elastic))
+        best = max(best, value) if math.isfinite(value) else math.inf
     if drive.hysteresis is not None:
         # Where a motion turns round, hysteresis is as stiff as a spring of its torque over its deflection.
         best += actuator.motors * drive.hysteresis[0] / drive.hysteresis[1]
@@ -113,19 +118,30 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
     if drive.actuator is None or not math.isfinite(energy):
         return limit
     law = energy_over_arrays(drive.actuator)
-    second = sigma if drive.actuator.adjuster else -spread
+    others = [-spread] * (drive.actuator.motors - 1)
+    placed = [np.full(2, place) for place in _positions(drive, [spread, *others], sigma)]
+    if drive.actuator.motors == 1 and not drive.actuator.adjuster:
+        placed[1][:] = -spread
 
     def absorbed(deflection: float) -> float:
         points = np.array([-deflection, 0.0])
-        stored = law(points, np.full(2, spread), np.full(2, second), drive.elastic)
+        stored = law(points, *placed, drive.elastic)
         return float(stored[0] - stored[1])
 
     return _largest_below(absorbed, energy, limit)
 
 
-def _torques(drive: SteppedJoint, d_1: float, d_2: float, elastic: tuple[float, ...]) -> tuple[float, float]:
+def _positions(drive: SteppedJoint, deflections: Sequence[float], adjusted: float) -> tuple[float, ...]:
+    """Positions that the laws take, of a link at 0: motors at these deflections, and the adjuster."""
+    rest = [adjusted] if drive.actuator is not None and drive.actuator.adjuster else [0.0] * (2 - len(deflections))
+    return (*deflections, *rest)
+
+
+def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Any:
+    """N m of each spring of a link at 0."""
+    actuator: Any = drive.actuator
     try:
-        return drive.actuator.elastic_torques(0.0, d_1, d_2, elastic) if drive.actuator else (0.0, 0.0)
+        return actuator.elastic_torques(0.0, *positions, drive.elastic) if actuator else (0.0, 0.0)
     except (OverflowError, ZeroDivisionError):
         return math.inf, math.inf
 
@@ -152,10 +168,12 @@ def resolve(
     substeps: int | None,
     motor_substeps: int | None,
     cap: int,
+    explicit: bool,
 ) -> Resolution:
     """Numbers of substeps; raises UnresolvedSpringError where `cap` does not suffice.
 
-    masses: mass matrices (n, n) in the configurations that count; stiffness: per joint, N m/rad.
+    explicit: damping acts by the last velocity; masses: mass matrices (n, n) in the configurations that count; stiffness: per
+    joint, N m/rad.
     """
     gains = [
         drive.values["controller_1_proportional"] if drive.mode and drive.mode.number == 1 else k
@@ -193,7 +211,28 @@ def resolve(
         motor_frequency=motor_frequency,
         omega_h=limit,
         stiffness=tuple(float(k) for k in stiffness),
+        link_implicitness=_implicitness(masses, list(map(_damping, drives, stiffness)), h, 0.0 if explicit else 0.5),
     )
+
+
+def _damping(drive: SteppedJoint, stiffness: float) -> float:
+    """Largest viscous damping of the link in N m s/rad, with the derivative action of its controller."""
+    law = drive.link_damping
+    following = 2.0 * law.ratio * math.sqrt(law.inertia * stiffness) if law and law.ratio else 0.0
+    return drive.constant_damping + drive.link_brake + following
+
+
+def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: float, least: float) -> float:
+    """Weight w of the new velocity in that which damps, `least` at least.
+
+    A mode that decays by f = c h / I in a substep comes back as (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, is of
+    second order; where a mode dies within a step it rings, so w grows until it comes back as -:data:`RINGING` at most.
+    """
+    root = np.sqrt(np.maximum(dampings, 0.0))
+    fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0
+    if not fastest > 1.0 or not math.isfinite(fastest):
+        return least
+    return max(least, (fastest - 1.0 - RINGING) / (fastest * (1.0 + RINGING)))
 
 
 def _fastest(masses: Sequence[Array], gains: Sequence[float]) -> tuple[float, Array]:
@@ -221,7 +260,7 @@ def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
 
 def _motor_fading(drive: SteppedJoint) -> float:
     """The same of the joint's motors."""
-    values, motors = drive.values, range(1, drive.dynamic_motors + 1) if drive.detailed else ()
+    values, motors = drive.values, range(1, drive.dynamic_motors + 1)
     steep = (
         values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])
         for i in motors

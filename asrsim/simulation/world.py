@@ -23,9 +23,10 @@ class WorldRecorder:
     def look(self, k: int) -> None:
         """Before substep `k`, where a row is logged."""
         if k <= self.last:
-            for name, pose in self.engine.bodies().items():
+            scene = self.engine.scene()
+            for name, pose in scene.bodies.items():
                 self.bodies.setdefault(name, []).append(pose)
-            for name, force in self.engine.contacts().items():
+            for name, force in scene.contacts.items():
                 self.contacts.setdefault(name, []).append(force)
 
     def add_to(self, samples: Samples) -> Samples:

@@ -96,9 +96,8 @@ def make_payload(study: Study) -> Payload:
     known = tuple(one.variant for one in scenarios)
     unknown = [name for name in study.variants if name not in known]
     if unknown:
-        hint = did_you_mean(unknown[0], known)
         message = f"there is no variant '{unknown[0]}'"
-        problem = Problem(message, file=study.scenario, choices=known, hint=hint, code="unknown-variant")
+        problem = Problem(message, file=study.scenario, choices=known, meant=unknown[0], code="unknown-variant")
         raise InputError(problem)
     chosen = [one for one in scenarios if one.variant in (study.variants or known)]
     study = replace(study, variants=tuple(one.variant for one in chosen))

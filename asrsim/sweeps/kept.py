@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import InputError
+from asrsim.confined import MEMORY, ConfinedError, run_confined
+from asrsim.errors import InputError, Problem
 from asrsim.extras import library
 from asrsim.plain import misfit
 
@@ -19,6 +20,8 @@ SHAPE = {
     "claims": {"*": [str]}, "substeps": {"*": {"*": (int, str)}}, "settings": {"*": {"*": str}}, "rate": float,
 }  # fmt: skip
 """Of the manifest."""
+SECONDS, RATIO = 300.0, 16
+"""Of wall clock that reading a study's rows may take, and bytes of memory for each of its files beside what all may take."""
 FIRST = {"run": "int", "variant": "text", "status": "text"}
 """Columns that every study has."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
@@ -76,22 +79,26 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
     return pa.schema([(name, kinds[kind]) for name, kind in columns])
 
 
-def read_rows(path: Path, schema: Any, **options: Any) -> Any:
-    """A table of rows, checksums and all; options: of `pyarrow.parquet.read_table`. Raises InputError where the file is broken,
-    or holds other columns.
+def check_rows(files: Sequence[Path], schema: Any) -> None:
+    """Read files of rows once in a process of its own, whole: a stranger's file may crash Parquet's library, or be small and
+    ask for all memory. Raises InputError with every file that is broken, or holds other columns.
     """
-    import pyarrow as pa
+    if not files:
+        return
+    request = {"files": [str(path.resolve()) for path in files], "schema": bytes(schema.serialize()).hex()}
+    memory = MEMORY + RATIO * sum(path.stat().st_size for path in files)
+    try:
+        answer = run_confined(Path(__file__).with_name("rows_child.py"), request, seconds=SECONDS, memory=memory)
+        found = [(files[number], fault) for number, fault in json.loads(answer)]
+    except ConfinedError as error:
+        found = [(files[0] if len(files) == 1 else files[0].parent, f"cannot be read: reading rows {error}")]
+    if found:
+        hint = "Take it away: its runs are then done again by --resume"
+        raise InputError([Problem(fault, file=path, hint=hint, code="sweep-part") for path, fault in found])
+
+
+def read_rows(path: Path, **options: Any) -> Any:
+    """A table of rows that :func:`check_rows` has read before; options: of `pyarrow.parquet.read_table`."""
     import pyarrow.parquet as pq
 
-    try:
-        table = pq.read_table(path, page_checksum_verification=True, **options)
-        there = pq.read_schema(path)
-        problem = "" if there.equals(schema) else "its columns are not those of the study"
-        if "filters" not in options and len(table) != pq.read_metadata(path).num_rows:
-            problem = "a column has another number of rows than the file"
-    except (OSError, ValueError, pa.ArrowException) as error:
-        problem = f"cannot be read: {(str(error).splitlines() or [type(error).__name__])[0]}"
-    if problem:
-        hint = "Take it away: its runs are then done again by --resume"
-        raise InputError(problem, file=path, hint=hint, code="sweep-part")
-    return table
+    return pq.read_table(path, **options)

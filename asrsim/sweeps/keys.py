@@ -150,7 +150,7 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
         return (), key
     if owners:
         known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
-        problem = Problem("has no such number", key=key, choices=known, hint=did_you_mean(name, known), code="key")
+        problem = Problem("has no such number", key=key, choices=known, meant=name, code="key")
         raise InputError(problem)
     names = (*(known.name for known in SCENARIO.keys), *joints, *links)
     message = f"there is no key, joint or link '{parts[0]}'"

@@ -98,7 +98,7 @@ def sweep(
         study = payload.study
         store = open_store(folder, payload.columns, len(study), manifest(payload), resume=resume, overwrite=overwrite)
         _run(payload, store, *executor_of(payload, store, workers, cluster), progress, stop)
-    return Table(folder, keep=temporary)
+    return Table(folder, keep=temporary, checked=True)
 
 
 def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:

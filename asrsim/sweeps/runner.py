@@ -5,20 +5,21 @@ from __future__ import annotations
 import time as clock
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError, DivergenceError, InputError
 from asrsim.runs.execute import execute, write_summary
-from asrsim.simulation.run import Run, blame_laws, run_to_end
+from asrsim.samples import Samples, grid
+from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.together import Track, finish, track
+from asrsim.simulation.worlds import Worlds
 from asrsim.sweeps.base import Base
 from asrsim.sweeps.cases import Case, Payload
 from asrsim.sweeps.rows import Row, one_line, plain_cells, summary_cells
-from asrsim.sweeps.tap import Signals, Tap
+from asrsim.sweeps.tap import Signals, Tap, name_in
 
 BASES = 8
 """Prepared scenarios that are kept: runs that differ in numbers only share one."""
@@ -34,19 +35,6 @@ class _Point:
     case: Case
     values: Mapping[str, Any]
     began: float
-
-
-@dataclass(frozen=True)
-class _Stepped:
-    """A run that is looked at when there are enough of its kind."""
-
-    point: _Point
-    track: Track
-    tap: Tap
-    together: int
-    """How many are enough."""
-    seconds: float
-    """That it took."""
 
 
 class Runner:
@@ -68,20 +56,20 @@ class Runner:
 
     def several(self, items: Iterable[tuple[int, int]]) -> Iterator[tuple[int, Row]]:
         """Rows of runs, each with the number that comes with it; short runs of one kind are looked at together."""
-        waiting: dict[Any, list[_Stepped]] = {}
+        waiting: dict[tuple[str, str], list[_Point]] = {}
         for number, run in items:
             variant, values = self.study.point(run)
             point = _Point(number, run, self.payload.cases[variant], values, clock.perf_counter())
-            stepped = self._stepped(point)
-            if stepped is None:
+            base = self._shared(point)
+            if base is None:
                 yield self._row(point, point.began)
                 continue
-            key = stepped.tap, stepped.track.quantities
-            waiting.setdefault(key, []).append(stepped)
-            if len(waiting[key]) >= stepped.together:
-                yield from self._rows(waiting.pop(key))
-        for group in waiting.values():
-            yield from self._rows(group)
+            group = waiting.setdefault(_key(point), [])
+            group.append(point)
+            if len(group) >= base.together:
+                yield from self._together(waiting.pop(_key(point)))
+        for points in waiting.values():
+            yield from self._together(points)
 
     def close(self) -> None:
         """Release the engines."""
@@ -90,39 +78,43 @@ class Runner:
 
     # -- several runs -----------------------------------------------------------------------------------------------
 
-    def _stepped(self, point: _Point) -> _Stepped | None:
-        """The run, stepped; None where it is done alone, which also tells what is wrong with it."""
+    def _shared(self, point: _Point) -> Base | None:
+        """What steps the run together with others; None where it is done alone, which also tells what is wrong with it."""
         if self._logs is not None or not point.case.plan.varies_in_place:
             return None
         try:
             base = self._base(point)
-            if base.together == 1:
-                return None
-            simulation, tap = base.simulation(later=True)
-            if not base.set(simulation, point.values):
-                return None
-            return _Stepped(point, track(simulation), tap, base.together, clock.perf_counter() - point.began)
-        except DivergenceError:
-            return None
-        except BaseException as error:
-            self._forget(point)
-            if not isinstance(error, Exception):
-                raise
-            return None
-
-    def _rows(self, group: Sequence[_Stepped]) -> Iterator[tuple[int, Row]]:
-        began, tap = clock.perf_counter(), group[0].tap
-        tap.begin(len(group))
-        runs: Sequence[Run | None]
-        try:
-            runs = finish([one.track for one in group], tap.write)
         except Exception:
-            # A user's law may raise on the numbers of one run.
-            runs = [None] * len(group)
-        each = (clock.perf_counter() - began) / len(group)
-        for i, (one, run) in enumerate(zip(group, runs, strict=True)):
-            cells = None if run is None else partial(tap.cells, run, i)
-            yield self._row(one.point, clock.perf_counter() - one.seconds - each, cells)
+            self._forget(point)
+            return None
+        return base if base.together > 1 else None
+
+    def _together(self, points: Sequence[_Point]) -> Iterator[tuple[int, Row]]:
+        """Rows of runs of one kind; those that cannot be set, or that are not sane, are done alone."""
+        began = clock.perf_counter()
+        found: dict[int, Callable[[], dict[str, Any]]] = {}
+        try:
+            base = self._base(points[0])
+            worlds, tap = base.worlds()
+            ready = [i for i, point in enumerate(points) if self._is_set(base, worlds, i, point.values)]
+            runs = step_worlds(worlds, ready, tap) if ready else []
+            each = (clock.perf_counter() - began) / len(points)
+            for place, (i, run) in enumerate(zip(ready, runs, strict=True)):
+                if run is not None:
+                    found[i] = partial(tap.cells, replace(run, wall_time=each), place)
+        except Exception:
+            # A user's law may raise on the numbers of one run: each is done alone.
+            self._forget(points[0])
+        each = (clock.perf_counter() - began) / len(points)
+        for i, point in enumerate(points):
+            yield self._row(point, clock.perf_counter() - (each if i in found else 0.0), found.get(i))
+
+    @staticmethod
+    def _is_set(base: Base, worlds: Worlds, world: int, values: Mapping[str, Any]) -> bool:
+        try:
+            return base.set_world(worlds, world, values)
+        except AsrsimError:
+            return False
 
     def _row(self, point: _Point, began: float, cells_of: Callable[[], dict[str, Any]] | None = None) -> tuple[int, Row]:
         """The number of the item and its row. began: s; cells_of: of the run, where it is done."""
@@ -192,6 +184,29 @@ class Runner:
             signals.write(executed.run.samples)
             kept = signals.cells()
         return {**summary_cells(executed.summary), **kept}
+
+
+def step_worlds(worlds: Worlds, numbers: Sequence[int], tap: Tap) -> list[Run | None]:
+    """Step worlds that are at their start to the end; their samples, side by side as if they were joints of one robot, go to
+    the tap. None for a world whose motion is not sane. No law or sum goes over several joints, so all numbers are those of a
+    run alone."""
+    names = worlds.selection.names
+    found = worlds.record(names, worlds=list(numbers))
+    tap.begin(len(numbers))
+    scenario = worlds.prepared.scenario
+    joints = tuple(name_in(place, joint) for place in range(len(numbers)) for joint in worlds.joints)
+    rows = scenario.steps + 1
+    values = {name: table.transpose(1, 0, 2).reshape(rows, -1) for name, table in found.items()}
+    tap.write(Samples(time=grid(0, rows, scenario.step), joints=joints, values=values))
+    more = {
+        "wall_time": 0.0,
+        "simulated_time": worlds.prepared.last_substep(None) * worlds.prepared.substep,
+        "compiled": worlds.compiled,
+    }
+    return [
+        make_run(worlds.prepared_of(world), worlds.counts(world), "complete", **more) if worlds.sane(world) else None
+        for world in numbers
+    ]
 
 
 def _to_end(simulation: Simulation) -> Run:

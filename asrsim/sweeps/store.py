@@ -18,7 +18,7 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.samples import Array
-from asrsim.sweeps.kept import MANIFEST, read_manifest, read_rows, schema_of
+from asrsim.sweeps.kept import MANIFEST, check_rows, read_manifest, read_rows, schema_of
 from asrsim.sweeps.rows import Row
 
 ROWS = "rows.parquet"
@@ -38,6 +38,7 @@ class Store:
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
         """Runs that have a row, written or waiting."""
+        check_rows(self._files(), self._schema)
         for path in self._files():
             self.done[self._runs(path)] = True
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
@@ -97,14 +98,14 @@ class Store:
             yield pc.take(table, pa.array(places))
 
     def _between(self, path: Path, first: int, last: int) -> Any:
-        return read_rows(path, self._schema, filters=[("run", ">=", first), ("run", "<=", last)])
+        return read_rows(path, filters=[("run", ">=", first), ("run", "<=", last)])
 
     def _files(self) -> list[Path]:
         whole = self.folder / ROWS
         return [*([whole] if whole.exists() else []), *parts_of(self.folder)]
 
     def _runs(self, path: Path) -> Array:
-        runs = np.asarray(read_rows(path, self._schema, columns=["run"])["run"].to_numpy())
+        runs = np.asarray(read_rows(path, columns=["run"])["run"].to_numpy())
         if len(runs) and not 0 <= runs.min() <= runs.max() < self.total:
             raise InputError(f"has rows of runs beyond the study's {self.total}", file=path, code="sweep-part")
         return runs

@@ -15,7 +15,7 @@ from asrsim.actuators.user import plugin_options
 from asrsim.errors import InputError, did_you_mean
 from asrsim.extras import library
 from asrsim.samples import Array
-from asrsim.sweeps.kept import read_manifest, read_rows, schema_of
+from asrsim.sweeps.kept import check_rows, read_manifest, read_rows, schema_of
 from asrsim.sweeps.store import ROWS, parts_of
 
 BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
@@ -40,13 +40,18 @@ class Quantiles:
 class Table:
     """Rows of a study in its folder; columns are read when they are asked for."""
 
-    def __init__(self, folder: str | Path, *, keep: Any = None) -> None:
-        """keep: what lives as long as the table (a temporary folder). Raises InputError where there is no study."""
+    def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
+        """keep: what lives as long as the table (a temporary folder); checked: this process wrote or checked the rows.
+
+        Raises InputError where there is no study, or a file of it is broken.
+        """
         self.folder = Path(folder)
         self._keep = keep
         self.manifest = read_manifest(self.folder)
         whole = self.folder / ROWS
         self.files = ([whole] if whole.exists() else []) + parts_of(self.folder)
+        if not checked:
+            check_rows(self.files, self._schema)
         self._columns: dict[str, Array] = {}
 
     @property
@@ -99,7 +104,7 @@ class Table:
             raise InputError("no column has this name", key=name, hint=hint, code="unknown-column")
         if not self.files:
             return np.empty(0, np.int64 if self.kinds[name] == "int" else float)
-        parts = [read_rows(path, self._schema, columns=[name])[name] for path in self.files]
+        parts = [read_rows(path, columns=[name])[name] for path in self.files]
         # float64 first: a part in which a number is missing everywhere would else be of objects.
         if self.kinds[name] == "float" or (self.kinds[name] == "int" and name not in BOOKKEEPING):
             return np.concatenate([part.cast("float64").to_numpy(zero_copy_only=False).astype(float) for part in parts])
@@ -115,7 +120,7 @@ class Table:
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        tables = [read_rows(path, self._schema) for path in self.files] or [self._schema.empty_table()]
+        tables = [read_rows(path) for path in self.files] or [self._schema.empty_table()]
         return pc.take(pa.concat_tables(tables), pa.array(self._order))
 
     def unit(self, name: str) -> str:

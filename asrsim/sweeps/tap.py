@@ -12,11 +12,15 @@ from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.samples import RunInfo, Samples
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run
-from asrsim.simulation.together import name_in
 from asrsim.summary import Collector, Seen, make_summary
 from asrsim.summary.claims import Claims, needs_of
 from asrsim.sweeps.rows import summary_cells
 from asrsim.sweeps.study import Study
+
+
+def name_in(run: int, joint: str) -> str:
+    """Name of a joint among those of all runs."""
+    return f"{run}:{joint}" if run else joint
 
 
 class Tap:

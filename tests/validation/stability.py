@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.errors import DivergenceError
-from asrsim.simulation.divergence import SHARE
+from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.run import Run
 from asrsim.simulation.substeps import UNSTABLE
 from validation.check import Check

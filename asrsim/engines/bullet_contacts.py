@@ -1,0 +1,263 @@
+"""PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
+
+What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity
+torques at velocities half a step late, with their whole impulse in a first kick that is a part of one, and it has no implicit
+damping.
+The change of velocity that damping meets is that without contacts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+from weakref import finalize
+
+import numpy as np
+
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene
+from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
+from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
+from asrsim.engines.bullet_world import BulletWorld
+from asrsim.engines.exact_friction import settle
+from asrsim.engines.rigid import make_room, plain
+from asrsim.robot import engine_urdf
+from asrsim.robot.merge import merge_fixed
+from asrsim.robot.model import Robot
+from asrsim.robot.poses import quaternion, roll_pitch_yaw
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.versions import version
+
+SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
+"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
+leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+BEYOND = 1e-9
+"""rad or m beyond a stop at which a joint rests on it."""
+REACH = 2.0
+"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
+ARREST = 1e9
+"""N m: more than any impact takes."""
+
+
+class _Saved:
+    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+
+    def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
+        self.number = p.saveState(physicsClientId=client)
+        self._remove, self._close = partial(p.removeState, self.number, physicsClientId=client), close
+
+    def __del__(self) -> None:
+        if self._close.alive:
+            self._remove()
+
+
+class BulletContacts:
+    """A fresh physics client with one robot and its world."""
+
+    native = None
+
+    def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        self._p, self._client, self._end = connect(self)
+        self.version = f"pybullet {version('pybullet')}"
+        self.robot, self._scenario = robot, scenario
+        self.model: BulletModel | None = None
+        try:
+            self._load()
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self) -> None:
+        p, client, scenario = self._p, self._client, self._scenario
+        merged = merge_fixed(self.robot).robot
+        text, _ = engine_urdf(merged, package_paths=scenario.package_paths)
+        self._body = body = load_body(p, client, text, scenario, self.robot)
+        places = places_of(p, client, body)
+        set_inertias(p, client, body, places, merged)
+        free_of_losses(p, client, body)
+        # erp 0: a stop takes a joint's velocity and does not push it back; see _reach_stops.
+        p.setPhysicsEngineParameter(
+            numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
+        )
+        self._model = self.model = BulletModel(scenario, self.robot)
+        self.joints = self.model.joints
+        moving = merged.moving_joints
+        self._indices = [places[joint.child] for joint in moving]
+        self._stops = [(j, *joint.stops) for j, joint in enumerate(moving) if np.isfinite(joint.stops).any()]
+        self._base = 0 if scenario.fixed_base else BASE
+        self._world = BulletWorld(p, client, body, scenario.world, fixed=scenario.fixed_base)
+        self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
+        self._before = np.zeros(self._base + len(self._indices))
+        self._frictions = [0.0] * len(self._indices)
+        rows = range(self._base, len(self._before))
+        self._room = make_room(
+            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=rows, joint_v=rows, free=bool(self._base)
+        )
+        self._plain = plain(self._room)
+
+    # -- stepping ---------------------------------------------------------------------------------------------------
+
+    def start(
+        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """A run begins."""
+        p, client, body = self._p, self._client, self._body
+        self._step, self._implicitness = step, implicitness
+        self._lagging = staggered and len(self._before) > 1
+        p.setTimeStep(step, physicsClientId=client)
+        base, objects = self._home
+        p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
+        p.resetBaseVelocity(body, [0, 0, 0], [0, 0, 0], physicsClientId=client)
+        for index, position, velocity in zip(self._indices, positions, velocities, strict=True):
+            p.resetJointState(body, index, float(position), float(velocity), physicsClientId=client)
+        self._world.set_states(objects)
+        self._read()
+        self._before[:] = self._velocity
+        return positions, velocities
+
+    def _read(self) -> None:
+        """Where the robot is, and how it moves."""
+        p, client, body = self._p, self._client, self._body
+        states = p.getJointStates(body, self._indices, client) if self._indices else ()
+        self._positions = np.array([state[0] for state in states])
+        speeds = [state[1] for state in states]
+        self._rotation: Array | None = None
+        if self._base:
+            self._rotation = inertial_frame(p, client, body, -1)[1]
+            linear, angular = p.getBaseVelocity(body, client)
+            speeds = [*linear, *(self._rotation.T @ angular), *speeds]
+        self._velocity = np.array(speeds)
+
+    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+        """One step."""
+        p, client = self._p, self._client
+        self._set_friction((fraction * exchange[:, FRICTION]).tolist())
+        # Gravity is the only force that has an impulse of its own.
+        p.setGravity(*(fraction * part for part in self._scenario.gravity), physicsClientId=client)
+        push = self._push(exchange, wrenches, fraction)
+        arrived = self._reach_stops()
+        if self._indices:
+            p.setJointMotorControlArray(
+                self._body, self._indices, p.TORQUE_CONTROL, forces=push[self._base :].tolist(), physicsClientId=client
+            )
+        if self._rotation is not None:
+            centre = p.getBasePositionAndOrientation(self._body, client)[0]
+            torque = self._rotation @ push[3:6]
+            p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
+            p.applyExternalTorque(self._body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
+        p.stepSimulation(client)
+        for j in arrived:
+            self._set_motor(j, self._frictions[j])
+        before = self._velocity
+        self._read()
+        # Before a first kick, as if it had been a whole one.
+        self._before[:] = before if fraction == 1.0 else 2.0 * before - self._velocity
+        exchange[:, POSITION] = self._positions
+        exchange[:, VELOCITY] = self._velocity[self._base :]
+
+    def _push(self, exchange: Array, wrenches: Array, fraction: float) -> Array:
+        """(v,) N m that Bullet is given, over the whole step."""
+        q, rotation, now, model, base = self._positions, self._rotation, self._velocity, self._model, self._base
+        force = np.zeros(len(now))
+        force[base:] = fraction * exchange[:, TORQUE]
+        if len(wrenches):
+            force += model.push(self._scenario.wrenches, wrenches, q, rotation)
+        damping = np.zeros(len(now))
+        damping[base:] = exchange[:, DAMPING]
+        self._room.change[:] = 0.0
+        near = self._stops and self._near_stops()
+        if not near and not self._lagging and not damping.any() and fraction == 1.0:
+            return force
+        bias = model.bias_at(q, rotation, now)
+        whole = bias
+        if self._lagging and fraction == 1.0:
+            whole = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before)
+        if near or damping.any():
+            share = self._implicitness * fraction * self._step
+            room = self._room
+            room.matrix[:] = model.matrix_at(q, rotation) + np.diag(share * damping)
+            room.impulse[:] = self._step * (force - fraction * (whole + damping * now))
+            room.velocity[:] = now
+            room.bound[base:] = fraction * self._step * exchange[:, FRICTION]
+            room.slowest[base:] = np.minimum((room.lower - q) / self._step, 0.0)
+            room.fastest[base:] = np.maximum((room.upper - q) / self._step, 0.0)
+            room.held[:] = 0
+            settle(self._plain)
+            force -= fraction * damping * (now + self._implicitness * room.change)
+        # What Bullet takes itself: velocity torques with their whole impulse, gravity with its fraction.
+        force -= fraction * (whole - bias)
+        if fraction != 1.0:
+            force += (1.0 - fraction) * (bias - model.bias_at(q, rotation, np.zeros(len(now))))
+        return force
+
+    def _set_friction(self, bounds: list[float]) -> None:
+        """Bullet keeps the impulse of these motors, so it is issued anew when the step changes, too."""
+        for j, bound in enumerate(bounds):
+            self._set_motor(j, bound)
+        self._frictions = bounds
+
+    def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
+        """A velocity motor at target 0: with force 0 it frees the joint, with a force it is its Coulomb friction."""
+        p = self._p
+        p.setJointMotorControl2(
+            self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
+        )
+
+    def _near_stops(self) -> bool:
+        """Whether a joint may pass a stop in this step."""
+        room, q = self._room, self._positions
+        reach = REACH * self._step * (1.0 + np.abs(self._velocity[self._base :]))
+        return bool(((q + reach > room.upper) | (q - reach < room.lower)).any())
+
+    def _reach_stops(self) -> list[int]:
+        """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
+
+        Returns these joints, whose motors serve for it.
+        """
+        arrived = []
+        for j, lower, upper in self._stops:
+            position, velocity = self._positions[j], self._velocity[self._base + j]
+            # Without contacts it ends the step with this velocity, which takes it to its stop at most.
+            settled = velocity + self._room.change[self._base + j]
+            for speed in (settled, velocity):
+                reach = ((upper if speed > 0.0 else lower) - position) / self._step
+                if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
+                    # A hair beyond, where Bullet's stop holds it from the next step on.
+                    self._set_motor(j, ARREST, reach + (BEYOND if speed > 0.0 else -BEYOND) / self._step)
+                    arrived.append(j)
+                    break
+        return arrived
+
+    @property
+    def state(self) -> Any:
+        """Bullet's, and velocities before the last kick."""
+        return _Saved(self._p, self._client, self._end), self._before.copy()
+
+    @state.setter
+    def state(self, values: Any) -> None:
+        saved, before = values
+        self._p.restoreState(saved.number, physicsClientId=self._client)
+        self._before[:] = before
+        self._read()
+
+    # -- what is around ---------------------------------------------------------------------------------------------
+
+    def vary(self, robot: Robot) -> bool:
+        """Bodies are as they were loaded."""
+        return robot.links == self.robot.links
+
+    def scene(self) -> Scene:
+        """Poses of the world's objects, and of the base link if it floats; contact forces."""
+        poses = self._world.poses()
+        if self._base:
+            centre, rotation, local = inertial_frame(self._p, self._client, self._body, -1)
+            origin = np.array(centre) - rotation @ np.array(local)
+            poses = {self._model.root: (*origin.tolist(), *quaternion(roll_pitch_yaw(rotation)))} | poses
+        return Scene(poses, self._world.contacts())
+
+    def close(self) -> None:
+        """Disconnect the physics clients."""
+        self._end()
+        if self.model is not None:
+            self.model.close()

@@ -1,0 +1,117 @@
+"""One step of a robot without contacts on MuJoCo's rigid-body routines: ordinary code, run as it is or compiled.
+
+The routines named below are bound by :mod:`asrsim.engines.mujoco_library`: to the library through ctypes for plain Python, to
+its symbols for compiled code. The model is only read, so each thread needs a record of its own, and no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from asrsim.engines.rigid import Numbers, Room, aim, finish
+from asrsim.samples import Array
+from asrsim.scenario.data import Wrench
+
+
+def _unbound(*arguments: Any) -> None:
+    raise NotImplementedError("bound by asrsim.engines.mujoco_library")
+
+
+mj_kinematics = mj_comPos = mj_comVel = mj_makeM = mj_fullM = mj_rne = mj_applyFT = _unbound  # noqa: N816  (its names)
+
+ROUTINES = {
+    "mj_kinematics": "mm", "mj_comPos": "mm", "mj_comVel": "mm", "mj_makeM": "mm", "mj_fullM": "mmm", "mj_rne": "mmim",
+    "mj_applyFT": "mmmmmim",
+}  # fmt: skip
+"""Routines of the library with the kinds of their arguments: m address, i int."""
+
+
+class Record(NamedTuple):
+    """What a step works on beside a state: MuJoCo's model, data of its own, and room."""
+
+    room: Room
+    model: int
+    """Addresses:"""
+    data: int
+    at_matrix: int
+    at_bias: int
+    at_force: int
+    at_vectors: int
+    vectors: Numbers
+    """(3, 3) work space: force, torque, point."""
+    xpos: Numbers
+    xmat: Numbers
+    wrench_body: Numbers
+    wrench_point: Numbers
+    """(w, 3) m, in the body's frame."""
+    wrench_turn: Numbers
+    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
+    wrench_local: Numbers
+    """(w,) 1 where the wrench is given in the link's frame."""
+
+
+def make_record(
+    model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]]
+) -> Record:
+    """places: link -> body, position (3,) m and rotation (3, 3) of the link in it."""
+    pushed = [places[wrench.link] for wrench in wrenches]
+    points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
+    vectors = np.zeros((3, 3))
+    return Record(
+        room=room, model=model._address, data=data._address, at_matrix=room.matrix.ctypes.data,
+        at_bias=room.bias.ctypes.data, at_force=room.force.ctypes.data, at_vectors=vectors.ctypes.data, vectors=vectors,
+        xpos=data.xpos, xmat=data.xmat, wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
+        wrench_point=np.array(points).reshape(len(wrenches), 3),
+        wrench_turn=np.array([turn for _, _, turn in pushed]).reshape(len(wrenches), 3, 3),
+        wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
+    )  # fmt: skip
+
+
+def sizes(record: Record) -> tuple[int, int, int]:
+    """Numbers of a state, joints, and wrenches."""
+    return len(record.room.qpos) + 3 * len(record.room.qvel), len(record.room.joint_v), len(record.wrench_body)
+
+
+def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+    """One step; see :class:`asrsim.engines.base.Native`."""
+    room, model, data = record.room, record.model, record.data
+    aim(room, state, fraction)
+    mj_kinematics(model, data)
+    mj_comPos(model, data)
+    mj_makeM(model, data)
+    mj_fullM(model, data, record.at_matrix)
+    mj_comVel(model, data)
+    mj_rne(model, data, 0, record.at_bias)
+    if len(record.wrench_body):
+        _push(record, wrenches)
+    finish(room, state, exchange, fraction)
+
+
+def _push(record: Record, wrenches: Any) -> None:
+    """Generalised forces of forces and torques on links."""
+    force, vectors, xmat = record.room.force, record.vectors, record.xmat
+    for i in range(len(force)):
+        force[i] = 0.0
+    for index in range(len(record.wrench_body)):
+        body = record.wrench_body[index]
+        for row in range(3):
+            point = record.xpos[body, row]
+            for column in range(3):
+                point += xmat[body, 3 * row + column] * record.wrench_point[index, column]
+            vectors[2, row] = point
+            for kind in range(2):
+                if record.wrench_local[index]:
+                    value = 0.0
+                    for column in range(3):
+                        part = 0.0
+                        for axis in range(3):
+                            part += record.wrench_turn[index, column, axis] * wrenches[index, 3 * kind + axis]
+                        value += xmat[body, 3 * row + column] * part
+                    vectors[kind, row] = value
+                else:
+                    vectors[kind, row] = wrenches[index, 3 * kind + row]
+        at = record.at_vectors
+        mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), record.at_force)

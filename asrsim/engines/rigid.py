@@ -1,0 +1,244 @@
+"""A robot that touches nothing, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias that a
+library gives.
+
+:func:`aim` says where the library has to look, :func:`finish` takes the step; both are ordinary code, run as it is or compiled.
+A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s, base in
+rad/s about its own axes, joints), velocities before the last kick, and `held` of :mod:`asrsim.engines.exact_friction`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import cache
+from math import cos, inf, sin, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim import compiling
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Native, Scene
+from asrsim.engines.exact_friction import settle
+from asrsim.packed import pack
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+
+Numbers = NDArray[Any]
+
+STEP, NOW, BEFORE, IMPLICITNESS = range(4)
+"""Places in `Room.scheme`: s; weights of the last two velocities in that of the whole step; of damping."""
+INLINE = ("asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step")
+"""Modules whose functions are compiled into their callers."""
+
+
+class Room(NamedTuple):
+    """What a step works on. n joints, v degrees of freedom, q numbers of a configuration."""
+
+    scheme: Numbers
+    """(4,): see STEP."""
+    free: int
+    """1 if the base floats."""
+    qpos: Numbers
+    """(q,) configuration, and (v,) velocity at the whole step, at which matrix and bias are wanted."""
+    qvel: Numbers
+    matrix: Numbers
+    """(v, v) kg m^2."""
+    bias: Numbers
+    """(v,) N m that give no acceleration: gravity, Coriolis and centrifugal torques."""
+    force: Numbers
+    """(v,) N m of the wrenches."""
+    velocity: Numbers
+    """(v,) before the step. This and what follows: see :func:`asrsim.engines.exact_friction.settle`."""
+    impulse: Numbers
+    bound: Numbers
+    slowest: Numbers
+    fastest: Numbers
+    change: Numbers
+    push: Numbers
+    held: Numbers
+    places: Numbers
+    square: Numbers
+    joint_q: Numbers
+    """(n,) places of the joints in a configuration, and in the velocities:"""
+    joint_v: Numbers
+    lower: Numbers
+    """(n,) stops of the joints."""
+    upper: Numbers
+
+
+def make_room(
+    robot: Robot,
+    scheme: Numbers,
+    *,
+    qpos: Array,
+    qvel: Array,
+    joint_q: Sequence[int] | Numbers,
+    joint_v: Sequence[int] | Numbers,
+    free: bool,
+) -> Room:
+    """For a robot whose library looks at `qpos` and `qvel`."""
+    size = len(qvel)
+    arrays: dict[str, Any] = {
+        name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
+    }
+    arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
+    arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("held", "places")}
+    lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
+    return Room(
+        scheme=scheme, free=int(free), qpos=qpos, qvel=qvel, slowest=np.full(size, -inf), fastest=np.full(size, inf),
+        joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
+        **arrays,
+    )  # fmt: skip
+
+
+def plain(record: Any) -> Any:
+    """The same memory for plain Python, whose floats reckon several times faster one by one than NumPy's."""
+    kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
+    return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
+
+
+def aim(room: Any, state: Any, fraction: float) -> None:
+    """Let the library look at the state's configuration, and at the velocity of the whole step."""
+    qpos, qvel, scheme = room.qpos, room.qvel, room.scheme
+    first, size = len(qpos), len(qvel)
+    # A run starts at a whole step.
+    now, before = (scheme[NOW], scheme[BEFORE]) if fraction == 1.0 else (1.0, 0.0)
+    for i in range(first):
+        qpos[i] = state[i]
+    for i in range(size):
+        qvel[i] = now * state[first + i] + before * state[first + size + i]
+
+
+def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
+    """Kick and drift, from the room's matrix, bias and force."""
+    step = room.scheme[STEP]
+    kick = fraction * step
+    first, size = len(room.qpos), len(room.qvel)
+    velocity, impulse, held, change = room.velocity, room.impulse, room.held, room.change
+    for i in range(size):
+        velocity[i] = state[first + i]
+        held[i] = int(state[first + 2 * size + i])
+        impulse[i] = step * room.force[i] - kick * room.bias[i]
+    for j in range(len(room.joint_v)):
+        i, position = room.joint_v[j], state[room.joint_q[j]]
+        damping = exchange[j, DAMPING]
+        impulse[i] += kick * (exchange[j, TORQUE] - damping * velocity[i])
+        room.matrix[i, i] += room.scheme[IMPLICITNESS] * kick * damping
+        room.bound[i] = kick * exchange[j, FRICTION]
+        # A joint beyond its stop is held where it is: to push it back would leave it with a velocity of its own.
+        room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
+        room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
+    settle(room)
+    for i in range(size):
+        # Before a first kick, as if it had been a whole one.
+        state[first + size + i] = velocity[i] if fraction == 1.0 else velocity[i] - change[i]
+        state[first + i] = velocity[i] + change[i]
+        state[first + 2 * size + i] = float(held[i])
+    if room.free:
+        _turn(state, first, step)
+    for j in range(len(room.joint_v)):
+        speed = state[first + room.joint_v[j]]
+        place = room.joint_q[j]
+        state[place] += step * speed
+        exchange[j, POSITION] = state[place]
+        exchange[j, VELOCITY] = speed
+
+
+def _turn(state: Any, first: int, step: float) -> None:
+    """Drift of a floating base: the first seven numbers of the state, whose velocities begin at `first`."""
+    for i in range(3):
+        state[i] += step * state[first + i]
+    x, y, z = state[first + 3], state[first + 4], state[first + 5]
+    speed = sqrt(x * x + y * y + z * z)
+    half = 0.5 * step * speed
+    share = sin(half) / speed if speed > 0.0 else 0.0
+    w, x, y, z = cos(half), share * x, share * y, share * z
+    a, b, c, d = state[3], state[4], state[5], state[6]
+    e, f = a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y
+    g, h = a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w
+    size = sqrt(e * e + f * f + g * g + h * h)
+    state[3] = e / size
+    state[4] = f / size
+    state[5] = g / size
+    state[6] = h / size
+
+
+def _sizes(room: Any) -> tuple[int, int, int]:
+    """Numbers of a state, rows of an exchange, and of wrenches that compiled code looks at."""
+    return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), 0
+
+
+def _finish(room: Any, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+    finish(room, state, exchange, fraction)
+
+
+@cache
+def _compiled_finish(kind: Any) -> Any:
+    return compiling.compile_packed(_finish, kind, _sizes, inline=INLINE)
+
+
+class RigidEngine:
+    """The part of an engine for a robot that touches nothing which has nothing to do with its library.
+
+    A library derives from it, has the other members of :class:`asrsim.engines.base.Engine`, and gives :meth:`look`.
+    """
+
+    def __init__(self, room: Room, home: Array) -> None:
+        """home: configuration (q,) at the start, but for the joints."""
+        self._room, self._home = room, home
+        self._plain, self._packed = plain(room), pack(room)
+        self._state = np.zeros(_sizes(room)[0])
+        self._numbers = self._state.data
+        self._at = self._packed.ctypes.data, self._state.ctypes.data
+        self._call: Any = None
+
+    def look(self, wrenches: Array) -> None:
+        """Fill in the room's `matrix`, `bias` and `force` at its `qpos` and `qvel`."""
+        raise NotImplementedError
+
+    def start(
+        self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """A run begins."""
+        room, state = self._room, self._state
+        first, size = len(room.qpos), len(room.qvel)
+        room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
+        state[:first] = self._home
+        state[first:] = 0.0
+        state[room.joint_q] = positions
+        state[first + room.joint_v] = velocities
+        state[first + size : first + 2 * size] = state[first : first + size]
+        return positions, velocities
+
+    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+        """One step. Where Numba is in use in this process, its last part is compiled; the bits are the same."""
+        aim(self._plain, self._numbers, fraction)
+        self.look(wrenches)
+        if self._call is None and "numba" in sys.modules:
+            self._call = _compiled_finish(compiling.type_of(self._room)).call
+        if self._call is None:
+            finish(self._plain, self._numbers, exchange.data, fraction)
+        else:
+            self._call(*self._at, exchange.ctypes.data, 0, fraction)
+
+    @property
+    def state(self) -> Array:
+        """A vector; see the module."""
+        return self._state.copy()
+
+    @state.setter
+    def state(self, values: Array) -> None:
+        self._state[:] = values
+
+    def scene(self) -> Scene:
+        """Nothing is around a robot whose base is held."""
+        return Scene({}, {})
+
+    @property
+    def native(self) -> Native | None:
+        """Steps go through Python."""
+        return None
+
+    def close(self) -> None:
+        """Nothing that Python does not release."""

@@ -1,0 +1,192 @@
+"""What one environment and many have in common: actions, observations, what is drawn at a reset, rewards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from asrsim.environment.draws import Draws, plan
+from asrsim.environment.readings import KNOWN, Readings
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.quantities import QUANTITIES
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.simulation.prepare import one_scenario
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.ranges import ranges_of, with_ranges
+
+LARGEST = float(np.finfo(np.float32).max)
+"""Bound of what has no bound of its own."""
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class State:
+    """What a reward may look at, after an action."""
+
+    time: float
+    """s since the start of the episode."""
+    values: Mapping[str, Array]
+    """Observed quantity -> (n,), SI."""
+    goal: Mapping[str, float]
+    action: Array
+    """In [-1, 1], as it was given."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What was drawn for one."""
+
+    parameters: Mapping[str, float]
+    goal: Mapping[str, float]
+    start: Mapping[str, float]
+
+
+class Task:
+    """A scenario as a task for learning; see :func:`asrsim.environment.make_env`."""
+
+    def __init__(
+        self, scenario: str | Path | Scenario, *, variant: str | None, overrides: Any, control_rate: float,
+        observe: Sequence[str], act: Sequence[str], reward: Callable[[State], float] | None,
+        terminated: Callable[[State], bool] | None, randomise: Mapping[str, Any], initial: Mapping[str, Any],
+        goal: Mapping[str, Any], tip: tuple[str, Sequence[float]] | None,
+    ) -> None:  # fmt: skip
+        scenario = one_scenario(scenario, variant=variant, overrides=overrides)
+        self.prepared = prepared = with_ranges(scenario)
+        self.steps = _steps(control_rate, scenario.step)
+        """Of the scenario, in an action."""
+        self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
+        """Actions of an episode."""
+        self.actions, low, high = _actions(prepared, (act,) if isinstance(act, str) else act)
+        """Joint and reference of each number of an action."""
+        self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
+        self._reward, self._terminated = reward, terminated
+        self._random, self._start, self._goal = Draws(randomise), Draws(initial), Draws(goal)
+        # Not at the first draw that lies beyond a stop, long into a training.
+        for places in self._start.bounds():
+            prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
+        self._plan = plan(self._random, prepared)
+        self._observe, self._tip = (observe,) if isinstance(observe, str) else tuple(observe), tip
+
+    @property
+    def read_names(self) -> list[str]:
+        """Quantities that readings may ask for."""
+        return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
+
+    def readings(self, simulation: Any) -> Readings:
+        """Of a simulation or of worlds. Raises InputError for what cannot be observed."""
+        return Readings(simulation, self._observe, self._tip)
+
+    def spaces(self, readings: Readings) -> tuple[Any, Any]:
+        """Of observations and actions of one environment."""
+        low, high = readings.bounds()
+        ends = self._goal.bounds()
+        bounds = [np.clip(np.concatenate(pair), -LARGEST, LARGEST) for pair in ((low, ends[0]), (high, ends[1]))]
+        rounded = [np.nextafter(bound.astype(np.float32), side, dtype=np.float32) for bound, side in zip(
+            bounds, (np.float32(-LARGEST), np.float32(LARGEST)), strict=True)]  # fmt: skip
+        return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
+
+    def draw(self, chance: np.random.Generator) -> Episode:
+        """What differs in the next episode."""
+        goal = self._goal.draw(chance)
+        parameters = self._random.draw(chance) if self._random.keys else {}
+        return Episode(parameters, goal, self._start.draw(chance) if self._start.keys else {})
+
+    @property
+    def goals(self) -> int:
+        """Numbers of a goal."""
+        return len(self._goal.keys)
+
+    @property
+    def draws(self) -> bool:
+        """Whether anything is drawn."""
+        return bool(self._random.keys or self._start.keys or self._goal.keys)
+
+    def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
+        """Parameters of the robot in an episode."""
+        return self._plan.changes(dict(episode.parameters)) if episode.parameters else {}
+
+    def references(self, episode: Episode) -> list[tuple[str, str, float]]:
+        """Joint, reference and value of constant references that were drawn."""
+        return [
+            (joint, reference, episode.parameters[key])
+            for key, places in self._plan.references.items()
+            for joint, reference in places
+        ]
+
+    def values_of(self, actions: Any, count: int | None = None) -> tuple[Array, Array]:
+        """The actions (..., numbers) of `count` environments, or of one, as they are given and as references in SI. Raises
+        InputError."""
+        given = np.asarray(actions, dtype=np.float64)
+        shape = (len(self.actions),) if count is None else (count, len(self.actions))
+        if given.shape != shape or not np.isfinite(given).all():
+            whose = "an action is" if count is None else f"actions are {count} rows of"
+            raise InputError(f"{whose} {len(self.actions)} finite numbers", value=actions, code="action")
+        return given, self._middle + self._half * np.clip(given, -1.0, 1.0)
+
+    def observation(self, found: Mapping[str, Array], goal: Mapping[str, float]) -> Single:
+        """Of one environment."""
+        return np.concatenate([*found.values(), list(goal.values())]).astype(np.float32)
+
+    @property
+    def judges(self) -> bool:
+        """Whether anybody looks at states."""
+        return self._reward is not None or self._terminated is not None
+
+    def judge(self, state: Callable[[], State]) -> tuple[float, bool]:
+        """Reward, and whether the episode is over. Raises InputError for a reward that is no number."""
+        if not self.judges:
+            return 0.0, False
+        seen = state()
+        reward = _rewarded(self._reward(seen)) if self._reward is not None else 0.0
+        return reward, self._terminated is not None and bool(self._terminated(seen))
+
+
+def _rewarded(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind") from None
+
+
+def _steps(control_rate: float, step: float) -> int:
+    if not (math.isfinite(control_rate) and control_rate > 0):
+        raise InputError("the control rate must be above 0 Hz", value=control_rate, code="control-rate")
+    count = 1.0 / (control_rate * step)
+    if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
+        message = f"a control period of {1.0 / control_rate:g} s is no whole number of steps of {step:g} s"
+        raise InputError(message, value=control_rate, code="control-rate")
+    return round(count)
+
+
+def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Array, Array]:
+    """Joint and reference of each number of an action, with least and largest values."""
+    ranges = ranges_of(prepared)
+    firsts = [(joint, name) for joint, given in ranges.items() for name in list(given)[:1] if name != "external_torque"]
+    known = {f"{joint}.{name}": (joint, name) for joint, given in ranges.items() for name in given}
+    found: list[tuple[str, str]] = [] if act else firsts
+    problems = []
+    for name in act:
+        own = [known[name]] if name in known else [pair for pair in known.values() if pair[1] == name]
+        if not own:
+            choices = (*dict.fromkeys(pair[1] for pair in known.values()), *known)
+            hint = did_you_mean(name, choices)
+            message = f"no joint has the reference '{name}' in its mode"
+            problems.append(Problem(message, choices=choices, hint=hint, code="unknown-reference"))
+        found += [pair for pair in own if pair not in found]
+    table = np.array([ranges[joint][name] for joint, name in found]).reshape(-1, 2)
+    problems += [
+        Problem(f"{name} of '{joint}' has no limits; declare them by reference_ranges", code="no-range")
+        for (joint, name), pair in zip(found, table, strict=True)
+        if not np.isfinite(pair).all()
+    ]
+    if problems:
+        raise InputError(problems)
+    return tuple(found), table[:, 0], table[:, 1]

@@ -1,0 +1,116 @@
+"""Many environments of one task, stepped together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from asrsim.environment.env import again
+from asrsim.environment.task import Episode, Single, State, Task
+from asrsim.errors import InputError
+from asrsim.samples import Array
+from asrsim.simulation.worlds import Start, Worlds
+
+
+class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
+    """See :func:`asrsim.environment.make_vec_env`. Environment i is equal to the bit to one alone with the seed of i."""
+
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(self, scenario: Any, *, num_envs: int, threads: int, **options: Any) -> None:
+        self._made_with = scenario, {"num_envs": num_envs, "threads": threads, **options}
+        self._task = task = Task(scenario, **options)
+        self.num_envs = num_envs
+        self.worlds = Worlds(
+            task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads
+        )
+        self._readings = task.readings(self.worlds)
+        self.single_observation_space, self.single_action_space = task.spaces(self._readings)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._chances: list[np.random.Generator] = [seeding.np_random(None)[0] for _ in range(num_envs)]
+        self._episodes = [Episode({}, {}, {})] * num_envs
+        self._counts = np.zeros(num_envs, dtype=int)
+        self._over = np.zeros(num_envs, dtype=bool)
+        """Environments whose next step is a reset."""
+        self._goals = np.zeros((num_envs, task.goals))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy begins anew."""
+        scenario, options = self._made_with
+        return again, (type(self), scenario, options)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Single, dict[str, Any]]:
+        """All back to the start, with what is drawn anew. seed: that of the first environment, whose followers count on from
+        there, or one for each. options: `reset_mask` (n,): only these."""
+        mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
+        mask = np.broadcast_to(mask, self.num_envs).astype(bool)
+        if seed is not None:
+            seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else list(seed)
+            if len(seeds) != self.num_envs:
+                raise InputError(f"needs {self.num_envs} seeds", key="seed", value=len(seeds), code="seed")
+            for i in np.flatnonzero(mask).tolist():
+                if seeds[i] is not None:
+                    self._chances[i] = seeding.np_random(seeds[i])[0]
+        self._begin(mask)
+        return self._observation(self._readings.read()), self._told(mask)
+
+    def _begin(self, mask: NDArray[np.bool_]) -> None:
+        task, numbers = self._task, np.flatnonzero(mask).tolist()
+        for i in numbers:
+            self._episodes[i] = task.draw(self._chances[i]) if task.draws else Episode({}, {}, {})
+            self._goals[i] = list(self._episodes[i].goal.values())
+        starts = [Start(parameters=task.changes(self._episodes[i]), positions=self._episodes[i].start) for i in numbers]
+        self.worlds.reset(starts, worlds=mask)
+        for i in numbers:
+            for joint, reference, value in task.references(self._episodes[i]):
+                self.worlds.set_reference(joint, reference, value, worlds=[i])
+        self._counts[mask], self._over[mask] = 0, False
+
+    def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """One action each for one control period. An environment whose episode is over begins the next one instead."""
+        task, worlds = self._task, self.worlds
+        given, values = task.values_of(actions, self.num_envs)
+        going, fresh = ~self._over, self._over.copy()
+        if fresh.any():
+            self._begin(fresh)
+        for place, (joint, reference) in enumerate(task.actions):
+            worlds.set_reference(joint, reference, values[going, place], worlds=going)
+        worlds.advance(task.steps, worlds=going)
+        self._counts[going] += 1
+        found = self._readings.read()
+        rewards, ended = np.zeros(self.num_envs), ~worlds.healthy
+        for i in np.flatnonzero(going).tolist() if task.judges else ():
+            own = {name: table[i] for name, table in found.items()}
+            state = State(float(worlds.time[i]), own, self._episodes[i].goal, given[i])
+            rewards[i], over = task.judge(lambda state=state: state)  # type: ignore[misc]
+            ended[i] |= over
+        truncated = (self._counts >= task.last) & ~ended & going
+        ended &= going
+        self._over = ended | truncated
+        return self._observation(found), rewards, ended, truncated, self._told(fresh)
+
+    def _observation(self, found: dict[str, Array]) -> Single:
+        return np.concatenate([*found.values(), self._goals], axis=1).astype(np.float32)
+
+    def _told(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
+        """What was drawn for the environments that have just begun, as vector environments tell it."""
+        if not fresh.any() or not self._task.draws:
+            return {}
+        infos: dict[str, Any] = {}
+        for i in np.flatnonzero(fresh).tolist():
+            episode = self._episodes[i]
+            infos = self._add_info(infos, {"parameters": dict(episode.parameters), "goal": dict(episode.goal)}, i)
+        return infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Release the engines."""
+        self.worlds.close()

@@ -1,0 +1,278 @@
+"""What a joint does in one substep: what its sensors read, its motors, springs and limits, and the torque on its link.
+
+Ordinary code on the rows of one joint (:mod:`asrsim.simulation.layout`), run as it is or compiled.
+"""
+
+from __future__ import annotations
+
+from math import exp, floor, sqrt
+from typing import Any
+
+from asrsim.actuators.hysteresis import dahl
+from asrsim.actuators.motor import motor_kick, velocity_bounds
+from asrsim.simulation.laws import joint_step, numbers, spring_law, state_law
+from asrsim.simulation.layout import (
+    ANCHOR,
+    APPLIED,
+    BRAKE,
+    CONTROLLED,
+    CONTROLLERS,
+    CURRENT,
+    D_CONSTANT,
+    D_HIGH,
+    D_LOW,
+    D_MOST,
+    D_RESISTANCE,
+    DEFLECTION,
+    DIRECT,
+    DRIVE_TORQUE,
+    DRIVES,
+    DYNAMIC,
+    FIRST_DRIFT,
+    GOALS,
+    HELD,
+    HYSTERESIS,
+    IMPLICITNESS,
+    INTEGRAL,
+    JOINT_STEP,
+    KICK_POSITION,
+    KIND,
+    LAGGING,
+    LAST_DEFLECTION,
+    LAST_HYSTERESIS,
+    LAW,
+    MEAN_VELOCITY,
+    MOTOR_INTEGRAL,
+    MOTOR_POSITION,
+    MOTOR_VELOCITY,
+    MOTORS,
+    NOW,
+    ON_LINK,
+    OWN,
+    P_BRAKE,
+    P_COULOMB,
+    P_CUTOFF,
+    P_DAMPING,
+    P_DAMPING_INERTIA,
+    P_DAMPING_RATIO,
+    P_DELAY,
+    P_DERIVATIVE,
+    P_EFFORT,
+    P_FADE,
+    P_FASTEST,
+    P_INTEGRAL,
+    P_LENGTH,
+    P_LEVEL,
+    P_PROPORTIONAL,
+    P_QUANTUM,
+    P_REST,
+    P_SHARE,
+    P_SPRING,
+    P_STRIBECK,
+    P_SUBSTEPS,
+    PAST,
+    PER_DRIVE,
+    PER_MOTOR,
+    POSITION,
+    PREVIOUS,
+    READ_ERROR,
+    READ_PUSH,
+    RING,
+    RINGS,
+    SPRING_LAW,
+    SPRINGS,
+    SPRUNG,
+    STATE_LAW,
+    STEP,
+    STIFFNESS,
+    THETAS,
+    TORQUE,
+    TORQUES,
+    VOLTAGE,
+)  # fmt: skip
+
+
+def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
+    """What the controllers read: position and velocity of some time ago, held until the sensor samples anew, the position with
+    noise and in steps of its quantum.
+
+    A ring keeps past positions and velocities; behind it stand the place of the newest, and what the sensor read last.
+    """
+    size = int(p[P_DELAY]) + 2
+    for i in range(k[CONTROLLERS]):
+        m, ring = OWN + i * PER_MOTOR, k[RINGS] + i * k[RING]
+        if k[ON_LINK]:
+            ahead = 0.0
+            x, lagging = s[POSITION], z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+            gain = p[P_DERIVATIVE]
+        else:
+            # A motor's velocity lies this part of a step before its kick; its position is brought there.
+            ahead = z[FIRST_DRIFT]
+            lagging = s[m + MOTOR_VELOCITY]
+            x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
+            gain = p[k[DRIVES] + i * PER_DRIVE + 2]
+        newest = int(s[ring + 2 * size])
+        speed = (1.0 + ahead) * lagging - ahead * s[ring + 2 * ((newest + size - 1) % size) + 1]
+        s[ring + 2 * newest], s[ring + 2 * newest + 1] = x, lagging
+        oldest = (newest + 1) % size
+        s[ring + 2 * size] = float(oldest)
+        samples = GOALS + k[MOTORS] + 2 * i
+        if u[samples] != 0.0:
+            late = (newest + 2) % size
+            reading = s[ring + 2 * late] + u[samples + 1]
+            if p[P_QUANTUM] > 0.0:
+                reading = p[P_QUANTUM] * floor(reading / p[P_QUANTUM] + 0.5)
+            s[ring + 2 * size + 1] = reading
+            s[ring + 2 * size + 2] = (1.0 + ahead) * s[ring + 2 * late + 1] - ahead * s[ring + 2 * oldest + 1]
+        s[m + READ_ERROR] = s[ring + 2 * size + 1] - x
+        s[m + READ_PUSH] = -gain * (s[ring + 2 * size + 2] - speed)
+
+
+def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int) -> None:
+    """Advance the joint's own state by h s under the inputs u, at the link's present position; its torque into s[TORQUE].
+
+    note: the column at which what pushes each motor is left: DRIVE_TORQUE for the record, with all that is recorded; 0:
+    nowhere. Where motors have substeps it is the middle one's. With h = 0 nothing moves.
+    """
+    kind = k[KIND]
+    if k[JOINT_STEP]:
+        joint_step(k[JOINT_STEP], s, p, k, u, h, note)
+    elif kind == SPRUNG:
+        _advance_springs(s, p, k, z, u, h, note)
+    elif kind == CONTROLLED:
+        # A PID controller on the rigid link (paper eq. 11); its derivative action is a brake: see `limit`.
+        error = u[GOALS] - s[OWN + READ_ERROR] - s[POSITION]
+        more = p[P_INTEGRAL] * h * error
+        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[OWN + READ_PUSH] + 0.5 * more
+        s[INTEGRAL] += more
+    elif kind == DIRECT:
+        s[TORQUE] = u[GOALS]
+    else:
+        s[TORQUE] = 0.0
+
+
+def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int) -> None:
+    """Motors and springs: drift, kick, drift, of second order with half a drift before the kick.
+
+    Substeps of the motors keep the link where it is and give it their mean torque, which stays bounded.
+    """
+    motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
+    turns = int(p[P_SUBSTEPS]) if h == z[STEP] else 1
+    step = h / turns
+    before = z[FIRST_DRIFT] * step
+    q, total = s[POSITION], 0.0
+    for turn in range(turns):
+        for i in range(motors):
+            if i < dynamic:
+                m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+                s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
+            else:
+                s[thetas + i] = u[GOALS + i]
+        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques)
+        if p[P_LEVEL] > 0.0:
+            for i in range(k[SPRINGS]):
+                s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
+        for i in range(motors):
+            total += s[torques + i]
+        column = note if turn == turns // 2 else 0
+        for i in range(dynamic):
+            _kick(s, p, k, z, u[GOALS + i], i, step, before, column)
+        if column != 0:
+            for i in range(motors):
+                m = OWN + i * PER_MOTOR
+                s[m + column + 2] = s[torques + i]
+                if column == DRIVE_TORQUE:
+                    s[m + KICK_POSITION] = s[thetas + i]
+    s[TORQUE] = total / turns
+
+
+def _between(value: float, low: float, high: float) -> float:
+    return high if value > high else low if value < low else value
+
+
+def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, note: int) -> None:
+    """The kick of motor i and the drift after it."""
+    m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+    x, pushed = s[k[THETAS] + i], s[m + READ_PUSH]
+    slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
+    velocity, mean, anchor, integral, drive, friction = motor_kick(
+        x, s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] + pushed, goal - s[m + READ_ERROR],
+        s[k[TORQUES] + i], slowest, fastest, step, z[IMPLICITNESS], numbers(p, d),
+    )  # fmt: skip
+    s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
+    s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
+    if step > 0.0 and (velocity >= fastest or velocity <= slowest):
+        s[m + HELD] = 1.0
+    if note != 0:
+        s[m + note], s[m + note + 1] = drive, friction
+    if note == DRIVE_TORQUE:
+        constant = p[d + D_CONSTANT]
+        s[m + MEAN_VELOCITY] = mean
+        if constant > 0.0:
+            s[m + CURRENT] = drive / constant
+            s[m + VOLTAGE] = p[d + D_RESISTANCE] * s[m + CURRENT] + constant * mean
+
+
+def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
+    """Torque of the hysteresis of spring i in N m at a deflection in rad, after the last kick's."""
+    m = OWN + i * PER_MOTOR
+    last = s[m + DEFLECTION]
+    # Before the first kick there is no last deflection (NaN), and no change.
+    change = deflection - last if last == last else 0.0
+    return dahl(s[m + HYSTERESIS], change, p[P_LEVEL], p[P_LENGTH])
+
+
+def remember_springs(s: Any, p: Any, k: Any) -> None:
+    """Let the hysteresis follow the recorded kick. It advances once a substep: where motors have substeps the link stands still
+    in them, which would wrongly erase part of its memory."""
+    for i in range(k[SPRINGS]):
+        m = OWN + i * PER_MOTOR
+        deflection = s[m + KICK_POSITION] - s[POSITION]
+        torque = hysteresis(s, p, i, deflection)
+        s[m + LAST_HYSTERESIS], s[m + LAST_DEFLECTION] = s[m + HYSTERESIS], s[m + DEFLECTION]
+        s[m + HYSTERESIS], s[m + DEFLECTION] = torque, deflection
+
+
+def limit(s: Any, p: Any, v: float) -> float:
+    """Limits on s[TORQUE] at the link's velocity v: the torque goes to s[APPLIED], and the brake that acts is given.
+
+    The brake, the derivative action of mode 1, is limited together with the torque. Within the limit it acts as damping does;
+    beyond it there is the limit alone.
+    """
+    torque = s[TORQUE]
+    if p[P_CUTOFF] != 0.0 and abs(s[LAGGING]) >= p[P_FASTEST] and torque * s[LAGGING] > 0.0:
+        torque = 0.0
+    braked = torque - p[P_BRAKE] * v
+    if abs(braked) > p[P_EFFORT]:
+        s[APPLIED] = p[P_EFFORT] if braked > 0.0 else -p[P_EFFORT]
+        return 0.0
+    s[APPLIED] = torque
+    return p[P_BRAKE]  # type: ignore[no-any-return]
+
+
+def push_of(s: Any, p: Any, external: float) -> float:
+    """N m on the link that are not the actuator's: external torque and passive spring."""
+    return external + p[P_SPRING] * (p[P_REST] - s[POSITION])  # type: ignore[no-any-return]
+
+
+def damping_of(s: Any, p: Any, k: Any) -> float:
+    """Viscous damping of the link in N m s/rad: c + 2 D sqrt(I k) where it follows the stiffness k (paper section 4.2.2)."""
+    if p[P_DAMPING_RATIO] == 0.0:
+        return p[P_DAMPING]  # type: ignore[no-any-return]
+    find_state(s, p, k)
+    return p[P_DAMPING] + 2.0 * p[P_DAMPING_RATIO] * sqrt(max(p[P_DAMPING_INERTIA] * s[STIFFNESS], 0.0))  # type: ignore[no-any-return]
+
+
+def find_state(s: Any, p: Any, k: Any) -> None:
+    """Stiffness and energy of the spring at the recorded kick, into s."""
+    for i in range(k[MOTORS]):
+        s[k[THETAS] + i] = s[OWN + i * PER_MOTOR + KICK_POSITION]
+    state_law(k[STATE_LAW], s[POSITION], s, k[THETAS], p, k[LAW], STIFFNESS)
+
+
+def friction_of(s: Any, p: Any, v: float) -> float:
+    """Bound of the joint's friction in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with the actuator's torque on the link.
+    A standing joint has all of it. Whatever the level, friction only takes energy."""
+    ratio = v * p[P_FADE]
+    applied = s[APPLIED] - s[BRAKE] * v
+    return p[P_COULOMB] + p[P_SHARE] * abs(applied) + p[P_STRIBECK] * exp(-ratio * ratio)  # type: ignore[no-any-return]

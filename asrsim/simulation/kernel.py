@@ -1,0 +1,209 @@
+"""The loop: worlds, one after the other, each for a number of substeps; one source for plain Python and for compiled code.
+
+A substep: the joints read their sensors, move their motors and push their links; the engine moves the links; the ledger is
+settled. Where an input jumps, the kick is cut in pieces, each with the inputs of its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asrsim.simulation.joint import advance, damping_of, friction_of, limit, push_of, read_sensors, remember_springs
+from asrsim.simulation.laws import engine_step
+from asrsim.simulation.layout import (
+    APPLIED,
+    APPLIED_BEFORE,
+    APPLIED_NEXT,
+    BRAKE,
+    CONTROLLERS,
+    DAMPING,
+    DRAG,
+    DRIVE_BEFORE,
+    DRIVE_NEXT,
+    DRIVE_PIECE,
+    DRIVE_TORQUE,
+    E_DAMPING,
+    E_FRICTION,
+    E_POSITION,
+    E_TORQUE,
+    E_VELOCITY,
+    EXTERNAL,
+    FREE,
+    FREE_AFTER,
+    FREE_BEFORE,
+    HEALTHY,
+    LAGGING,
+    LINK_IMPLICITNESS,
+    MOTOR_PUSHES,
+    MOTORS,
+    NO_VALUE,
+    NOW,
+    OWN,
+    P_BRAKE,
+    P_EFFORT,
+    P_LEVEL,
+    PAST,
+    PER_MOTOR,
+    POSITION,
+    PREVIOUS,
+    PUSH,
+    PUSHES,
+    RAN_AWAY,
+    STAGGERED,
+    STEP,
+    TORQUE,
+    VELOCITY,
+)  # fmt: skip
+from asrsim.simulation.ledger import count_limits, settle_accounts
+
+FASTEST = 1e4
+"""rad/s (m/s) that no spring or motor of a robot gives."""
+ENDLESS = 1e300
+"""N m from which on a torque counts as infinite."""
+
+
+def run(
+    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
+    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
+    engine: int, record: int, columns: Any, out: Any,
+) -> None:  # fmt: skip
+    """Advance worlds by `count` substeps.
+
+    which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
+    watched: 1 if they have the energies and the stiffness of the springs;
+    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
+    joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
+    (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
+    in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
+    parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
+    exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
+    are recorded, out: (m, rows, joints, columns) to where.
+    """
+    for place in range(len(which)):
+        w, given = which[place][0], which[place][1]
+        row = 0
+        cut = 0
+        s_all, p_all, x, u_all, pushes, own_cuts = (
+            states[w],
+            constants[w],
+            engine_states[w],
+            inputs[given],
+            wrenches[given],
+            cuts[given],
+        )
+        for step in range(count):
+            if fault[w, 0] != HEALTHY:
+                break
+            substep = done[w]
+            jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
+            length, first_piece, last_piece = 1.0, 0, 0
+            if jumped:
+                first_piece, last_piece = own_cuts[cut][1], own_cuts[cut][2]
+                length = 0.0
+                for piece in range(first_piece, last_piece):
+                    length += fractions[piece]
+                cut += 1
+            for j in range(len(kinds)):
+                s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
+                v = z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+                if k[CONTROLLERS]:
+                    read_sensors(s, p, k, z, u)
+                if jumped:
+                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j)
+                else:
+                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE)
+                    s[BRAKE] = limit(s, p, v)
+                    s[PUSH] = push_of(s, p, u[EXTERNAL])
+                    torque = s[APPLIED] + s[PUSH]
+                s[DRAG] = damping_of(s, p, k)
+                exchange[j, E_TORQUE] = torque
+                exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                exchange[j, E_FRICTION] = friction_of(s, p, v)
+                if not abs(torque) < ENDLESS:
+                    fault[w, 0], fault[w, 1] = NO_VALUE, j
+                    break
+            if fault[w, 0] != HEALTHY:
+                break
+            engine_step(engine, record, x, exchange, pushes[step], length if substep == 0 else 1.0)
+            asked = substep % every == 0
+            for j in range(len(kinds)):
+                s, p, k = s_all[j], p_all[j], kinds[j]
+                velocity = exchange[j, E_VELOCITY]
+                _feel_engine(s, p, z, velocity, jumped, substep == 0)
+                if p[P_LEVEL] > 0.0:
+                    remember_springs(s, p, k)
+                settle_accounts(s, p, k, z, substep == 0, jumped, asked and watched != 0)
+                count_limits(s, p, k)
+                if asked:
+                    for c in range(len(columns)):
+                        out[place, row, j, c] = s[columns[c]]
+                # Before the start a staggered run moved as if its first kick had been a whole one.
+                s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
+                s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]
+                if not abs(velocity) <= FASTEST:
+                    fault[w, 0], fault[w, 1] = RAN_AWAY, j
+            if asked:
+                row += 1
+            done[w] = substep + 1
+
+
+def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
+    """What the link's new velocity tells of this kick: damping and brake act on the mean velocity over it."""
+    mean = s[LAGGING] + z[LINK_IMPLICITNESS] * (velocity - s[LAGGING])
+    brake = -s[BRAKE] * mean
+    s[DAMPING] = -s[DRAG] * mean
+    s[VELOCITY] = s[LAGGING] if first or z[STAGGERED] == 0.0 else 0.5 * (s[LAGGING] + velocity)
+    if jumped:
+        s[APPLIED_BEFORE] += brake * s[FREE_BEFORE]
+        s[APPLIED_NEXT] += brake * s[FREE_AFTER]
+        s[APPLIED_BEFORE + 2] = s[APPLIED_NEXT + 2] = s[DAMPING]
+        applied = s[APPLIED] - s[FREE] * p[P_BRAKE] * mean
+        s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
+    else:
+        s[APPLIED] += brake
+
+
+def _in_pieces(
+    s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
+    j: int,
+) -> float:  # fmt: skip
+    """A joint's part of a substep whose kick is cut in pieces; returns the mean torque on the link in N m.
+
+    The means of what pushes over the half kicks before and after the whole substep's time go to their columns of s. length: of
+    all pieces; the first substep of a run has no piece before its time.
+    """
+    for c in range(PUSHES):
+        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
+    for i in range(k[MOTORS]):
+        m = OWN + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
+    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
+    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
+    mean = free = torque = applied = push = 0.0
+    for piece in range(first, last):
+        u = pieces[piece][j]
+        s[PUSH] = push_of(s, p, u[EXTERNAL])
+        if on_time[piece]:
+            # The whole substep's time: what is recorded is the state here, and nothing moves.
+            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
+            s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
+            torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
+            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
+        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE)
+        brake = limit(s, p, v)
+        share = 2.0 * fractions[piece]
+        mean += fractions[piece] / length * (s[APPLIED] + s[PUSH])
+        s[side] += share * s[APPLIED]
+        s[side + 1] += share * s[TORQUE]
+        s[side + 3] += share * s[PUSH]
+        for i in range(k[MOTORS]):
+            m = OWN + i * PER_MOTOR
+            for c in range(MOTOR_PUSHES):
+                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
+        if brake == p[P_BRAKE]:
+            s[free_side] += share
+            free += fractions[piece]
+    s[TORQUE], s[APPLIED], s[PUSH] = torque, applied, push
+    s[BRAKE] = p[P_BRAKE] * min(free / length, 1.0)
+    return mean

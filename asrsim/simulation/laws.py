@@ -1,0 +1,93 @@
+"""Functions that the kernel calls by address. Here is what an address means in plain Python; compiled code calls through the
+pointer (:mod:`asrsim.simulation.native`), which is why they are called by these names and no other.
+
+In plain Python an address is the function itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from asrsim.actuators.base import Actuator
+from asrsim.actuators.vectorised import GAUSS
+
+MOTOR_NUMBERS = 16
+"""Numbers of a motor that its law takes."""
+UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
+"""What :mod:`math` raises where a law has no finite value."""
+
+
+def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
+    """Torques of the springs in N m into s[result:], for a link at q rad and motors at s[thetas:]; parameters: p[law:]."""
+    address(q, s, thetas, p, law, s, result)
+
+
+def state_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
+    """Stiffness in N m/rad and energy of the springs in J into s[result:]; arguments as in :func:`spring_law`."""
+    address(q, s, thetas, p, law, s, result)
+
+
+def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
+    """A stepping's own step of a joint, in place of :func:`asrsim.simulation.joint.advance`: torque into s[TORQUE]."""
+    address(s, p, k, u, h, note)
+
+
+def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+    """One step of the engine; see :mod:`asrsim.engines.base`."""
+    address(x, exchange, wrenches, fraction)
+
+
+def numbers(p: Any, at: int) -> Any:
+    """Parameters of a motor from place `at` of a row on, as its law takes them."""
+    return p[at : at + MOTOR_NUMBERS]
+
+
+@cache
+def plain_laws(actuator: Any, motors: int) -> tuple[Callable[..., None], Callable[..., None]]:
+    """An actuator's torques, and its stiffness and energy, for plain Python. Where a law has no finite value,
+    they are NaN.
+
+    motors: positions that the law takes, 2 at least.
+    """
+    torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
+    count = len(actuator.parameters)
+
+    def torques_at(q: float, s: Any, thetas: int, p: Any, law: int, out: Any, result: int) -> None:
+        try:
+            out[result : result + motors] = torques(q, *s[thetas : thetas + motors], tuple(p[law : law + count]))
+        except UNDEFINED:
+            out[result] = math.nan
+
+    def state_at(q: float, s: Any, thetas: int, p: Any, law: int, out: Any, result: int) -> None:
+        parameters = tuple(p[law : law + count])
+        try:
+            positions = s[thetas : thetas + motors]
+            out[result] = stiffness(q, *positions, parameters)
+            out[result + 1] = energy(q, *positions, parameters)
+        except UNDEFINED:
+            out[result] = out[result + 1] = math.nan
+
+    return torques_at, state_at
+
+
+def energy_law(actuator: Any) -> Callable[..., float]:
+    """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
+    if actuator.elastic_energy is not Actuator.elastic_energy:
+        own: Callable[..., float] = actuator.elastic_energy
+        return own
+    torques, adjusted = actuator.elastic_torques, actuator.adjuster
+
+    def energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        total = 0.0
+        for node, weight in GAUSS:
+            second = theta_2 if adjusted else q + node * (theta_2 - q)
+            torque_1, torque_2 = torques(q, q + node * (theta_1 - q), second, parameters)
+            total += weight * (torque_1 * (theta_1 - q))
+            if not adjusted:
+                total += weight * (torque_2 * (theta_2 - q))
+        return total
+
+    return energy

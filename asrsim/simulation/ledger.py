@@ -1,0 +1,286 @@
+"""Where the energy goes between two substeps of a joint, and which limits it met. Ordinary code, run as it is or compiled.
+
+Work is the mean of what pushed, times the way: the trapezoid rule, of second order in the step. Where an input jumps the mean
+counts up to the jump and from there on. So with the default stepping what does not add up falls as h^2; in a run that is not
+resolved it does not, and that is how divergence shows before any number overflows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from asrsim.simulation.joint import find_state
+from asrsim.simulation.laws import state_law
+from asrsim.simulation.layout import (
+    APPLIED,
+    APPLIED_BEFORE,
+    APPLIED_LAST,
+    APPLIED_NEXT,
+    CURRENT,
+    D_DAMPING,
+    D_HIGH,
+    D_INERTIA,
+    D_LOW,
+    D_MAX_TORQUE,
+    D_MOST,
+    D_RESISTANCE,
+    DAMPING_LOSS,
+    DEFLECTION,
+    DEFLECTION_COUNT,
+    DRIVE_BEFORE,
+    DRIVE_LAST,
+    DRIVE_NEXT,
+    DRIVE_TORQUE,
+    DRIVES,
+    DYNAMIC,
+    EFFORT_COUNT,
+    EXCESS,
+    FRICTION_LOSS,
+    GIVEN,
+    HELD,
+    HYSTERESIS,
+    HYSTERESIS_LOSS,
+    JUMPED,
+    KICK_POSITION,
+    KIND,
+    LAST_DEFLECTION,
+    LAST_HELD,
+    LAST_HYSTERESIS,
+    LAST_KICK_POSITION,
+    LAST_MEAN_VELOCITY,
+    LAST_POSITION,
+    LAST_POWER,
+    LAW,
+    LAW_ENERGY,
+    LIMIT_LOSS,
+    LINK_WORK,
+    MEAN_VELOCITY,
+    MOTOR_ENERGY,
+    MOTOR_PUSHES,
+    MOTOR_SPEED_COUNT,
+    MOTOR_STOP_COUNT,
+    MOTOR_WORK,
+    MOTORS,
+    OWN,
+    P_EFFORT,
+    P_FASTEST,
+    P_HIGHEST,
+    P_LENGTH,
+    P_LEVEL,
+    P_LOWEST,
+    P_MAX_DEFLECTION,
+    PER_DRIVE,
+    PER_MOTOR,
+    PLACED,
+    POSITION,
+    PUSHES,
+    RESIDUAL,
+    SATURATION_COUNT,
+    SPRING_ENERGY,
+    SPRINGS,
+    SPRUNG,
+    START_ENERGY,
+    STATE_LAW,
+    STEP,
+    STIFFEST,
+    STIFFNESS,
+    STOP_COUNT,
+    THETAS,
+    TORQUE,
+    TURNOVER,
+    VELOCITY,
+    VELOCITY_COUNT,
+    WINDING_LOSS,
+)  # fmt: skip
+
+AT_STOP = 1e-12
+"""rad or m before a stop from which on a motor is at it: a step reaches the stop but for rounding."""
+SHARE = 0.5
+"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
+FULL = 1.0 - 1e-9
+"""Share of its greatest speed at which a motor is at its limit."""
+
+
+def settle_accounts(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, asked: bool) -> None:
+    """Add the energy that flowed since the last substep, and prepare for the next one.
+
+    first: of the run, since which energies count; jumped: an input jumps in this kick, so that the means over its halves differ
+    from the present values; asked: the row is recorded, and so are the energies that follow from the present state alone.
+    """
+    before, motor_before = (APPLIED_BEFORE, DRIVE_BEFORE) if jumped else (APPLIED, DRIVE_TORQUE)
+    following, motor_following = (APPLIED_NEXT, DRIVE_NEXT) if jumped else (APPLIED, DRIVE_TORQUE)
+    cut = jumped or s[JUMPED] != 0.0
+    kinematic = k[KIND] == SPRUNG and k[DYNAMIC] < k[PLACED]
+    held_before = s[SPRING_ENERGY]
+    if k[KIND] == SPRUNG and (asked or first or kinematic):
+        find_state(s, p, k)
+        s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
+        s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
+    if not first:
+        _link(s, k, before)
+        if k[KIND] == SPRUNG:
+            lagged = _hysteresis_loss(s, p, k)
+            s[HYSTERESIS_LOSS] += lagged
+            work = _motors(s, p, k, z, motor_before)
+            if kinematic:
+                work += _kinematic(s, p, k, before, motor_before, s[SPRING_ENERGY] - held_before + lagged, cut)
+            s[MOTOR_WORK] += work
+            s[TURNOVER] += abs(work)
+    if k[KIND] == SPRUNG and (asked or first):
+        _balance(s, p, k, first)
+    s[LAST_POSITION] = s[POSITION]
+    s[JUMPED] = 1.0 if jumped else 0.0
+    for i in range(k[MOTORS]):
+        m = OWN + i * PER_MOTOR
+        s[m + LAST_KICK_POSITION], s[m + LAST_MEAN_VELOCITY] = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
+        s[m + LAST_HELD], s[m + HELD] = s[m + HELD], 0.0
+        if i < k[DYNAMIC]:
+            s[m + LAST_POWER] = _power(s, p, k, i)
+        for c in range(MOTOR_PUSHES):
+            s[m + DRIVE_LAST + c] = s[m + motor_following + c]
+    for c in range(PUSHES):
+        s[APPLIED_LAST + c] = s[following + c]
+
+
+def _link(s: Any, k: Any, before: int) -> None:
+    half = 0.5 * (s[POSITION] - s[LAST_POSITION])
+    link = (s[APPLIED_LAST] + s[before]) * half
+    damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
+    push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
+    s[LINK_WORK] += link
+    s[DAMPING_LOSS] += damped
+    s[GIVEN] += link + push - damped
+    s[TURNOVER] += abs(link) + abs(push)
+    if k[KIND] == SPRUNG:
+        s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
+    else:
+        s[MOTOR_WORK] += link
+        s[TURNOVER] += abs(link)
+
+
+def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
+    """Work in J of the motors that have dynamics; their losses go to their accounts."""
+    total = 0.0
+    for i in range(k[DYNAMIC]):
+        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        b, a = m + before, m + DRIVE_LAST
+        way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
+        half = 0.5 * way
+        work = (s[a] + s[b]) * half
+        total += work
+        if s[m + HELD] != 0.0 or s[m + LAST_HELD] != 0.0:
+            # A limit takes what is left over: the shock, and the torque that it holds.
+            now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
+            s[FRICTION_LOSS] += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
+        else:
+            s[FRICTION_LOSS] += (s[a + 1] + s[b + 1]) * half + p[d + D_DAMPING] * way * way / z[STEP]
+        s[WINDING_LOSS] += 0.5 * z[STEP] * (_power(s, p, k, i) + s[m + LAST_POWER])
+    return total
+
+
+def _power(s: Any, p: Any, k: Any, i: int) -> float:
+    """Heat in W of the winding of motor i."""
+    current = s[OWN + i * PER_MOTOR + CURRENT]
+    return p[k[DRIVES] + i * PER_DRIVE + D_RESISTANCE] * current * current  # type: ignore[no-any-return]
+
+
+def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, cut: bool) -> float:
+    """Work in J of motors and adjusters that stand where they should be: the change of the springs' energy by their motion,
+    with everything else half-way. Where they jump it is what the springs have absorbed (J) and given on."""
+    half = 0.5 * (s[POSITION] - s[LAST_POSITION])
+    if cut:
+        work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
+        for i in range(k[DYNAMIC]):
+            m = OWN + i * PER_MOTOR
+            way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
+            work -= 0.5 * (s[m + DRIVE_LAST + 2] + s[m + motor_before + 2]) * way
+        return work
+    middle = 0.5 * (s[POSITION] + s[LAST_POSITION])
+    now = _energy_at(s, p, k, middle, KICK_POSITION)
+    work = now - _energy_at(s, p, k, middle, LAST_KICK_POSITION)
+    for i in range(k[DYNAMIC], k[SPRINGS]):
+        m = OWN + i * PER_MOTOR
+        way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
+        work += 0.5 * (s[m + HYSTERESIS] + s[m + LAST_HYSTERESIS]) * way
+    return work
+
+
+def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
+    """J in the springs for a link at q; motors with dynamics are half-way, the others where the column `positions` has them."""
+    for i in range(k[MOTORS]):
+        m = OWN + i * PER_MOTOR
+        half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
+        s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
+    stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
+    state_law(k[STATE_LAW], q, s, k[THETAS], p, k[LAW], STIFFNESS)
+    found = s[LAW_ENERGY]
+    s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
+    return found  # type: ignore[no-any-return]
+
+
+def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
+    """J in the springs' hysteresis."""
+    total = 0.0
+    if p[P_LEVEL] > 0.0:
+        for i in range(k[SPRINGS]):
+            torque = s[OWN + i * PER_MOTOR + HYSTERESIS]
+            total += 0.5 * p[P_LENGTH] * torque * torque / p[P_LEVEL]
+    return total
+
+
+def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
+    """J lost in the springs' hysteresis since the last substep: exact for a motion one way, so it is never negative."""
+    total = 0.0
+    if p[P_LEVEL] > 0.0:
+        for i in range(k[SPRINGS]):
+            m = OWN + i * PER_MOTOR
+            moved = s[m + DEFLECTION] - s[m + LAST_DEFLECTION]
+            now, last = s[m + HYSTERESIS], s[m + LAST_HYSTERESIS]
+            stored = 0.5 * p[P_LENGTH] * (now * now - last * last) / p[P_LEVEL]
+            signed = now - last if moved > 0.0 else last - now
+            total += p[P_LEVEL] * abs(moved) - p[P_LENGTH] * signed - stored
+    return total
+
+
+def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
+    """What springs and motors hold, and what has vanished since the start."""
+    kinetic = 0.0
+    for i in range(k[DYNAMIC]):
+        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
+    s[MOTOR_ENERGY] = kinetic
+    kept = s[SPRING_ENERGY] + kinetic
+    if first:
+        s[START_ENERGY] = kept
+    s[RESIDUAL] = (
+        s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (kept - s[START_ENERGY])
+    )
+    s[EXCESS] = max(s[EXCESS], abs(s[RESIDUAL]) - SHARE * s[TURNOVER])
+
+
+def count_limits(s: Any, p: Any, k: Any) -> None:
+    """Count the limits that the joint meets in this substep."""
+    if abs(s[TORQUE]) > p[P_EFFORT]:
+        s[EFFORT_COUNT] += 1.0
+    if abs(s[VELOCITY]) > p[P_FASTEST]:
+        s[VELOCITY_COUNT] += 1.0
+    if s[POSITION] <= p[P_LOWEST] or s[POSITION] >= p[P_HIGHEST]:
+        s[STOP_COUNT] += 1.0
+    if k[KIND] != SPRUNG:
+        return
+    saturated = bent = False
+    for i in range(k[MOTORS]):
+        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        theta = s[m + KICK_POSITION]
+        if i < k[SPRINGS] and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
+            bent = True
+        if i >= k[DYNAMIC]:
+            continue
+        if abs(s[m + DRIVE_TORQUE]) >= p[d + D_MAX_TORQUE]:
+            saturated = True
+        if theta <= p[d + D_LOW] + AT_STOP or theta >= p[d + D_HIGH] - AT_STOP:
+            s[MOTOR_STOP_COUNT] += 1.0
+        if abs(s[m + MEAN_VELOCITY]) >= FULL * p[d + D_MOST]:
+            s[MOTOR_SPEED_COUNT] += 1.0
+    s[SATURATION_COUNT] += 1.0 if saturated else 0.0
+    s[DEFLECTION_COUNT] += 1.0 if bent else 0.0

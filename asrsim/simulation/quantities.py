@@ -1,0 +1,111 @@
+"""Which quantities a joint records, and in which column of its row they stand."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.samples import Array
+from asrsim.simulation.drives import SteppedJoint, references_of
+from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, MOTOR, OWN, PER_MOTOR
+
+EXTERNAL_TORQUE = "external_torque"
+OF_SPRINGS = ("stiffness", "spring_energy", "energy_residual")
+"""Quantities that are worked out at recorded rows only."""
+
+
+def columns_of(motors: int) -> dict[str, int]:
+    """Quantity -> column of S, for joints with room for so many motors."""
+    found = {column.quantity: place for place, column in enumerate(JOINT) if column.quantity}
+    for motor in range(motors):
+        blocks = enumerate(MOTOR, start=OWN + motor * PER_MOTOR)
+        found |= {column.quantity.format(motor + 1): place for place, column in blocks if column.quantity}
+    return found
+
+
+def inputs_of(motors: int) -> dict[str, int]:
+    """Quantity -> column of an input row."""
+    return {EXTERNAL_TORQUE: EXTERNAL, **{f"reference_{i + 1}": GOALS + i for i in range(motors)}}
+
+
+def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
+    """Names of the quantities that this joint records."""
+    names = ["link_position", "link_velocity", "link_torque", EXTERNAL_TORQUE]
+    mode, actuator = drive.mode, drive.actuator
+    damped = bool(drive.joint.damping or drive.link_damping)
+    if damped:
+        names.append("damping_torque")
+    if mode is None or actuator is None:
+        return tuple(names)
+    references = len(references_of(drive)) if has_second_reference(drive) else 1
+    names += [f"reference_{i}" for i in range(1, references + 1)]
+    if mode.spring:
+        names += [f"elastic_torque_{i}" for i in range(1, actuator.motors + 1)] + ["stiffness"]
+        names += [f"motor_{i}_position" for i in range(1, actuator.motors + actuator.adjuster + 1)]
+    for i in range(1, drive.dynamic_motors + 1):
+        names += [f"motor_{i}_velocity", f"motor_{i}_torque", f"friction_torque_{i}"]
+    names += [f"motor_{i}_{what}" for i in drive.electric_motors for what in ("voltage", "current")]
+    names += ["motor_work", "link_work"]
+    if mode.spring:
+        names += ["spring_energy", "energy_residual"]
+        names += ["limit_loss"] if drive.joint.effort is not None else []
+    names += ["friction_loss"] if drive.dynamic_motors else []
+    names += ["winding_loss"] if any(drive.values[f"motor_{i}_resistance"] for i in drive.electric_motors) else []
+    names += ["hysteresis_loss"] if drive.hysteresis is not None else []
+    names += ["damping_loss"] if damped else []
+    return tuple(names)
+
+
+def has_second_reference(drive: SteppedJoint) -> bool:
+    """An SEA has one reference in every mode."""
+    return bool(drive.actuator and drive.actuator.motors + drive.actuator.adjuster > 1)
+
+
+class Selection:
+    """Quantities of several joints, taken from rows of the state and from inputs."""
+
+    def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
+        """motors: blocks that a row has room for; names: those wanted; None: all that any joint records."""
+        recorded = [recorded_quantities(drive) for drive in drives]
+        places, given = columns_of(motors), inputs_of(motors)
+        known = dict.fromkeys(name for own in recorded for name in own)
+        self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
+        self._stated = [name for name in self.names if name in places]
+        self.columns: NDArray[np.int64] = np.array([places[name] for name in self._stated], dtype=np.int64)
+        """Of S."""
+        self._given = {name: given[name] for name in self.names if name in given}
+        self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        """Joints that do not record a quantity."""
+
+    def of(self, drives: Sequence[SteppedJoint]) -> Selection:
+        """The same quantities of joints with other numbers, of which others may record them."""
+        other = copy.copy(self)
+        recorded = [recorded_quantities(drive) for drive in drives]
+        other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
+        return other
+
+    def check(self, names: Sequence[str]) -> None:
+        """Raises InputError for names that are not among them."""
+        problems = [
+            Problem(
+                f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity"
+            )
+            for name in names
+            if name not in self.names
+        ]
+        if problems:
+            raise InputError(problems)
+
+    def values(self, out: Array, references: Array) -> Mapping[str, Array]:
+        """Quantity -> (rows, joints), NaN where a joint does not record it. out: (rows, joints, columns); references: (input
+        columns, joints, rows)."""
+        found = {name: out[:, :, place].copy() for place, name in enumerate(self._stated)}
+        found |= {name: references[column].T.copy() for name, column in self._given.items()}
+        for name, lacking in self.lacking.items():
+            if lacking:
+                found[name][:, lacking] = np.nan
+        return {name: found[name] for name in self.names}

@@ -1,0 +1,132 @@
+"""The released toolbox's order of a step, bit for bit where it is defined, for people who must reproduce old runs.
+
+Semi-implicit Euler motors; in modes 5 and 6 the motors get the spring's torque at their old positions and the link the
+torque at their new ones (not passive). One-motor actuators carry the second motor that the released code integrates too:
+for the SEA it drives nothing, for AwAS-II it moves the adjuster, with the class's own constants.
+
+Faults of the released code that are *not* kept, since they are not defined or serve nobody: references are 0 and not random
+memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4 does
+not overwrite its own reference; `inf` limits are infinite; constant arithmetic in tags is evaluated.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.simulation.laws import spring_law
+from asrsim.simulation.layout import (
+    ANCHOR,
+    CONTROLLED,
+    D_COULOMB,
+    D_DAMPING,
+    D_DERIVATIVE,
+    D_HIGH,
+    D_HOLD,
+    D_INERTIA,
+    D_INTEGRAL,
+    D_LIMIT,
+    D_LOW,
+    D_PROPORTIONAL,
+    DIRECT,
+    DRIVE_TORQUE,
+    DRIVES,
+    DYNAMIC,
+    FRICTION,
+    GOALS,
+    HELD,
+    INTEGRAL,
+    KICK_POSITION,
+    KIND,
+    LAGGING,
+    LAW,
+    LOAD,
+    MEAN_VELOCITY,
+    MOTOR_INTEGRAL,
+    MOTOR_POSITION,
+    MOTOR_VELOCITY,
+    OWN,
+    P_DERIVATIVE,
+    P_INTEGRAL,
+    P_PROPORTIONAL,
+    PER_DRIVE,
+    PER_MOTOR,
+    POSITION,
+    SPRING_LAW,
+    SPRUNG,
+    THETAS,
+    TORQUE,
+    TORQUES,
+)  # fmt: skip
+
+PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "max_torque": 6.0, "min_position": -math.inf, "max_position": math.inf}
+"""Of the released DCMotor: kg m^2, N m s/rad, N m, rad."""
+PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
+"""N m, N m/rad, N m/(rad s), N m s/rad of the motor that the released SEA plugin updates beside its own."""
+PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
+"""The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad, N m/(rad s), N m s/rad)."""
+MOTORS = 2
+"""Motors that every released actuator integrates."""
+
+
+def released_step(s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
+    """One step of h s of a joint in the released order; see :func:`asrsim.simulation.joint.advance`."""
+    if k[KIND] == SPRUNG:
+        _springs(s, p, k, u, h)
+    elif k[KIND] == CONTROLLED:
+        error = u[GOALS] - s[POSITION]
+        s[INTEGRAL] += p[P_INTEGRAL] * error * h
+        s[TORQUE] = s[INTEGRAL] + p[P_PROPORTIONAL] * error + p[P_DERIVATIVE] * (0.0 - s[LAGGING])
+    elif k[KIND] == DIRECT:
+        s[TORQUE] = u[GOALS]
+    else:
+        s[TORQUE] = 0.0
+
+
+def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
+    moving = k[DYNAMIC] > 0
+    controlled = moving and p[k[DRIVES] + D_HOLD] != 0.0
+    thetas, torques = k[THETAS], k[TORQUES]
+    for i in range(MOTORS):
+        s[thetas + i] = s[OWN + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
+    spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques)
+    for i in range(MOTORS):
+        m = OWN + i * PER_MOTOR
+        if moving:
+            _move(s, p, m, k[DRIVES] + i * PER_DRIVE, u[GOALS + i], s[torques + i], controlled, h)
+            s[thetas + i] = s[m + MOTOR_POSITION]
+        s[m + KICK_POSITION] = s[thetas + i]
+    if controlled:
+        spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques)
+    for i in range(MOTORS):
+        s[OWN + i * PER_MOTOR + LOAD] = s[torques + i]
+    s[TORQUE] = s[torques] + s[torques + 1]
+
+
+def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: bool, h: float) -> None:
+    """One update of the released DCMotor: controller, friction from the old position, then acceleration, velocity, position,
+    limits. Its published torque is NaN at a limit."""
+    position, velocity, push = s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], goal
+    if controlled:
+        error = goal - position
+        s[m + MOTOR_INTEGRAL] += p[d + D_INTEGRAL] * error * h
+        push = s[m + MOTOR_INTEGRAL] + p[d + D_PROPORTIONAL] * error + p[d + D_DERIVATIVE] * (0.0 - velocity)
+    if push > p[d + D_LIMIT]:
+        push = p[d + D_LIMIT]
+    elif push < -p[d + D_LIMIT]:
+        push = -p[d + D_LIMIT]
+    slip = p[d + D_COULOMB] / FRICTION_STIFFNESS
+    if position - s[m + ANCHOR] > slip:
+        s[m + ANCHOR] = position - slip
+    elif position - s[m + ANCHOR] < -slip:
+        s[m + ANCHOR] = position + slip
+    friction = FRICTION_STIFFNESS * (position - s[m + ANCHOR])
+    velocity = velocity + (push - load - friction - p[d + D_DAMPING] * velocity) / p[d + D_INERTIA] * h
+    position = position + velocity * h
+    if position > p[d + D_HIGH] or position < p[d + D_LOW]:
+        position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
+        velocity, push = 0.0, math.nan
+        s[m + HELD] = 1.0
+    s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + MEAN_VELOCITY] = position, velocity, velocity
+    s[m + DRIVE_TORQUE], s[m + FRICTION] = push, friction

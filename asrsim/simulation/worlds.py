@@ -1,0 +1,533 @@
+"""Many worlds of one scenario: what environments, sweeps, identification and learning step side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from operator import index
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asrsim.engines.base import Engine, Model
+from asrsim.errors import InputError, SimulationError
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.overrides import Overrides
+from asrsim.signals.base import Signal
+from asrsim.simulation.chunks import LONGEST, SHORTEST
+from asrsim.simulation.core import Given, given_by
+from asrsim.simulation.counts import Counts, counts_of
+from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.layout import GOALS, HEALTHY
+from asrsim.simulation.observation import Observation, observe
+from asrsim.simulation.prepare import check_inertia, prepare
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.quantities import EXTERNAL_TORQUE, OF_SPRINGS, Selection
+from asrsim.simulation.simulation import inputs_of, make_core
+
+Numbers = Mapping[str, Mapping[str, float]]
+"""Joint or link -> name -> value, as :meth:`asrsim.Prepared.vary` takes them."""
+Signals = Mapping[str, Mapping[str, Signal]]
+"""Joint -> reference, or `external_torque` -> signal."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """How a world begins; what is left out is as the scenario has it."""
+
+    parameters: Numbers = field(default_factory=dict)
+    references: Signals = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+    """Of links, rad (m)."""
+    velocities: Mapping[str, float] = field(default_factory=dict)
+    """rad/s (m/s)."""
+    motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Joint -> positions of its motors, rad; others begin where their link is."""
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """Everything that decides how some worlds go on."""
+
+    owner: object
+    worlds: tuple[int, ...]
+    states: tuple[Any, ...]
+    prepared: tuple[Prepared, ...]
+    inputs: tuple[Inputs, ...]
+    held: Array
+    rows: Array
+    given: Array
+
+
+class Worlds:
+    """N worlds of a scenario, stepped from outside; a context manager that releases the engines.
+
+        with asrsim.Worlds("arm.yaml", 64) as worlds:
+            worlds.set_reference("joint_1", "equilibrium_position", targets)
+            worlds.advance(20)
+            worlds.observe().link_position
+
+    Each world is equal to a :class:`asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
+    world whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's:
+    other numbers do not change them. Raises what :func:`asrsim.prepare` raises.
+    """
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario | Prepared,
+        count: int,
+        *,
+        variant: str | None = None,
+        overrides: Overrides = (),
+        ranges: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+        names: Sequence[str] | None = None,
+        watched: bool = True,
+        compiled: bool | None = None,
+        expected_substeps: int | None = None,
+        threads: int = 1,
+    ) -> None:
+        """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
+        scenario's joints record; watched: energies are kept at each step, and `sane` can tell of those from nowhere; without
+        it runs are faster; compiled, expected_substeps (of one
+        world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
+        has native code."""
+        if index(count) < 1 or index(threads) < 1:
+            raise InputError("must be 1 at least", key="count", value=min(count, threads), code="worlds")
+        if not isinstance(scenario, Prepared):
+            scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
+        self.prepared, self.count = scenario, count
+        self.substeps = scenario.resolution.substeps
+        """Of a step."""
+        engine = scenario.make_engine()
+        self._engines: dict[int, Engine] = {-1: engine}
+        """Number of a world -> the engine that it has for itself; -1: that of all others."""
+        try:
+            self._begin(names, watched, compiled, expected_substeps or scenario.last_substep(None), threads)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, names: Sequence[str] | None, watched: bool, compiled: bool | None, expected: int, threads: int) -> None:
+        prepared = self.prepared
+        self.joints = self._engines[-1].joints
+        self._core, _ = make_core(prepared, self._engines[-1], compiled=compiled, substeps=expected, worlds=self.count)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 and self._core.native else None
+        self._threads = threads if self._pool else 1
+        self.selection = Selection(prepared.drives, self._core.shape.motors, names)
+        self._other: dict[int, Selection] = {}
+        """Of worlds in which other joints record what is selected."""
+        self._watched = watched or any(name in OF_SPRINGS for name in self.selection.names)
+        self._home_inputs = inputs_of(prepared)
+        self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
+        """Those that worlds had last, and what they are as inputs."""
+        self._inputs = [self._home_inputs] * self.count
+        self._own = [prepared] * self.count
+        self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * self.count
+        columns = GOALS + self._core.shape.motors
+        self._held = np.full((self.count, len(self.joints), columns), np.nan)
+        """What is set from outside in place of the scenario's signals; NaN: nothing."""
+        self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
+        """Logged columns at the last whole step of each world, and its inputs (count, input columns, joints)."""
+        self._given = np.full((self.count, columns, len(self.joints)), np.nan)
+        self._owner = object()
+        self.reset()
+
+    # -- stepping ---------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> Array:
+        """(N,) s that are simulated."""
+        return np.round(self._core.done * self.prepared.substep, 12)
+
+    @property
+    def healthy(self) -> NDArray[np.bool_]:
+        """(N,) whether the world's motion is sane."""
+        return np.asarray(self._core.fault[:, 0] == HEALTHY)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the loop runs compiled."""
+        return self._core.compiled
+
+    def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
+        """Go on by a number of steps, in the worlds of a mask (N,) or list of numbers, or all. Stopped worlds stay."""
+        if index(steps) < 0:
+            raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
+        self._run(self._numbers(worlds), steps * self.substeps, keep=False)
+
+    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
+        """Advance by `count` substeps; the rows of whole steps in them, (m, rows, joints, columns), if they are to be kept."""
+        self._check_open()
+        done, every, columns = self._core.done, self.substeps, self.selection.columns
+        rows = -(-count // every) if keep else 0
+        kept = np.full((len(numbers), rows, len(self.joints), len(columns)), np.nan)
+        ran = 0
+        while ran < count and len(numbers):
+            length = min(LONGEST if keep else SHORTEST, count - ran)
+            before = done[numbers].copy()
+            given, sets, references = self._inputs_for(numbers, length)
+            out = np.full((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)), np.nan)
+            self._in_threads(np.column_stack([numbers, sets]), given, out)
+            for place, world in enumerate(numbers.tolist()):
+                first = int(before[place])
+                at = range(first + (-first) % every, int(done[world]), every)
+                if len(at) == 0:
+                    continue
+                self._rows[world] = out[place, len(at) - 1]
+                self._given[world] = references[sets[place]][:, :, at[-1] - first]
+                if keep:
+                    kept[place, at[0] // every : at[0] // every + len(at)] = out[place, : len(at)]
+            ran += length
+        return kept
+
+    def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
+        options: Any = {"every": self.substeps, "columns": self.selection.columns, "watched": self._watched}
+        if self._pool is None or len(which) < 2:
+            self._core.run(which, given, out, **options)
+            return
+        edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
+        parts = [slice(a, b) for a, b in pairwise(edges)]
+        list(self._pool.map(lambda part: self._core.run(which[part], given, out[part], **options), parts))
+
+    def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
+        """Inputs of the next substeps, the number of each world's, and their references (sets, columns, joints, n)."""
+        first = self._inputs[numbers[0]]
+        if first.steady and all(self._inputs[world] is first for world in numbers.tolist()):
+            return self._steady_inputs(first, numbers, length)
+        parts = []
+        for world in numbers.tolist():
+            inputs = self._inputs[world]
+            held = self._held[world]
+            inputs.held = {(j, slot): float(held[j, slot]) for j, slot in np.argwhere(~np.isnan(held)).tolist()}
+            parts.append(inputs.block(int(self._core.done[world]), length))
+        blocks = [given_by(block, 0, length) for block in parts]
+        most = max(one.cuts.shape[1] for one in blocks)
+        cuts, shift = np.full((len(blocks), most, 3), -1), 0
+        for place, one in enumerate(blocks):
+            cuts[place, : one.cuts.shape[1]] = one.cuts[0] + [0, shift, shift]
+            shift += len(one.fractions)
+        given = Given(
+            np.concatenate([one.inputs for one in blocks]), np.concatenate([one.wrenches for one in blocks]), cuts,
+            np.concatenate([one.fractions for one in blocks]), np.concatenate([one.on_time for one in blocks]),
+            np.concatenate([one.pieces for one in blocks]),
+        )  # fmt: skip
+        return given, np.arange(len(numbers)), [block.references for block in parts]
+
+    def _steady_inputs(self, inputs: Inputs, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
+        """The same where only what is set from outside differs."""
+        inputs.held = {}
+        base = inputs.sample(np.zeros(1))
+        own = self._held[numbers].transpose(2, 1, 0)
+        references = np.where(np.isnan(own), base, own)
+        row = np.ascontiguousarray(inputs.mapped(references))
+        table = np.repeat(row[:, None], length, axis=1)
+        wrenches = np.zeros((len(numbers), length, 0, 6))
+        cuts = np.full((len(numbers), 1, 3), -1)
+        pieces = len(numbers) if self.prepared.stepping.staggered else 0
+        if pieces:
+            # The first kick of a run is half a one.
+            fresh = self._core.done[numbers] == 0
+            places = np.arange(pieces)
+            cuts[fresh, 0] = np.column_stack([np.zeros(pieces, dtype=int), places, places + 1])[fresh]
+        given = Given(table, wrenches, cuts, np.full(pieces, 0.5), np.ones(pieces, dtype=bool), row[:pieces])
+        constant = np.broadcast_to(references.transpose(2, 0, 1)[:, :, :, None], (len(numbers), *references.shape[:2], length))
+        return given, np.arange(len(numbers)), constant
+
+    # -- from outside -----------------------------------------------------------------------------------------------
+
+    def set_reference(self, joint: str, reference: str, values: Any, *, worlds: Any = None) -> Array:
+        """Hold a reference (by its mode's name), or `external_torque`, from now on: one value for all, or one a world; None:
+        follow the scenario. Returns what is held, (m,): values beyond the declared range are clamped to it. Raises InputError.
+        """
+        numbers = self._numbers(worlds)
+        j, slot = self.prepared.slot_of(joint, reference)
+        given = (
+            np.full(len(numbers), np.nan) if values is None else np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+        )
+        if values is not None and not np.isfinite(given).all():
+            raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
+        low, high = self.prepared.range_of(joint, reference)
+        self._held[numbers, j, slot] = np.clip(given, low, high)
+        return np.asarray(self._held[numbers, j, slot])
+
+    def observe(self) -> Observation:
+        """The states now; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
+        self._check_open()
+        return observe(self.time, self.prepared.drives, self._core.S, self.prepared.substep)
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """As :meth:`asrsim.Simulation.read`, (N, n) each."""
+        self._check_open()
+        self.selection.check(names)
+        rows, given = self._rows, self._given
+        fresh = np.flatnonzero((self._core.done == 0) & self.healthy)
+        if len(fresh):
+            states = [self._core.state(world) for world in fresh.tolist()]
+            before = rows.copy(), given.copy()
+            self._run(fresh, 1, keep=False)
+            rows, given = self._rows, self._given
+            self._rows, self._given = before
+            for world, state in zip(fresh.tolist(), states, strict=True):
+                self._core.put(world, state)
+        values = self.selection.values(rows, given.transpose(1, 2, 0))
+        for world, selection in self._other.items():
+            own = selection.values(rows[world][None], given[world][:, :, None])
+            for name in names:
+                values[name][world] = own[name][0]
+        return {name: values[name] for name in names}
+
+    @property
+    def model(self) -> Model | None:
+        """Kinematics and dynamics of the scenario's robot; None where its links have no dynamics."""
+        return self._engines[-1].model
+
+    def counts(self, world: int) -> Counts:
+        """Limits that a world met since its start."""
+        return counts_of(self._core.S[world], int(self._core.done[world]))
+
+    def snapshot(self, *, worlds: Any = None) -> Snapshots:
+        """The states of some worlds, or all, to be given to :meth:`restore`."""
+        self._check_open()
+        chosen = self._numbers(worlds)
+        numbers = tuple(chosen.tolist())
+        return Snapshots(
+            self._owner, numbers, tuple(self._core.state(world) for world in numbers),
+            tuple(self._own[world] for world in numbers), tuple(self._inputs[world] for world in numbers),
+            self._held[chosen].copy(), self._rows[chosen].copy(), self._given[chosen].copy(),
+        )  # fmt: skip
+
+    def restore(self, snapshot: Snapshots) -> None:
+        """Continue those worlds from a snapshot, to the bit. Raises InputError for one of other worlds."""
+        self._check_open()
+        if snapshot.owner is not self._owner:
+            raise InputError("is a snapshot of other worlds", key="snapshot", code="snapshot")
+        for place, world in enumerate(snapshot.worlds):
+            if self._own[world] is not snapshot.prepared[place]:
+                self._take_over(world, snapshot.prepared[place])
+            self._core.put(world, snapshot.states[place])
+            self._inputs[world] = snapshot.inputs[place]
+        numbers = list(snapshot.worlds)
+        self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
+
+    def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
+        """Some worlds, or all, back to a start, with the bits of fresh ones; references follow the scenario, or the start's
+        signals. start: one for all, or one a world. Raises InputError and RobotError for what is unknown, not finite or beyond
+        limits.
+        """
+        self._check_open()
+        numbers = self._numbers(worlds).tolist()
+        given = start or Start()
+        starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
+        if len(starts) != len(numbers):
+            message = f"needs one start a world: {len(numbers)}"
+            raise InputError(message, key="start", value=len(starts), code="worlds")
+        for world, one in zip(numbers, starts, strict=True):
+            self._begin_world(world, one)
+
+    def set_state(
+        self, positions: Mapping[str, Any], velocities: Mapping[str, Any] | None = None,
+        motors: Mapping[str, Any] | None = None, *, worlds: Any = None,
+    ) -> None:  # fmt: skip
+        """Put worlds at time 0 with links there (rad, m), moving so (rad/s, m/s), motors there (rad); by joint, one number for
+        all or one a world. Numbers of the robot stay. Raises InputError."""
+        numbers = self._numbers(worlds)
+        for place, world in enumerate(numbers.tolist()):
+
+            def pick(table: Mapping[str, Any] | None, place: int = place) -> dict[str, float]:
+                return {k: float(np.broadcast_to(v, len(numbers))[place]) for k, v in (table or {}).items()}
+
+            own = {joint: np.atleast_2d(values)[place % len(np.atleast_2d(values))] for joint, values in (motors or {}).items()}
+            self._place(world, Start(positions=pick(positions), velocities=pick(velocities), motors=own))
+
+    def _begin_world(self, world: int, start: Start) -> None:
+        home = self.prepared
+        varied = home.with_numbers(start.parameters) if start.parameters else home
+        if varied is not home or self._own[world] is not home:
+            self._take_over(world, varied)
+        if start.references:
+            if self._signals[0] is not start.references:
+                self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
+            self._inputs[world] = self._signals[1]
+        else:
+            self._inputs[world] = self._home_inputs
+        self._place(world, start)
+
+    def _take_over(self, world: int, varied: Prepared) -> None:
+        """Other numbers for a world: its engine is that of all unless a link weighs something else."""
+        engine = self._engines[-1]
+        if varied.robot.links != self.prepared.robot.links:
+            engine = self._own_engine(world, varied)
+            if engine.model is not None:
+                check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
+        self._own[world] = varied = varied.settled(engine.model)
+        self._other.pop(world, None)
+        selection = self.selection.of(varied.drives)
+        if selection.lacking != self.selection.lacking:
+            self._other[world] = selection
+        self._core.take_over(world, varied, engine)
+
+    def _own_engine(self, world: int, varied: Prepared) -> Engine:
+        found = self._engines.get(world)
+        if found is None or not found.vary(varied.robot):
+            if found is not None:
+                found.close()
+            found = self._engines[world] = varied.make_engine()
+        return found
+
+    def _place(self, world: int, start: Start) -> None:
+        prepared = self._own[world]
+        positions, velocities = prepared.start(start.positions, start.velocities)
+        self._core.start(world, started(prepared, positions, start.motors), positions, velocities)
+        self._begun[world] = positions, velocities
+        self._held[world] = self._rows[world] = self._given[world] = np.nan
+
+    # -- whole runs -------------------------------------------------------------------------------------------------
+
+    def rollout(
+        self,
+        names: Sequence[str],
+        *,
+        parameters: Numbers | Sequence[Numbers] = (),
+        references: Signals | Sequence[Signals] = (),
+        start: Start | Sequence[Start] | None = None,
+        steps: int | None = None,
+    ) -> dict[str, Array]:
+        """Run worlds from their start: quantities by name, (worlds, steps + 1, n), at whole steps from 0 on. NaN where a joint
+        does not record a quantity, and from where a world's motion is no longer sane.
+
+        As many worlds run as the longest of the sequences has entries, at most N; what is given once is for all. parameters,
+        references: laid over those of `start`. steps: None: the scenario's. Raises InputError, and RobotError for unphysical
+        numbers.
+        """
+        lists = [_listed(given) for given in (parameters, references, start)]
+        count = max((len(one) for one in lists if one is not None), default=1)
+        if count > self.count or any(one is not None and len(one) not in (1, count) for one in lists):
+            message = f"there are {self.count} worlds, and what is given for each must have the same length"
+            raise InputError(message, key="rollout", value=count, code="worlds")
+        tables, signals, begins = [list(one) * (count // len(one)) if one else [None] * count for one in lists]
+        numbers = np.arange(count)
+        for world, table, own, begin in zip(numbers.tolist(), tables, signals, begins, strict=True):
+            base = begin or Start()
+            self._begin_world(
+                world, replace(base, parameters=_merged(base.parameters, table), references=_merged(base.references, own))
+            )
+        return self.record(names, steps=steps, worlds=numbers)
+
+    def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
+        """Run worlds, or all, from their start on; see :meth:`rollout`."""
+        self.selection.check(names)
+        numbers = self._numbers(worlds)
+        total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
+        kept = self._run(numbers, total, keep=True)
+        found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
+        substeps = np.arange(kept.shape[1]) * self.substeps
+        for place, world in enumerate(numbers.tolist()):
+            values = self._other.get(world, self.selection).values(kept[place], self._sampled(world, substeps))
+            for name in names:
+                found[name][place] = values[name]
+        return found
+
+    def _sampled(self, world: int, substeps: NDArray[np.int64]) -> Array:
+        """Inputs (columns, joints, n) of a world at these substeps."""
+        inputs, held = self._inputs[world], self._held[world].T
+        inputs.held = {}
+        sampled = inputs.sample(np.round(substeps * self.prepared.substep, 12))
+        return np.where(np.isnan(held)[:, :, None], sampled, held[:, :, None])
+
+    def sane(self, world: int) -> bool:
+        """Whether the world's motion is finite, and no energy came from nowhere since its start."""
+        prepared, model, state = self._own[world], self._core.look(world).model, self._core.S[world]
+        if not self.healthy[world]:
+            return False
+        if model is None or prepared.stepping.released:
+            return True
+        alone = prepared.scenario.world.empty and prepared.scenario.fixed_base and not prepared.scenario.wrenches
+        fault = EnergyGuard(model.energy(*self._begun[world])).look(model if alone else None, state, self.joints)
+        return fault is None
+
+    def prepared_of(self, world: int) -> Prepared:
+        """The scenario with the numbers that a world has."""
+        return self._own[world]
+
+    def model_of(self, robot: Robot) -> Model | None:
+        """Kinematics and dynamics of a robot that differs in its inertials."""
+        world = self.count
+        engine = self._engines[-1]
+        if robot.links != self.prepared.robot.links:
+            engine = self._own_engine(world, replace(self.prepared, robot=robot, _spare=[]))
+        return engine.model
+
+    # -- the rest ---------------------------------------------------------------------------------------------------
+
+    def _numbers(self, worlds: Any) -> NDArray[np.int64]:
+        """Numbers of the worlds of a mask (N,) or of a list."""
+        if worlds is None:
+            return np.arange(self.count)
+        given = np.asarray(worlds)
+        numbers = np.flatnonzero(given) if given.dtype == bool else given.astype(np.int64).reshape(-1)
+        if (given.dtype == bool and given.shape != (self.count,)) or ((numbers < 0) | (numbers >= self.count)).any():
+            message = f"are numbers from 0 to {self.count - 1}, or a mask of {self.count}"
+            raise InputError(message, key="worlds", value=worlds, code="worlds")
+        return numbers
+
+    def _check_open(self) -> None:
+        if not self._engines:
+            raise SimulationError("the worlds are closed: make new ones")
+
+    def close(self) -> None:
+        """Release the engines."""
+        for engine in self._engines.values():
+            engine.close()
+        self._engines = {}
+        if getattr(self, "_pool", None) is not None:
+            self._pool.shutdown()  # type: ignore[union-attr]
+
+    def __enter__(self) -> Worlds:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:
+    """The drives, begun at other positions of links and motors; motors that are not named begin where their link is."""
+    drives = list(prepared.drives)
+    for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
+        if drive.initial_position != q or drive.name in motors:
+            motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
+            drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
+    return tuple(drives)
+
+
+def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
+    """The same under other references and external torques of some joints."""
+    own = {joint: {k: v for k, v in table.items() if k != EXTERNAL_TORQUE} for joint, table in signals.items()}
+    torques = {joint: table[EXTERNAL_TORQUE] for joint, table in signals.items() if EXTERNAL_TORQUE in table}
+    changed = prepared.with_references(own)
+    torques = {**changed.scenario.external_torques, **torques}
+    return replace(changed, scenario=replace(changed.scenario, external_torques=torques))
+
+
+def _listed(given: Any) -> list[Any] | None:
+    """What is given once, or for each world, as a list; None where nothing is."""
+    if given is None or (isinstance(given, Sequence) and not given):
+        return None
+    return list(given) if isinstance(given, Sequence) else [given]
+
+
+def _merged(
+    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None
+) -> Mapping[str, Mapping[str, Any]]:
+    """Two tables of tables; the second counts."""
+    if not second:
+        return first
+    return {joint: {**first.get(joint, {}), **second.get(joint, {})} for joint in {**first, **second}}

@@ -1,0 +1,114 @@
+"""PyBullet alone: with MuJoCo not importable it moves as MuJoCo does.
+
+The two engines share the rule of a step and the solver of friction and stops, and nothing that knows the robot.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.engines import ENGINES
+from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
+
+pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
+AXES = ("0 1 0", "1 0 0", "0 1 0.3", "0 0 1", "1 0 1")
+RUN = """
+import json, sys
+sys.modules["mujoco"] = None
+sys.path.insert(0, sys.argv[1])
+import test_engines_alone
+print(json.dumps(test_engines_alone.motion("bullet", sys.argv[2], stops=True).tolist()))
+"""
+
+
+def chain(folder: Path, base: str = "") -> Path:
+    """Five hinges whose stops are near."""
+    inertial = (
+        '<inertial><origin xyz="0.05 0.01 -0.1"/><mass value="0.5"/>'
+        '<inertia ixx="2e-3" iyy="3e-3" izz="2.5e-3" ixy="1e-4" ixz="0" iyz="0"/></inertial>'
+    )
+    links = "".join(f'<link name="l{i}">{inertial}</link>' for i in range(6))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><origin xyz="0 0 -0.2"/><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-0.6" upper="0.5" effort="100" velocity="100"/></joint>'
+        for i, axis in enumerate(AXES)
+    )
+    (folder / "robot.urdf").write_text(f'<robot name="chain">{links}{joints}</robot>')
+    path = folder / "s.yaml"
+    path.write_text(f"robot: robot.urdf\nduration: 1\n{base}wrenches: [{{link: l4, force: [1, 0, 0], point: [0, 0, -0.1]}}]\n")
+    return path
+
+
+def make(engine: str, path: Path | str) -> Any:
+    scenario = only_variant(load_scenario(path))
+    robot, _ = checked_robot(scenario, None)
+    return ENGINES.get(engine).make(scenario, apply_to_robot(scenario, robot))[0]
+
+
+def motion(engine: str, path: Path | str, *, stops: bool = False, friction: float = 0.05) -> np.ndarray:
+    """(400, 5) rad in 0.4 s of swinging torques, friction and damping."""
+    world = make(engine, path)
+    world.start([0.1, -0.2, 0.3, 0.0, 0.1], [2.0, -1.0, 3.0, 1.0, -2.0], step=1e-3, staggered=True, implicitness=0.5)
+    exchange, wrenches = np.zeros((5, 5)), np.zeros((1, 6))
+    exchange[:, 3:] = 0.02, friction
+    wrenches[0, :3] = 1.0, 0.5, -0.3
+    rows = []
+    for step in range(400):
+        exchange[:, 2] = 0.5 * np.sin(0.02 * step + np.arange(5))
+        world.step(exchange, wrenches, 1.0 if step else 0.5)
+        rows.append(exchange[:, 0].copy())
+    world.close()
+    found = np.array(rows)
+    assert not stops or (np.isclose(found, 0.5, atol=1e-9) | np.isclose(found, -0.6, atol=1e-9)).any()
+    return found
+
+
+def test_five_joints_with_friction_reach_their_stops_as_in_mujoco_where_mujoco_is_not_importable(tmp_path: Path) -> None:
+    path = chain(tmp_path)
+    arguments = [sys.executable, "-c", RUN, str(Path(__file__).parent), str(path)]
+    alone = json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
+    np.testing.assert_allclose(alone, motion("mujoco", path), rtol=0, atol=1e-6)
+
+
+def test_a_floating_robot_moves_as_in_mujoco(tmp_path: Path) -> None:
+    path = chain(tmp_path, "base: {fixed: false, position: [0, 0, 5], rpy: [0.4, 0.2, 0.1]}\n")
+    np.testing.assert_allclose(motion("bullet", path), motion("mujoco", path), rtol=0, atol=1e-9)
+
+
+def test_half_the_friction_moves_a_robot_differently(tmp_path: Path) -> None:
+    path = chain(tmp_path)
+    assert np.abs(motion("bullet", path, friction=0.025) - motion("mujoco", path)).max() > 1e-3
+
+
+FAR = "world: {objects: {far: {shape: box, size: [0.1, 0.1, 0.1], position: [30, 30, 30], mass: 0}}}\n"
+
+
+@pytest.mark.parametrize("more", ["", FAR], ids=["nothing around", "contacts"])
+def test_an_engine_continues_from_a_state_to_the_bit(tmp_path: Path, more: str) -> None:
+    world = make("bullet", chain(tmp_path, more))
+    world.start([0.1] * 5, [1.0] * 5, step=1e-3, staggered=True, implicitness=0.5)
+    exchange, wrenches = np.zeros((5, 5)), np.zeros((1, 6))
+    exchange[:, 2:] = 0.3, 0.02, 0.05
+    runs = []
+    for step in range(20):
+        world.step(exchange, wrenches, 1.0 if step else 0.5)
+    state = world.state
+    for _ in range(2):
+        world.state = state
+        for _ in range(30):
+            world.step(exchange, wrenches)
+        runs.append(exchange[:, :2].copy())
+    np.testing.assert_array_equal(*runs)
+    world.close()
+
+
+def test_contacts_far_away_change_no_motion(tmp_path: Path) -> None:
+    alone = motion("bullet", chain(tmp_path))
+    np.testing.assert_allclose(motion("bullet", chain(tmp_path, FAR)), alone, rtol=0, atol=1e-6)
