@@ -14,8 +14,7 @@ from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import is_comparable, unit_of
-from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.clock import align_recording, simulated
+from asrsim.recordings.align import Alignment, LagChoice, align_recording, require_overlap, resample, simulated
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import beside, condense
