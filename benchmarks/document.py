@@ -34,19 +34,13 @@ steps the world, and records *everything*: positions, velocities, torques, stiff
 
 - In MuJoCo a whole stretch of steps is compiled together with the engine's own: nothing goes through Python between two jumps
   of a reference. In PyBullet every step does; its functions then are most of the cost.
-- What is recorded is worked out afterwards, a chunk at a time, all joints of a kind together: laws of springs in NumPy, and
-  what flows over a step and which limits a row meets in one pass over the record, compiled where the loop is (the same source
-  and the same bits in plain Python).
+- Energies and limits are settled in the substep itself; stiffness and the springs' energy are worked out at the steps that are
+  recorded. Many worlds need neither unless somebody asks for them.
 - The world is stepped by the automatic number of substeps ([scenario](scenario.md), `substeps`); cost grows with it.
-- PyBullet's velocity torques, which it takes half a step late, are corrected in every substep (0.1: at most every eighth), and
-  friction and stops are exact: both come from MuJoCo's model of the same robot in one compiled call. In plain Python, where
-  Numba is not there or a run is short, that is six calls of the library, 5 us a step with two joints and 7 with five; all
-  else takes as long as in 0.1.
-- The recorder takes 0.10 us a joint and substep: the joints' rows go to their columns in portions that stay in the
-  processor's cache (0.02), springs' laws take 0.02, flows, limits and sums 0.02, and memory that is new or no longer in the
-  cache the rest. The loop beneath it has become several times faster than it has, and so its share is larger than it was.
-- The mass matrix is factored only where its factors are asked for: joints that friction holds need none, which halves the
-  time of a chain of 80.
+- Without contacts PyBullet is asked for mass matrix and bias, and the step is ours: 8 us a step with one joint, 9 with two.
+Wrenches
+  cost some 100 us a step with five joints. With contacts the step is Bullet's own, with friction motors set in each: two to
+  three times what its bare step takes.
 
 ## Memory
 
@@ -67,8 +61,8 @@ bit, since both loops run the same source. A run that stays plain where compilin
   compiled, and may differ in the last bit: write `x * x * x`, and `sqrt(x)` for `x ** 0.5`.
 - Kernels are kept in `$XDG_CACHE_HOME/asrsim/kernels` (`~/.cache/asrsim/kernels`), by a hash of all code that goes into them:
   a law that changes, or a helper that it calls, gets a kernel of its own, and parameters need none.
-  A robot of another kind costs 2 s once, an installation's first 9 s: all share the engine's part. Where the folder cannot be
-  written, nothing is kept. It may be deleted at any time.
+  All robots share the kernel, which takes some 12 s once for an installation; a new actuator adds 1 s. Where the folder
+  cannot be written, nothing is kept. It may be deleted at any time.
 
 ## How cost grows
 

@@ -39,7 +39,7 @@ def measure(wanted: Sequence[str], repeats: int, folder: Path) -> dict[str, tupl
 
     try:
         for case, make in cases.items():
-            kinds = ("mujoco", "bare", "loop", "recorder", "bullet", "bullet_plain")
+            kinds = ("mujoco", "bare", "loop", "worlds", "bullet", "bullet_plain")
             if any(f"{kind}_{case}" in wanted for kind in kinds):
                 _case(case, make(), wanted, repeats, here, before, found)
         for _ in range(repeats):
@@ -85,7 +85,7 @@ def _case(
         rows: dict[str, Callable[[], float]] = {
             "bare": lambda: whole() / substeps / seconds("step", here, "bare", bullet, engine="bullet"),
             "loop": lambda: loop() / substeps / seconds("mj_step", here, "bare", fast, engine="mujoco"),
-            "recorder": lambda: here.ask("recorder", scenario=fast),
+            "worlds": lambda: here.ask("worlds", scenario=fast),
         }
         if before is not None:
             rows |= {

@@ -52,7 +52,7 @@ def _rows() -> dict[str, Row]:
         goals[f"bare_{name}"] = (f"whole run, MuJoCo compiled / bare PyBullet step, {name} joints", 0.6)
     for name, goal in (("1", 0.6), ("2", 0.6), ("5", 0.85), ("v2", 0.85), ("v3", 0.85), ("v3_stops", 0.85)):
         goals[f"loop_{name}"] = (f"loop, MuJoCo compiled / bare mj_step, {name}", goal)
-        goals[f"recorder_{name}"] = (f"recorder and energies / loop, {name}", 0.3)
+        goals[f"worlds_{name}"] = (f"64 worlds together / 64 simulations, by world and step, {name}", 0.5)
     goals |= {"bullet_v2": ("PyBullet compiled / 0.1, v2", 0.5), "bullet_v3": ("PyBullet compiled / 0.1, v3", 0.667)}
     for name in ("1", "2", "5"):
         goals[f"bullet_{name}"] = (f"PyBullet compiled / 0.1, {name} joints", 1.0)

@@ -49,28 +49,28 @@ def loop(request: dict[str, Any]) -> float:
         return (time.process_time() - begin) / steps
 
 
-def recorder(request: dict[str, Any]) -> float:
-    """What recording and energies add to the loop, as its share: the same steps with a sink and without, in turns.
+def worlds(request: dict[str, Any]) -> float:
+    """CPU s of a world and step of 64 worlds that are stepped together, as for learning, over that of 64 simulations, in
+    turns."""
+    from contextlib import ExitStack
 
-    Both take some ms, so the median of many pairs counts. The first chunk does not: arrays are made in it.
-    """
-    from statistics import median
-
+    from asrsim import Simulation, Worlds
     from asrsim.scenario import load_scenario
-    from asrsim.simulation.simulation import Simulation
 
     (scenario,) = load_scenario(request["scenario"])
+    with ExitStack() as stack:
+        together = stack.enter_context(Worlds(scenario, 64, names=["link_position"], watched=False))
+        alone = [stack.enter_context(Simulation(scenario)) for _ in range(64)]
 
-    def seconds(sinks: list[Any]) -> float:
-        with Simulation(scenario, sinks=sinks) as simulation:
-            simulation.advance_to(simulation.next_chunk(simulation.last))
+        def seconds(*those: Any) -> float:
             begin = time.process_time()
-            simulation.advance_to(simulation.last)
-            simulation.flush()
+            for one in those:
+                one.advance(20)
             return time.process_time() - begin
 
-    pairs = [(seconds([Discard()]), seconds([])) for _ in range(9)]
-    return median(recorded / bare - 1.0 for recorded, bare in pairs)
+        seconds(together, *alone)
+        taken = [(seconds(together), seconds(*alone)) for _ in range(9)]
+    return sum(many for many, _ in taken) / sum(each for _, each in taken)
 
 
 def bare(request: dict[str, Any]) -> float:
@@ -105,7 +105,7 @@ def command(request: dict[str, Any]) -> float:
 
 def main() -> None:
     """Answer until the requests end."""
-    measures = {"whole": whole, "loop": loop, "recorder": recorder, "bare": bare, "command": command}
+    measures = {"whole": whole, "loop": loop, "worlds": worlds, "bare": bare, "command": command}
     for line in sys.stdin:
         request = json.loads(line)
         sys.stdout.write(json.dumps(measures[request["what"]](request)) + "\n")

@@ -12,7 +12,7 @@ import pytest
 import asrsim
 from asrsim.engines.base import POSITION, VELOCITY
 from asrsim.robot import load_robot
-from asrsim.signals.sinusoid import Sinusoid
+from asrsim.signals.sines import Sinusoid
 from asrsim.simulation.bench import Motion, run_bench
 
 INERTIA, DAMPING, TORQUE = 0.0233, 0.2698, 6.0

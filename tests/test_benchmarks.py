@@ -15,7 +15,7 @@ NAMES = (
     "mujoco_v3_stops",
     "bare_2",
     "loop_v2",
-    "recorder_5",
+    "worlds_5",
     "bullet_v3",
     "reset",
     "joints_bullet",

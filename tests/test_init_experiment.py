@@ -279,31 +279,6 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     assert run.exit_code == 0, run.output
 
 
-def test_command_and_response_in_two_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each on its own Unix time; the claim is about the file with the response, on that file's clock."""
-    monkeypatch.chdir(tmp_path)
-    for name, values, late in (("q1_ref", SMOOTH, 0.0), ("q1", np.interp(TIME + 0.1, TIME, SMOOTH), 0.1)):
-        rows = [f"{1.7e9 + late + t:.4f},{v:.9g}" for t, v in zip(TIME, values, strict=True)]
-        (tmp_path / f"{name}.csv").write_text("\n".join(["time,value", *rows]) + "\n")
-    done = CliRunner().invoke(
-        app, ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "q1_ref.csv+q1.csv", "--out", "s.yaml"]
-    )
-    assert done.exit_code == 0, done.output
-    (scenario,) = load_scenario(tmp_path / "s.yaml")
-    (claim,) = scenario.expect
-    assert claim.against == tmp_path / "q1.csv"
-    assert claim.options["lag"] == pytest.approx(-0.1, abs=1e-6)
-    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--json"])
-    assert run.exit_code == 0, run.output
-    plot = CliRunner().invoke(
-        app, ["plot", "out/s/default/log.mcap", "--experiment", "q1_ref.csv+q1.csv", "--lag", "0", "--json"]
-    )
-    metrics = {(m["quantity"], m["measure"]): m["value"] for m in json.loads(plot.stdout)["metrics"]}
-    assert json.loads(run.stdout)["runs"][0]["expect"][0]["measured"] == pytest.approx(
-        metrics["link_position", "rmse"], rel=1e-6
-    )
-
-
 def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")

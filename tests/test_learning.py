@@ -17,7 +17,7 @@ from asrsim.learning.settings import decided, gains_at
 from asrsim.learning.trial import Trial
 from asrsim.scenario.learning_keys import Filter, Learning
 from asrsim.signals import parse_signal
-from asrsim.signals.constant import Constant
+from asrsim.signals.pieces import Constant
 
 STEP = 1e-3
 TIME = np.arange(2001) * STEP

@@ -26,8 +26,8 @@ from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
+from asrsim.log.container import DATA_END, McapStorage
 from asrsim.log.description import info_from
-from asrsim.log.storage import DATA_END, McapStorage
 from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 

@@ -339,17 +339,6 @@ class TestRealRecordings:
         assert len(recording.time) == 24_841
 
 
-def test_files_with_unix_times_are_joined_by_them(tmp_path: Path) -> None:
-    """One began 0.5 s after the other."""
-    for name, column, zero in (("command", "q1", 1.7e9), ("response", "q2", 1.7e9 + 0.5)):
-        lines = [f"stamp,{column}", *[f"{zero + 0.01 * i:.2f},{0.1 * i}" for i in range(30)]]
-        write(tmp_path / f"{name}.csv", lines)
-    recording = read_recording(tmp_path / "command.csv+response.csv")
-    times = [column.time for column in recording.channels.values()]
-    assert [float(time[0]) for time in times] == pytest.approx([0.0, 0.5], abs=1e-6)
-    assert recording.epoch == pytest.approx(1.7e9)
-
-
 @pytest.mark.parametrize(("largest", "far"), [(15.0, True), (25.0, False), (900.0, False)])
 def test_a_number_that_may_stand_for_a_missing_one_is_suspected_and_kept_until_that_is_stated(tmp_path, largest, far) -> None:
     lines = ["time,q1", *[f"{0.01 * i:.2f},{-999.0 if i in (5, 6, 20) else largest * np.sin(0.3 * i)}" for i in range(60)]]

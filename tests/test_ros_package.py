@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from asrsim.log.messages import OWN_MESSAGES
+from asrsim.log.topics import OWN_MESSAGES
 
 PACKAGE = Path(__file__).parents[1] / "ros" / "asrsim_msgs"
 

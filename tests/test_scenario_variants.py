@@ -173,7 +173,7 @@ def test_a_folder_bag_is_attached_file_by_file(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     (tmp_path / "lab").mkdir()
     _write_bag(tmp_path / "lab" / "run", ros1=False)
-    play = {"playback": {"file": "lab/run", "topic": "/q"}}
+    play = {"playback": {"file": "lab/run", "column": "/q"}}
     (tmp_path / "s.yaml").write_text(
         json.dumps({"robot": "arm.urdf", "duration": 1, "references": {"a": {"reference_1": play, "reference_2": play}}})
     )

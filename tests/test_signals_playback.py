@@ -79,8 +79,7 @@ def test_a_changed_file_is_read_again(tmp_path):
         ("0,1\n1,2\n", {"column": "q"}, ["no column 'q'", "column_1, column_2"]),
         ("", {"column": "q"}, ["is empty"]),
         ("time,q\n", {"column": "q"}, ["no row of numbers"]),
-        (CSV, {}, ["needs the key column (tables) or topic (bags)"]),
-        (CSV, {"column": "q1", "topic": "/q"}, ["needs the key column (tables) or topic (bags)"]),
+        (CSV, {}, ["column"]),
     ],
 )
 def test_faults_of_a_csv_name_file_line_and_column(tmp_path, text, keys, messages):
@@ -135,26 +134,21 @@ def bag(request, tmp_path):
 
 
 def test_bags_are_played_by_topic_and_field(bag):
-    number = parse_signal({"playback": {"file": str(bag), "topic": "/q"}})
+    number = parse_signal({"playback": {"file": str(bag), "column": "/q"}})
     assert number.values(np.array([0.0, 0.25, 1.0, 5.0])) == pytest.approx([0.0, 0.25, 1.0, 1.0])
-    by_name = parse_signal({"playback": {"file": str(bag), "topic": "/states", "field": "position[b]"}})
-    by_index = parse_signal({"playback": {"file": str(bag), "topic": "/states", "field": "position[1]"}})
-    assert by_name.values(np.array([0.5])) == by_index.values(np.array([0.5])) == pytest.approx([-0.5])
-    own_stamps = parse_signal(
-        {"playback": {"file": str(bag), "topic": "/states", "field": "position[a]", "time": "header", "start": 0}}
-    )
+    by_name = parse_signal({"playback": {"file": str(bag), "column": "/states/position[b]"}})
+    assert by_name.values(np.array([0.5])) == pytest.approx([-0.5])
+    own_stamps = parse_signal({"playback": {"file": str(bag), "column": "/states/position[a]", "time": "header", "start": 0}})
     assert own_stamps.values(np.array([0.25])) == pytest.approx([0.5])
 
 
 @pytest.mark.parametrize(
     ("keys", "messages"),
     [
-        ({"topic": "/p"}, ["there is no topic '/p'", "/q, /states"]),
-        ({"topic": "/q", "field": "date"}, ["no number 'date'", "Did you mean 'data'?"]),
-        ({"topic": "/states", "field": "position[c]"}, ["no number 'position[c]'", "position[a], position[b]"]),
-        ({"topic": "/states", "field": "position"}, ["no number 'position'"]),
-        ({"topic": "/q", "time": "header"}, ["have no header"]),
-        ({"topic": "/q", "field": "a b"}, ["no number 'a b'"]),
+        ({"column": "/p"}, ["there is no column '/p'", "/q, /states/position[a]"]),
+        ({"column": "/q/date"}, ["no column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q", "time": "header"}, ["have no header"]),
     ],
 )
 def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
@@ -169,7 +163,7 @@ def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
 def test_a_broken_bag_is_a_plain_error(tmp_path, name):
     (tmp_path / name).write_bytes(b"this is no bag" * 20)
     with pytest.raises(ScenarioError, match="this is no bag"):
-        parse_signal({"playback": {"file": name, "topic": "/q"}}, base=tmp_path)
+        parse_signal({"playback": {"file": name, "column": "/q"}}, base=tmp_path)
 
 
 @pytest.mark.parametrize("rate", [50, 100, 1000])

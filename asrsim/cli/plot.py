@@ -169,7 +169,6 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 def _print_experiments(result: PlotResult) -> None:
     from asrsim.cli.console import say
     from asrsim.cli.recording_table import say_columns
-    from asrsim.recordings import name_of
 
     shown: list[tuple[str, str, str, str]] = []
     for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
@@ -185,7 +184,7 @@ def _print_experiments(result: PlotResult) -> None:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
             about = f", give or take {alignment.between:.2g} s" if alignment.between else ""
-            say(f"{name_of(Path(name))} beside {one.label}: {alignment.said}{about} ({alignment.how}{found})")
+            say(f"{Path(name).name} beside {one.label}: {alignment.said}{about} ({alignment.how}{found})")
 
 
 def _print_rows(result: PlotResult) -> None:

@@ -16,7 +16,7 @@ from asrsim.kinematics.soft_arm import INVERTED_MODES
 from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Learning, Scenario, for_joint
-from asrsim.signals.constant import Constant
+from asrsim.signals.pieces import Constant
 from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from asrsim import __version__
 from asrsim.errors import InputError
 from asrsim.live.origin import OriginCheck
 from asrsim.live.transport import Access, Interface, Received
-from asrsim.log.messages import schema_name, schema_text
+from asrsim.log.topics import schema_name, schema_text
 
 WAITING = 5000
 """Messages from outside that wait for the simulation; beyond, the oldest are lost."""

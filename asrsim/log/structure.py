@@ -18,7 +18,7 @@ from mcap.records import Attachment, AttachmentIndex, Channel, Metadata, Metadat
 
 from asrsim.document.mistaken import mistaken
 from asrsim.errors import LogError, Problem
-from asrsim.log.storage import MAGIC
+from asrsim.log.container import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29

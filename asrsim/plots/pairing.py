@@ -18,8 +18,7 @@ from asrsim.plots.decimate import BINS, decimate
 from asrsim.plots.world import Curve
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, Series, band, compare
-from asrsim.recordings.align import Alignment, LagChoice
-from asrsim.recordings.clock import align_recording, series_of
+from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
 

@@ -17,7 +17,7 @@ from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
 from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
-from asrsim.recordings import Column, Recording, name_of, resample
+from asrsim.recordings import Column, Recording, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
@@ -136,7 +136,7 @@ def responses(
                 measured, findings = recorded
                 found.append(
                     entry(
-                        source=name_of(one.recording.path), experiment=True, response=measured,
+                        source=one.recording.path.name, experiment=True, response=measured,
                         findings=(*findings, *measured.findings),
                     )
                 )  # fmt: skip
@@ -164,7 +164,7 @@ def recorded_responses(
     """
     first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
     one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})
-    label = name_of(recording.path)
+    label = recording.path.name
     found: list[Response] = []
     problems: list[Problem] = []
     for name in [last.joint] if last.joint is not None else joints or recording.joints:

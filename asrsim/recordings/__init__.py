@@ -7,7 +7,7 @@ from asrsim.recordings.claims import RecordedSeries, require_columns
 from asrsim.recordings.compare import Band, Comparison, Series, band, compare
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.formats import READERS, Reader
-from asrsim.recordings.read import name_of, read_recording
+from asrsim.recordings.read import read_recording
 from asrsim.recordings.suspicions import suspect_scale
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "align",
     "band",
     "compare",
-    "name_of",
     "read_recording",
     "require_columns",
     "resample",

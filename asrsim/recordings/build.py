@@ -77,7 +77,6 @@ def _explicit(
     joints: of the simulation. A document may serve a larger robot, and so name others.
     """
     names = [one.name for one in series]
-    labels = [one.label for one in series]
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in reading.maps:
@@ -86,8 +85,6 @@ def _explicit(
             found |= dict.fromkeys(parts, one)
             continue
         index = find_raw(one.column, [one.column for one in series])
-        if index is None and labels.count(one.column) == 1:  # of a file that was joined: what it is called there
-            index = labels.index(one.column)
         if index is None:
             problems.append(
                 Problem(f"there is no such column, named by {one.origin}", key=one.column, choices=_shown(names),
@@ -183,8 +180,7 @@ def _in_si(series: RawSeries, unit: Unit | None, joint: str | None, quantity: st
         said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
         si = "" if unit.si == "1" else unit.si
     return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, stated=unit is not None, origin=origin, part=series.part, label=series.label,
-                  shift=series.shift)  # fmt: skip
+                  conversion=said, stated=unit is not None, origin=origin)  # fmt: skip
 
 
 def _scaled(column: Column, one: ColumnMap) -> Column:

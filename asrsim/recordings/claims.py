@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_SOURCES
-from asrsim.recordings.align import Alignment
-from asrsim.recordings.clock import Reader, align_recording, series_of
+from asrsim.recordings.align import Alignment, Reader, align_recording, series_of
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints

@@ -14,11 +14,9 @@ from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import is_comparable, unit_of
-from asrsim.recordings.align import Alignment, LagChoice, require_overlap, resample
-from asrsim.recordings.clock import align_recording, simulated
+from asrsim.recordings.align import Alignment, LagChoice, align_recording, require_overlap, resample, simulated
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
-from asrsim.recordings.read import name_of
 from asrsim.recordings.suspicions import beside, condense
 from asrsim.samples import Array, JointInfo, Samples
 
@@ -71,7 +69,7 @@ class Comparison:
 
     def rows(self, source: str = "") -> list[MetricRow]:
         """All metrics as rows for table, JSON and CSV. source: name of the simulation."""
-        name = name_of(self.recording)
+        name = self.recording.name
         pair = f"{source} - {name}" if source else name
         rows: list[MetricRow] = []
         for s in self.series:
@@ -122,7 +120,7 @@ def compare(
         info = known.get(joint)
         problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
         if problem is not None:
-            wrong.append(replace(problem, file=column.part or recording.path))
+            wrong.append(replace(problem, file=recording.path))
         else:
             found[joint, column.quantity] = (values, column)
     if wrong and not found:

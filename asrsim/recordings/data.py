@@ -72,12 +72,6 @@ class RawSeries:
     """(n,), of the rows that were kept."""
     clock: str = ""
     """Where its time stands, as a document states it."""
-    part: Path | None = None
-    """Of files that were joined, the one that it is from."""
-    label: str = ""
-    """Its name there."""
-    shift: float = 0.0
-    """s that were added to the time there."""
 
     @property
     def name(self) -> str:
@@ -106,12 +100,6 @@ class Column:
     """The file or the mapping states the unit; else it is assumed."""
     origin: str = ""
     """Why: "command line", "lab.csv.yaml", "named in the file", "by its name", "asked: ...", "not used: ..."."""
-    part: Path | None = None
-    """Of files that were joined, the one that it is from."""
-    label: str = ""
-    """Its name there."""
-    shift: float = 0.0
-    """s that were added to the time there."""
 
     @property
     def meaning(self) -> str:
@@ -135,7 +123,7 @@ class Recording:
 
     path: Path
     format: str
-    """Name of the reader: text, json, mcap, bag, matlab, numpy, excel, arrow, asrsim, or a user's; joined: of several files."""
+    """Name of the reader: text, json, mcap, bag, matlab, numpy, excel, arrow, asrsim, or a user's."""
     time: Array
     """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
     channels: Mapping[str, Column]

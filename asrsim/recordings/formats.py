@@ -17,9 +17,8 @@ from asrsim.errors import AsrsimError, InputError, Problem, RecordingError, simi
 from asrsim.recordings.arrays import read_matlab, read_numpy
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.data import Content, RawColumn, RawTable
-from asrsim.recordings.json_records import is_json, read_json
 from asrsim.recordings.reading import ColumnMap, Reading, TimeKeys
-from asrsim.recordings.sheets import read_arrow, read_excel
+from asrsim.recordings.sheets import is_json, read_arrow, read_excel, read_json
 from asrsim.recordings.text import read_text
 from asrsim.recordings.units import Unit
 from asrsim.registry import Registry

@@ -6,11 +6,11 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from asrsim.errors import OutputError, RecordingError
+from asrsim.errors import OutputError
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.names import KNOWN
-from asrsim.recordings.read import read_parts
-from asrsim.recordings.reading import ENDING
+from asrsim.recordings.read import read_series
+from asrsim.recordings.reading import ENDING, resolve_reading
 
 
 def propose(
@@ -22,28 +22,27 @@ def propose(
     joints: of the simulation; called: how the document names the recording, its name where it stands beside it.
     Raises RecordingError where the file cannot be read, OutputError where the document is there and not to be replaced.
     """
-    if "+" in path.name and not path.exists():
-        raise RecordingError("joins files: propose a document for each of them", file=path, code="joined")
     place = path.with_name(path.name + ENDING) if out is None else out
     if place.exists() and not force:
         raise OutputError(f"{place} is there already; --overwrite replaces it")
-    (part,), recording = read_parts(path, mapping=list(mapping) or None, joints=joints, rate=rate, beside=False)
+    reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
+    content, series, recording = read_series(path, reading, joints)
     lines = [
         f"# How {path.name} is read, proposed by `asrsim init --experiment`. Beside the recording every command obeys it;",
         "# elsewhere it is given in the place of the recording. With `map` nothing is taken from names: check each line,",
         "# answer the questions, and strike what is not to be used.",
         f"file: {_text(called or path.name)}",
-        *(f"{key}: {_text(value)}".ljust(40) + "# as found in the file" for key, value in part.content.layout.items()),
+        *(f"{key}: {_text(value)}".ljust(40) + "# as found in the file" for key, value in content.layout.items()),
     ]
     if rate is not None:
         lines.append(f"time: {{rate: {rate:g}}}".ljust(40) + "# Hz, as stated")
-    elif clock := part.series[0].clock:
+    elif clock := series[0].clock:
         doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
         lines.append(f"time: {clock}".ljust(40) + (f"# ? {doubt}" if doubt else "# its name and unit"))
     used = [column for column in recording.channels.values() if column.quantity]
     marks = [one for one in recording.findings if isinstance(one.value, float)]
     lines += [f"# missing: {one.value:g}".ljust(40) + f"# ? {one.key}: {one.message}" for one in marks]
-    lines += ["map:" if used else "map: {}", *(_line(column, part.reading.maps) for column in used)]
+    lines += ["map:" if used else "map: {}", *(_line(column, reading.maps) for column in used)]
     lines += _questions(recording)
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return place, recording

@@ -58,12 +58,9 @@ class Clock:
 
 
 def series_of(
-    content: Content, reading: Reading, findings: list[Problem], *, partly: bool = False
-) -> tuple[list[RawSeries], float | None]:
-    """All columns on clean times with one zero, and its Unix time. Raises RecordingError where no table has a time.
-
-    partly: of files that are joined, of which another may have the time that is stated.
-    """
+    content: Content, reading: Reading, findings: list[Problem]
+) -> tuple[list[RawSeries], float | None]:  # fmt: skip
+    """All columns on clean times with one zero, and its Unix time. Raises RecordingError where no table has a time."""
     faults: list[Problem] = []
     found: list[tuple[RawTable, Clock, Array, NDArray[np.bool_]]] = []
     stamped = _stamped([table for table in content.tables if table.received is not None], reading, findings)
@@ -74,7 +71,7 @@ def series_of(
             ):
                 table, clocks = _of_messages(table, stamped[table.name], findings)
             else:
-                clocks = _of_columns(table, reading, findings, must=len(content.tables) == 1 and not partly)
+                clocks = _of_columns(table, reading, findings, must=len(content.tables) == 1)
         except RecordingError as error:
             faults += error.problems
             continue

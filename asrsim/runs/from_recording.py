@@ -13,7 +13,6 @@ from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
 from asrsim.recordings import Recording, compare, read_recording
 from asrsim.recordings.propose import propose
-from asrsim.recordings.read import parts_of
 from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
 from asrsim.robot import Robot, with_actuators, with_overrides
 from asrsim.samples import Array
@@ -105,7 +104,6 @@ def write_from_recording(
     names = Names(
         scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
         extract=commands, schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
-        parts={column.part: relative_path(column.part, out.parent) for column in recording.channels.values() if column.part},
         packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
         plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
     )  # fmt: skip
@@ -123,7 +121,7 @@ def write_from_recording(
     files = [out]
     proposed = out.with_name(experiment.name + ENDING)
     described = proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *given])
-    if not described and parts_of(experiment) == (experiment,):
+    if not described:
         called = relative_path(experiment, out.parent)
         files.append(propose(experiment, proposed, mapping=given, rate=rate, joints=joints, called=called)[0])
     fits = bool(plan.compared)

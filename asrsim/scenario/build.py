@@ -15,7 +15,7 @@ from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.joint_keys import LOCKED
 from asrsim.scenario.keys import SCENARIO
-from asrsim.signals.constant import Constant
+from asrsim.signals.pieces import Constant
 
 MAX_STEPS = 10**10
 """Of a run: 115 days at 1 ms."""

@@ -19,7 +19,6 @@ from asrsim.quantities import is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import beyond_stops, condense
-from asrsim.recordings.units import split_header
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
@@ -364,8 +363,6 @@ class Names:
     robot: str
     recording: str
     extract: str
-    parts: Mapping[Path, str] = field(default_factory=dict)
-    """Of files that were joined, each as the scenario names it."""
     schema: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
     """Of xacro."""
@@ -513,30 +510,21 @@ def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence
         yield "expect:"
     for claim in claims:
         yield f"  # {claim.said}"
-        against = _against(plan, names, claim, mapping, rate)
+        against = _against(plan, names, mapping, rate)
         yield (
             f"  {'' if claim.active else '# '}- {{joint: {word(claim.joint)}, quantity: {claim.quantity}, measure: rmse, "
             f"comparison: <, value: {number(claim.limit)}, {against}}}"
         )
 
 
-def _against(plan: Plan, names: Names, claim: Claim, mapping: Sequence[str], rate: float | None) -> str:
-    """The recording and how it is read; of joined files the one that has the column, on its own clock."""
-    column = next(column for joint, column in plan.compared if (joint, column.quantity) == (claim.joint, claim.quantity))
-    file, lag = names.recording, plan.lag
-    if column.part is not None:
-        file, lag = names.parts[column.part], plan.lag - column.shift
-        spelled = {text.rpartition("=")[0].strip(): text.rpartition("=")[2] for text in mapping}
-        target = (
-            spelled.get(column.source) or spelled.get(split_header(column.source)[0]) or f"{column.joint}.{column.quantity}"
-        )
-        mapping = [f"{column.label}={target}"]
-    options = [f"lag: {exact(lag)}"]
+def _against(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> str:
+    """The recording and how it is read."""
+    options = [f"lag: {exact(plan.lag)}"]
     if mapping:
         options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
     if rate:
         options.append(f"rate: {rate:g}")
-    return f"against: {word(file)}, options: {{{', '.join(options)}}}"
+    return f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
 
 
 def exact(value: float) -> str:

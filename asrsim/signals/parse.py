@@ -26,7 +26,7 @@ class SignalKind(Kind[Signal]):
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Signal:
         from asrsim.signals import SIGNALS
-        from asrsim.signals.constant import Constant
+        from asrsim.signals.pieces import Constant
 
         value = node.value
         if isinstance(value, int | float) and not isinstance(value, bool):

@@ -15,7 +15,7 @@ from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require
 from asrsim.signals.curve import Curve, curve_through
-from asrsim.signals.recorded import read_column, read_topic
+from asrsim.signals.recorded import read_column
 
 STAMP_LIMIT = 1e6
 """s: first times beyond it are taken for stamps of a clock, and start at 0."""
@@ -36,15 +36,10 @@ class Playback(Signal):
     kind: ClassVar[str] = "playback"
 
     file: Path = declare(_RECORDING, doc="a recording of any format; a document beside it says how it is read")
-    column: str | None = declare(
-        Optional(Text(noun="name of a column")), doc="tables: the column, with or without its unit", default=None
-    )
-    topic: str | None = declare(Optional(Text(noun="name of a topic")), doc="bags: the topic", default=None)
-    message_field: str = declare(
-        Text(noun="field path"),
-        doc="bags: the field, such as `data`, `position[2]` or `position[joint1]`",
-        default="data",
-        key="field",
+    column: str = declare(
+        Text(noun="name of a column"),
+        doc="the column, with or without its unit, or its number from 1; of bags and MCAP files topic and field, such as "
+        "`/motor/target` of a number, `/states/position[2]` or `/joint_states/position[joint1]`",
     )
     time: str | None = declare(
         Optional(Text(noun="name of a column, or `header`")),
@@ -67,13 +62,9 @@ class Playback(Signal):
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        require((self.column is None) != (self.topic is None), "needs the key column (tables) or topic (bags)", key="")
         require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
-        if self.column is not None:
-            times, values = read_column(path, self.column, self.time)
-        else:
-            times, values = read_topic(path, self.topic or "", self.message_field, header_time=self.time == "header")
+        times, values = read_column(path, self.column, self.time)
         first = float(times[0])
         if self.start is not None:
             times = since(times, first, self.start)

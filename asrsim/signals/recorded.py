@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.errors import Problem, RecordingError
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -23,33 +23,38 @@ MAX_PROBLEMS = 10
 def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array, Array]:
     """Times in s (ascending) and values (SI where header or document state the unit) of a column.
 
-    column, time_column: header with or without its unit, or number from 1. Raises RecordingError naming file, line and
-    column of everything that is wrong: no such column (the ones that there are), cells that are empty or no numbers, rows
-    of another length, times that do not ascend.
+    column: its name with or without its unit, or its number from 1; of messages `/topic/field`. time_column: the same, or
+    `header` for the messages' own stamps. Raises RecordingError naming file, line and column of everything that is wrong: no
+    such column (the ones that there are), cells that are empty or no numbers, rows of another length, times that do not ascend.
     """
     from asrsim.recordings.build import in_si
     from asrsim.recordings.data import RawSeries
     from asrsim.recordings.names import find_raw
 
     content, reading = _read(path, *_newest(path))
-    table = next((one for one in content.tables if find_raw(column, one.columns) is not None), content.tables[0])
-    values = table.columns[_find(path, table, column, "column")]
+    table = next((one for one in content.tables if find_raw(column, one.columns) is not None), None)
+    if table is None:
+        raise _no_column(path, [one for each in content.tables for one in each.columns], column, "column")
+    values = table.columns[find_raw(column, table.columns) or 0]
     seconds, clock = _times(path, table, time_column, reading)
     problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # rows left out
     for one in ([clock] if clock is not None and clock is not values else []) + [values]:
         problems += _gaps(path, table, one)
-    finite = np.flatnonzero(np.isfinite(seconds))
+    kept = np.isfinite(seconds)
+    if table.received is not None:  # of messages with one stamp the last counts, as for a receiver that is read afterwards
+        kept[:-1] &= np.diff(seconds) != 0.0
+    finite = np.flatnonzero(kept)
     for bad in np.flatnonzero(np.diff(seconds[finite]) <= 0.0)[:MAX_PROBLEMS]:
         before, after = finite[bad], finite[bad + 1]
-        message = f"time {seconds[after]:g} does not ascend: {seconds[before]:g} stands before it"
-        name = None if clock is None else clock.name
+        message = f"time {seconds[after]:.9g} does not ascend: {seconds[before]:.9g} stands before it"
+        name = table.name or None if clock is None else clock.name
         problems.append(Problem(message, file=path, line=_line(table, after), key=name, code="csv-time"))
     if problems:
         raise RecordingError(problems)
     stated = next(
         (one for one in reading.maps if find_raw(one.column, [values]) is not None and not one.column.isdecimal()), None
     )
-    return seconds, in_si(RawSeries(column=values, time=seconds, values=values.values), stated).values
+    return seconds[kept], in_si(RawSeries(column=values, time=seconds, values=values.values), stated).values[kept]
 
 
 def series_names(path: Path) -> tuple[str, ...]:
@@ -58,45 +63,6 @@ def series_names(path: Path) -> tuple[str, ...]:
 
     content, _ = _read(path, *_newest(path))
     return tuple(split_header(column.name)[0] for table in content.tables for column in table.columns)
-
-
-def read_topic(path: Path, topic: str, field: str, *, header_time: bool) -> tuple[Array, Array]:
-    """Times in s as recorded (or of the messages' headers) and values of `field` of the messages on `topic`.
-
-    `field` is a dotted path; an entry of an array is given by its number or, where the message names its entries
-    (JointState), by that name: `position[joint1]`. Raises RecordingError naming file, topic and what there is.
-    """
-    content, _ = _read(path, *_newest(path))
-    tables = [table for table in content.tables if table.name == topic]
-    if not tables:
-        known = content.topics or tuple(table.name for table in content.tables)
-        raise RecordingError(
-            f"there is no topic '{topic}'", file=path, key="topic", choices=known, meant=topic, code="no-topic"
-        )
-    fields = {
-        column.name.removeprefix(topic).lstrip("/") or "data": (column, table) for table in tables for column in table.columns
-    }
-    place = re.fullmatch(r"(.*)\[(\d+)\](.*)", field)
-    entries = [name for name in fields if place and name.startswith(f"{place[1]}[") and name.endswith(f"]{place[3]}")]
-    name = entries[int(place[2])] if place and field not in fields and int(place[2]) < len(entries) else field
-    if name not in fields:
-        raise _fault(
-            path, topic, f"messages have no number '{field}'", "field", tuple(fields), did_you_mean(field, list(fields))
-        )
-    column, table = fields[name]
-    stamps = table.stamped if header_time else table.received
-    if stamps is None:
-        raise _fault(path, topic, "its messages have no header with a stamp", "time")
-    times, values = stamps * 1e-9, column.values
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        raise _fault(path, topic, f"{bad.size} values are not finite, the first at {times[bad[0]]:g} s", "field")
-    backward = np.flatnonzero(np.diff(times) < 0.0)
-    if backward.size:
-        raise _fault(path, topic, f"times run backwards at message {backward[0] + 1}", "time")
-    # Of messages with one stamp the last counts, as for a receiver that is read afterwards.
-    keep = np.append(np.diff(times) > 0.0, True)
-    return times[keep], values[keep]
 
 
 def _newest(path: Path) -> tuple[int, int]:
@@ -119,14 +85,23 @@ def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
 
 def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) -> tuple[Array, RawColumn | None]:
     """Times in s and their column: that which is wanted, else the document's, else the one that is named so."""
-    from asrsim.recordings.names import stated_unit
+    from asrsim.recordings.names import find_raw, stated_unit
     from asrsim.recordings.times import is_named_time
 
     if wanted is None and reading.time.rate is not None:
         return np.arange(len(table.columns[0].values)) / reading.time.rate, None
     stated = wanted or (reading.time.columns[0] if len(reading.time.columns) == 1 else None)
+    if table.received is not None and stated in (None, "header", "received"):
+        stamps = table.stamped if stated == "header" else table.received
+        if stamps is None:
+            message = f"{table.name}: its messages have no header with a stamp"
+            raise RecordingError(message, file=path, key="time", code="no-time")
+        return np.asarray(stamps * 1e-9, dtype=np.float64), None
     if stated is not None:
-        clock = table.columns[_find(path, table, stated, "time")]
+        place = find_raw(stated, table.columns)
+        if place is None:
+            raise _no_column(path, table.columns, stated, "time")
+        clock = table.columns[place]
     elif named := [column for column in table.columns if is_named_time(column)]:
         clock = named[0]
     else:
@@ -138,15 +113,12 @@ def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) ->
     return clock.values * factor, clock
 
 
-def _find(path: Path, table: RawTable, wanted: str, key: str) -> int:
-    from asrsim.recordings.names import find_raw
+def _no_column(path: Path, columns: Sequence[RawColumn], wanted: str, key: str) -> RecordingError:
     from asrsim.recordings.units import split_header
 
-    if (index := find_raw(wanted, table.columns)) is not None:
-        return index
-    names = tuple(split_header(column.name)[0] for column in table.columns)
+    names = tuple(split_header(column.name)[0] for column in columns)
     message = f"there is no column '{wanted}' of numbers"
-    raise RecordingError(message, file=path, key=key, choices=names, meant=wanted, code="no-column")
+    return RecordingError(message, file=path, key=key, choices=names, meant=wanted, code="no-column")
 
 
 def _line(table: RawTable, row: int) -> int | None:
@@ -163,9 +135,3 @@ def _gaps(path: Path, table: RawTable, column: RawColumn) -> list[Problem]:
         message = f"and {bad.size - MAX_PROBLEMS} more such cells"
         problems.append(Problem(message, file=path, key=column.name, code="csv-cell"))
     return problems
-
-
-def _fault(
-    path: Path, topic: str, message: str, key: str, choices: tuple[str, ...] = (), hint: str | None = None
-) -> RecordingError:
-    return RecordingError(f"{topic}: {message}", file=path, key=key, choices=choices, hint=hint, code=f"no-{key}")

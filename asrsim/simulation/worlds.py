@@ -26,7 +26,7 @@ from asrsim.simulation.core import Given, given_by
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.inputs import Inputs
+from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
 from asrsim.simulation.prepare import check_inertia, prepare
@@ -203,12 +203,17 @@ class Worlds:
         first = self._inputs[numbers[0]]
         if first.steady and all(self._inputs[world] is first for world in numbers.tolist()):
             return self._steady_inputs(first, numbers, length)
-        parts = []
-        for world in numbers.tolist():
-            inputs = self._inputs[world]
-            held = self._held[world]
-            inputs.held = {(j, slot): float(held[j, slot]) for j, slot in np.argwhere(~np.isnan(held)).tolist()}
-            parts.append(inputs.block(int(self._core.done[world]), length))
+        parts: list[Block] = []
+        numbered: dict[Any, int] = {}
+        sets = np.empty(len(numbers), dtype=np.int64)
+        for place, world in enumerate(numbers.tolist()):
+            inputs, held, substep = self._inputs[world], self._held[world], int(self._core.done[world])
+            key = id(inputs), substep, held.tobytes()
+            if key not in numbered:
+                numbered[key] = len(parts)
+                inputs.held = {(j, slot): float(held[j, slot]) for j, slot in np.argwhere(~np.isnan(held)).tolist()}
+                parts.append(inputs.block(substep, length))
+            sets[place] = numbered[key]
         blocks = [given_by(block, 0, length) for block in parts]
         most = max(one.cuts.shape[1] for one in blocks)
         cuts, shift = np.full((len(blocks), most, 3), -1), 0
@@ -220,7 +225,7 @@ class Worlds:
             np.concatenate([one.fractions for one in blocks]), np.concatenate([one.on_time for one in blocks]),
             np.concatenate([one.pieces for one in blocks]),
         )  # fmt: skip
-        return given, np.arange(len(numbers)), [block.references for block in parts]
+        return given, sets, [block.references for block in parts]
 
     def _steady_inputs(self, inputs: Inputs, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
         """The same where only what is set from outside differs."""

@@ -133,7 +133,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         for joint in _joints_of(claim, joints):
             wanted |= dict.fromkeys((name, joint.name) for name in _needed(claim, joint)[0])
         if claim.against is not None:
-            from asrsim.recordings.clock import ALIGN_ON
+            from asrsim.recordings.align import ALIGN_ON
 
             # A recording is aligned by whatever moves in both, in any of its joints.
             aligning = {source for name in ALIGN_ON for source in (name, *DERIVED_SOURCES.get(name, ()))}
