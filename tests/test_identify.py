@@ -281,7 +281,7 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
 @pytest.mark.slow
 def test_a_channel_of_another_sign_is_told_of(lab):
     flipped = ["joint_1.link_position [rad]=-joint_1.link_position [rad]"]
-    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, mapping=flipped, starts=1, workers=1)
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, mapping=flipped, starts=1)
     assert not result.fits
     assert any("another sign of joint_1.link_position (-1" in text and "--map" in text for text in result.causes), result.causes
 
@@ -319,18 +319,14 @@ def test_a_spring_of_another_law_does_not_fit(tmp_path):
 
 
 @pytest.mark.slow
-def test_derivatives_by_other_processes_are_the_same_bits(lab, monkeypatch):
+def test_fits_on_many_threads_are_those_on_one_to_the_bit(lab, monkeypatch):
     free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
-    alone = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=1)
-    asked, ask = [], door.Pool.rollout
-    monkeypatch.setattr(door, "LONG", 0.0)
-    monkeypatch.setattr(door.Pool, "rollout", lambda *given: asked.append(ask(*given)) or asked[-1])
-    together = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, workers=3)
-    assert asked
-    assert all(found is not None for found in asked)
-    assert together.x.tolist() == alone.x.tolist()
-    assert together.evaluations == alone.evaluations
-    assert [(one.low, one.high) for one in together.estimates] == [(one.low, one.high) for one in alone.estimates]
+    found = []
+    for threads in (1, 3):
+        monkeypatch.setattr(door, "AT_ONCE", threads)
+        result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
+        found.append((result.x.tolist(), result.evaluations, [(one.low, one.high) for one in result.estimates]))
+    assert found[0] == found[1]
 
 
 def test_a_fit_in_a_script_takes_one_thread_and_gives_them_back(lab):
@@ -519,7 +515,7 @@ def test_what_is_said_beside_a_fit_file_is_added_to_it_or_stands_in_its_place(la
 
 def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
     free = {"joint_1.damping": 0.0, "joint_1.reference_1.delay": 0.0}
-    checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True, workers=1)
+    checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
     assert [one.value for one in checked.estimates] == [0.0, 0.0]
     assert {one.verdict for one in checked.estimates} <= {"identified", "weak"}
     assert all(0.0 <= one.high < 0.05 for one in checked.estimates)

@@ -288,7 +288,7 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 8\nactuators: {motor: {type: sea, mode: 0}}\n")
     free = ["motor.damping", "motor.friction", "carriage.izz", "motor.stribeck_friction=0.03", "motor.stribeck_velocity=0.1"]
     maps = ["tau [N m]=motor.reference_1 [N m]", "q [rad]=motor.link_position [rad]"]
-    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps, workers=1)
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps)
     # Standing, it is held by any friction; noise of the place, twice differentiated, makes an inertia seem less.
     true = (damping, friction, inertia, static, fade)
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
@@ -399,7 +399,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
     maps = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
     true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
     true |= {"motor.reference_1.delay": (late, 5e-5), "motor.reference_1.offset": (offset, 0.3)} if late else {}
-    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps, workers=1)
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps)
     assert any("driven by the recorded torque" in remark for remark in found.remarks)
     for key, (value, near) in true.items():
         one = found.find(key)

@@ -96,10 +96,6 @@ def identify(
             help="After so long the search ends, and the best so far is reported as unfinished.",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", "-j", min=1, help="Processes, for derivatives of long fits.", show_default="one a core"),
-    ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
@@ -131,8 +127,7 @@ def identify(
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(
-            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, accept=accept, workers=workers,
-            seconds=seconds,
+            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, accept=accept, seconds=seconds,
         )  # fmt: skip
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
@@ -147,8 +142,7 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, accept: bool, workers: int | None,
-    seconds: float | None,
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, accept: bool, seconds: float | None,
 ) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FitBar
@@ -162,7 +156,7 @@ def _run(
     ):
         result = identify(
             task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled,
-            accept=accept, workers=workers, seconds=seconds,
+            accept=accept, seconds=seconds,
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED

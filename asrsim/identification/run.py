@@ -45,7 +45,7 @@ from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, with_played
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, doubted, estimates
 from asrsim.samples import Array
-from asrsim.workers import cores, one_thread
+from asrsim.workers import one_thread
 
 APART = 10.0
 """Times that of the training part: a mean square error of whole recordings that means that they are not explained."""
@@ -64,7 +64,6 @@ def identify(
     check: bool = False,
     profiled: bool = False,
     accept: bool = False,
-    workers: int | None = None,
     seconds: float | None = None,
     **options: Any,
 ) -> Result:
@@ -81,7 +80,6 @@ def identify(
         check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
         accept: Of a model that does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
             as estimates from a tenth of the recording differ.
-        workers: processes that evaluate derivatives of long fits, None: one a core; results are the same bits.
         seconds: after which the search ends and the best so far is judged, as `unfinished`; None: it ends by itself.
 
     Raises:
@@ -92,7 +90,7 @@ def identify(
     watch = Watch(progress, stop, seconds)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
-        setup = set_up(task, stack, cores() if workers is None else workers)
+        setup = set_up(task, stack)
         problem, given = setup.problem, begin or {}
         start = np.array([one.place(given[one.name]) if one.name in given else 0.0 for one in problem.layout.entries])
         before = _errors(problem, start)
