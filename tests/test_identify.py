@@ -60,7 +60,7 @@ def lab(tmp_path_factory):
 @pytest.fixture(scope="module")
 def fitted(lab):
     free = ["joint_1.spring_stiffness", "joint_1.damping"]
-    return identify(lab / "lab.yaml", [lab / "a.csv"], free=free, profiled=True)
+    return identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
 
 
 def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
@@ -72,12 +72,6 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
         assert one.value == pytest.approx(value, rel=0.02)
     assert fitted.fits, fitted.misfit
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
-
-
-def test_profiles_rise_as_the_intervals_say(fitted):
-    for one, profile in zip(fitted.estimates, fitted.profiles, strict=True):
-        values, misfit = profile
-        assert np.interp([one.low, one.high], values, misfit) == pytest.approx([3.9, 3.9], rel=0.15)
 
 
 def test_a_start_far_off_comes_near_by_regression(lab):
@@ -405,7 +399,6 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
         "overlay.png",
         "residuals.png",
         "correlation.png",
-        "profiles.png",
         "report.html",
     } <= names
     data = json.loads((tmp_path / "fit/fit.json").read_text())
@@ -416,8 +409,9 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
     assert len(changed) == 2
     assert all("<!-- guessed -->" in b for a, b in changed if "guessed" in a)
     assert load_robot(tmp_path / "fit/lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
-    again = CliRunner().invoke(app, [*arguments, "--resume", "--json", "--no-plot", "--no-report"])
-    assert json.loads(again.output)["search"]["evaluations"] < data["search"]["evaluations"]
+    again = CliRunner().invoke(app, [*arguments, "--resume", "--check", "--json"])
+    begun, ended = ([one["estimate"] for one in found["estimates"]] for found in (json.loads(again.output), data))
+    assert begun == pytest.approx(ended, rel=1e-9)
 
 
 @pytest.mark.parametrize("every", [2, 10])
@@ -448,7 +442,7 @@ def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_
     files, _ = write_robot(tied, tmp_path, everything=True)
     sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
     moves = [f"references.joint_1.equilibrium_position={CHIRP}", *(f"{k}={v}" for k, v in fitted.substeps.items())]
-    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", workers=1, logs=True, overrides=moves)
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", logs=True, overrides=moves)
     drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
     assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
     moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
@@ -652,41 +646,19 @@ def test_what_is_off_is_no_noise_though_neighbours_do_not_correlate():
     assert lag_correlation(white + 1.0) > 0.3
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 4])
-def test_a_fast_swing_is_found_from_a_start_that_is_many_swings_off(tmp_path, seed):
-    # A ringing of 108 Hz below the noise: the nearest minimum gave twice the stiffness, and said that it fits.
-    numbers = {**SEA, "actuator": "awas_ii", "tags": "<spring_Ks>10000</spring_Ks>"}
-    chirp = "{chirp: {amplitude: 0.15, from: 0.5, to: 6, duration: 2}}"
-    true = write(tmp_path, "true", numbers, f"{{equilibrium_position: {chirp}, stiffness_preset: 0.006}}")
-    record(true, tmp_path / "a.csv", seed=seed)
-    start = "<spring_Ks>11006</spring_Ks>" if seed == 0 else "<spring_Ks>13636</spring_Ks>"
-    write(tmp_path, "lab", {**numbers, "tags": start})
-    free = ["joint_1.spring_stiffness", "joint_1.pulley_radius", "joint_1.damping"]
-    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free)
-    one = next(one for one in result.combinations if "pulley_radius^2" in one.text)
-    assert one.value == pytest.approx(1e4 / 0.015**2, rel=1.5 * one.margin)
-    assert one.margin < 0.01
-    assert np.isnan(result.find("joint_1.spring_stiffness").low)
-
-
-@pytest.mark.slow
-def test_a_swing_at_three_times_the_frequency_is_found_by_how_the_recording_rings_or_by_a_global_search(tmp_path):
-    """Eight times the stiffness: a search from there alone ends at another frequency, and that is said."""
-    numbers = {**SEA, "actuator": "awas_ii", "tags": "<spring_Ks>10000</spring_Ks>"}
-    chirp = "{chirp: {amplitude: 0.15, from: 0.5, to: 6, duration: 2}}"
-    true = write(tmp_path, "true", numbers, f"{{equilibrium_position: {chirp}, stiffness_preset: 0.006}}")
-    # So fast a swing is exact to the interval only in fine steps.
-    true.write_text(true.read_text() + "substeps: 32\n")
-    record(true, tmp_path / "a.csv", seed=3)
-    lab = write(tmp_path, "lab", {**numbers, "damping": 0.1, "tags": "<spring_Ks>80000</spring_Ks>"})
-    free = ["joint_1.spring_stiffness", "joint_1.damping"]
-    ways = {"alone": {"starts": 1}, "rings": {}, "everywhere": {"starts": 1, "search": True}}
-    for name, options in ways.items():
-        found = identify(lab, [tmp_path / "a.csv"], free=free, **options)
-        assert found.fits == (name != "alone")
-        if found.fits:
-            assert found.find("joint_1.spring_stiffness").value == pytest.approx(1e4, rel=0.003)
+@pytest.mark.parametrize("factor", [8.0, 0.125])
+def test_a_swing_of_little_damping_is_found_from_a_stiffness_eight_times_off(tmp_path, factor):
+    numbers = {**SEA, "damping": 0.002, "mode": 2, "tags": "<spring_k>20.0</spring_k>"}
+    true = write(tmp_path, "true", numbers, "{reference_1: {step: {at: 0.1, from: 0, to: 0.3}}}", duration=4.0)
+    # In steps of 1 ms the simulated swing itself is off by more than the interval.
+    true.write_text(true.read_text() + "substeps: 16\n")
+    record(true, tmp_path / "a.csv")
+    guess = {**numbers, "damping": 0.05, "tags": f"<spring_k>{20.0 * factor}</spring_k>"}
+    lab = write(tmp_path, "lab", guess, duration=4.0)
+    found = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert found.fits
+    for key, truth in (("joint_1.spring_stiffness", 20.0), ("joint_1.damping", 0.002)):
+        assert found.find(key).low < truth < found.find(key).high
 
 
 def test_a_tie_that_is_none_is_suspected_and_no_offset(tmp_path):

@@ -124,7 +124,7 @@ def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_a
         )
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.03, "tags": "<spring_k>3.5</spring_k>"})
     free = ["joint_1.damping", "joint_1.spring_stiffness", "joint_1.link_position.offset"]
-    plain, accepted = (identify(guess, recordings, free=free, starts=1, workers=1, accept=way) for way in (False, True))
+    plain, accepted = (identify(guess, recordings, free=free, starts=1, accept=way) for way in (False, True))
     assert not plain.fits
     assert any("in each recording" in text and "--own joint_1.link_position.offset" in text for text in plain.causes), (
         plain.causes

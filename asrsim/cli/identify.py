@@ -69,7 +69,6 @@ def identify(
         typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of scattered starts.", show_default="0")] = None,
-    search: Annotated[bool, typer.Option("--global", help="Search globally first (slow).")] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
     ] = False,
@@ -119,7 +118,7 @@ def identify(
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
         "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "loss": loss, "starts": starts,
-        "seed": seed, "search": search or None, "plugins": plugin,
+        "seed": seed, "plugins": plugin,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value not in (None, [], ())}
     with json_errors(json):
@@ -127,7 +126,7 @@ def identify(
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(
-            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, accept=accept, seconds=seconds,
+            task, folder, check=check, resume=resume, quiet=quiet or json, accept=accept, seconds=seconds,
         )  # fmt: skip
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
@@ -142,7 +141,7 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, accept: bool, seconds: float | None,
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, accept: bool, seconds: float | None,
 ) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FitBar
@@ -155,7 +154,7 @@ def _run(
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
-            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled,
+            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check,
             accept=accept, seconds=seconds,
         )  # fmt: skip
     if result.status == "interrupted":

@@ -26,14 +26,12 @@ from asrsim.identification.judge import (
 )
 from asrsim.identification.keys import JUMP
 from asrsim.identification.problem import Problem, Weights, errors, mean_square, residuals, solve
-from asrsim.identification.profiles import profiles
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import (
     Best,
     Stopped,
     adopted,
-    globally,
     is_explained,
     search,
     settle,
@@ -62,7 +60,6 @@ def identify(
     stop: Callable[[], bool] | None = None,
     begin: Mapping[str, float] | None = None,
     check: bool = False,
-    profiled: bool = False,
     accept: bool = False,
     seconds: float | None = None,
     **options: Any,
@@ -77,7 +74,7 @@ def identify(
         experiments, options: As :func:`make_task` takes them; of a fit file, only `plugins`.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
-        check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
+        check: Only look: sensitivities at the start.
         accept: Of a model that does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
             as estimates from a tenth of the recording differ.
         seconds: after which the search ends and the best so far is judged, as `unfinished`; None: it ends by itself.
@@ -103,15 +100,12 @@ def identify(
         watch.ignore_stop = True
         best.problem = with_early_jumps(best.problem, best.x)
         start = np.append(start, np.zeros(len(best.x) - len(start)))
-        return _judged(setup, best, start, before, status, watch, profiled=profiled, accept=accept)
+        return _judged(setup, best, start, before, status, watch, accept=accept)
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
     """How the search ended; `best` has what it found."""
     try:
-        if setup.task.search:
-            watch.stage("global search")
-            globally(best, setup.task.seed)
         search(best, setup, lambda how: watch.stage(how, search=True))
         with_jumps_of_whole_recordings(best, setup.task)
         watch.stage("substeps and weights of what was found")
@@ -133,9 +127,7 @@ def _errors(problem: Problem, x: Array) -> Errors:
     return [errors(problem, x, track, whole=True) for track in range(len(problem.tracks))]
 
 
-def _judged(
-    setup: Setup, best: Best, start: Array, before: Errors, status: str, watch: Watch, *, profiled: bool, accept: bool
-) -> Result:
+def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     problem, trained, complete = best.problem, best.x, status == "complete"
     if not complete:
@@ -159,8 +151,6 @@ def _judged(
     sure = [one.verdict in (IDENTIFIED, WEAK) for one in known]
     if moved := _moved(problem, final, trained, x, np.where(sure, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    watch.stage("profiles")
-    shapes = watch.unless_stopped(lambda: profiles(final, x, found)) if profiled and complete else ()
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
@@ -172,7 +162,7 @@ def _judged(
             c.source: "hold" if c.hold or c.key in problem.held else "smooth"
             for track in problem.tracks for c in track.data.commands
         },
-        substeps=best.substeps, profiles=shapes,
+        substeps=best.substeps,
     )  # fmt: skip
 
 

@@ -97,7 +97,6 @@ class Task:
     loss: str = declare(Choice(LOSSES), default="huber", doc="huber: outliers count little; linear: least squares")
     starts: int = declare(Integer(minimum=1), default=6, doc="starts that are tried, at most, until one fits")
     spread: float = declare(Number(above=1.0), default=3.0, doc="factor by which starts are scattered")
-    search: bool = declare(Boolean(), default=False, doc="a global search (differential evolution) before the fit")
     seed: int = declare(Integer(minimum=0), default=0, doc="of the starts")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
