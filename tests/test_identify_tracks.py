@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.identification import door, make_task
+from asrsim.identification import door, task_of
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.played import Draw
 from asrsim.identification.problem import Problem, Weights, jacobian, solve
@@ -39,7 +39,7 @@ def setup_of(
     text = f"robot: lab.urdf\nduration: {table[-1, 0]}\nengine: mujoco\ncompiled: false\n{keys}"
     (folder / "lab.yaml").write_text(text)
     np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    return set_up(make_task(folder / "lab.yaml", [folder / "a.csv"], free=free), stack).problem
+    return set_up(task_of(folder / "lab.yaml", [folder / "a.csv"], free=free), stack).problem
 
 
 def noise(*shape: int, seed: int = 0) -> np.ndarray:
@@ -164,7 +164,7 @@ def test_torques_are_compared_where_they_alone_push_and_accelerations_are_told(
         if tags:
             text = (tmp_path / "lab.yaml").read_text().replace("lab.urdf", "sprung.urdf")
             (tmp_path / "lab.yaml").write_text(text)
-            setup = set_up(make_task(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack).problem
+            setup = set_up(task_of(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack).problem
         assert type(setup.tracks[0]) is kind
 
 

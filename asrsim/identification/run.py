@@ -70,8 +70,8 @@ def identify(
         result.find("joint_1.spring_k_1").value
 
     Args:
-        scenario: Scenario or fit file, or a task of :func:`make_task` or :func:`read_task`.
-        experiments, options: As :func:`make_task` takes them; of a fit file, only `plugins`.
+        scenario: Scenario or fit file, or a task of :func:`task_of`.
+        experiments, options: As :func:`task_of` takes them.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
         check: Only look: sensitivities at the start.
@@ -83,7 +83,7 @@ def identify(
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The motion is not sane at the start.
     """
-    task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
+    task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
     watch = Watch(progress, stop, seconds)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
