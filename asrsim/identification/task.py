@@ -147,7 +147,7 @@ def task_of(
     options["ties"] = ties if isinstance(ties, Mapping) else dict(text.partition("=")[::2] for text in one_or_more(ties))
     options["validate"] = _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate)
     found = _read(_with(root, options), base, faults)
-    check_named(found["plugins"], plugins, file=path)
+    check_named(found["plugins"], one_or_more(plugins), file=path)
     wishes = {key: wish if isinstance(wish, Wish) else Wish(start=wish) for key, wish in found.pop("free").items()}
     for key in one_or_more(own):
         wishes[key] = replace(wishes.get(key, Wish()), own=True)
