@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.identification import make_task
+from asrsim.identification import task_of
 from asrsim.recordings import read_recording
 from asrsim.sweeps import make_study
 
@@ -150,10 +150,11 @@ def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
     recording = tmp_path / "lab.csv"
     np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time,elbow", comments="")
     several = {"experiments": [recording], "validate": ["b.csv"], "free": ["elbow.damping=2"], "own": ["elbow.friction"],
-               "mapping": ["a=b"], "plugins": ["law.py"], "overrides": ["duration=1"], "ties": ["a.b=c.d"]}  # fmt: skip
+               "mapping": ["a=b"], "plugins": [str(ROOT / "examples/plugins/my_vsa.py")], "overrides": ["duration=1"],
+               "ties": ["a.b=c.d"]}  # fmt: skip
     for one in (str, Path):
         alone = {name: one(value[0]) if isinstance(value[0], Path) else value[0] for name, value in several.items()}
-        assert make_task(tiny.scenario, **alone) == make_task(tiny.scenario, **several)
+        assert task_of(tiny.scenario, **alone) == task_of(tiny.scenario, **several)
     over = {
         "scenario": tiny.scenario, "over": ["elbow.damping=[0.1, 0.2]"], "signals": ["elbow.link_position"],
         "variants": ["soft"], "plugins": ["law.py"],

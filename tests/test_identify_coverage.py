@@ -48,7 +48,7 @@ def test_intervals_hold_the_truth_in_90_to_98_percent(tmp_path: Path, kind: str)
             true = Joint(nominal.actuator, numbers, nominal.gravity)
             recording = record(true, tmp_path / "a.csv", seed=seed, **RECORDINGS[kind])
             guess = true.write(tmp_path, nominal.numbers)
-            result = identify(guess, [recording], free=list(true.keys), ties=true.ties, workers=1)
+            result = identify(guess, [recording], free=list(true.keys), ties=true.ties)
             for key, value in true.keys.items():
                 one = result.find(key)
                 held["friction" in key].append(one.low <= value <= one.high)
@@ -64,12 +64,12 @@ def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path: Path
         true = Joint("qbmove", {**QBMOVE.numbers, "spring_k_2": 1.15 * QBMOVE.numbers["spring_k_1"]})
         recording = record(true, tmp_path / "a.csv", seed=seed, noise=3e-3)
         guess = QBMOVE.write(tmp_path, QBMOVE.numbers)
-        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties, workers=1)
+        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties)
         assert not result.fits
         assert any("spring_k_2" in text for text in (*result.misfit, *result.causes)), result.misfit
         # Equal ones are not said to differ.
         recording = record(QBMOVE, tmp_path / "a.csv", seed=seed, noise=3e-3)
-        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties, workers=1)
+        result = identify(guess, [recording], free=list(QBMOVE.keys), ties=QBMOVE.ties)
         assert not any("to which it is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
 
 

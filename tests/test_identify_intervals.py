@@ -21,7 +21,6 @@ from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Tie, make_layout
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
-from asrsim.identification.profiles import profiles
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
@@ -166,19 +165,6 @@ def test_what_is_at_its_bound_leaves_others_as_open_as_it_is_itself(met: bool):
     assert found.deviation[1] > 2.0 / np.linalg.norm(slopes[:, 1])
 
 
-@pytest.mark.parametrize("bent", [0.0, 3e3])
-def test_a_profile_is_never_above_that_whose_others_stay(bent: float):
-    """Though blocks widen the deviations, one more than another, or slopes hold only near the estimate."""
-    slopes = np.random.default_rng(0).normal(size=(200, 3)) @ [[1.0, 0.9, 0.5], [0.0, 0.4, -0.3], [0.0, 0.0, 0.2]]
-    found = uncertainty(linear(slopes), np.zeros(3), [False] * 3, foreseen=True)
-    found = found.with_deviation(found.deviation * [1.0, 8.0, 3.0], found.quantile)
-    away = np.cos(np.arange(200))
-    problem = modelled(lambda x: slopes @ x + bent * (x @ [1.0, 2.0, -1.0]) ** 2 * away, 3, 200)
-    for i, (values, misfit) in enumerate(profiles(problem, np.zeros(3), found)):
-        stay = [float(np.sum(residuals(problem, (value - 1.0) * np.eye(3)[i]) ** 2)) for value in values]
-        assert np.all(misfit <= np.minimum(np.array(stay) / found.variance, 1e6) * (1.0 + 1e-9) + 1e-9)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_an_extension_promises_what_it_would_explain(seed: int) -> None:
     """Of residuals that are linear: its own number in the least squares of all, and the share of the error that goes."""
@@ -288,7 +274,7 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 8\nactuators: {motor: {type: sea, mode: 0}}\n")
     free = ["motor.damping", "motor.friction", "carriage.izz", "motor.stribeck_friction=0.03", "motor.stribeck_velocity=0.1"]
     maps = ["tau [N m]=motor.reference_1 [N m]", "q [rad]=motor.link_position [rad]"]
-    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps, workers=1)
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps)
     # Standing, it is held by any friction; noise of the place, twice differentiated, makes an inertia seem less.
     true = (damping, friction, inertia, static, fade)
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
@@ -399,7 +385,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
     maps = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
     true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
     true |= {"motor.reference_1.delay": (late, 5e-5), "motor.reference_1.offset": (offset, 0.3)} if late else {}
-    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps, workers=1)
+    found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps)
     assert any("driven by the recorded torque" in remark for remark in found.remarks)
     for key, (value, near) in true.items():
         one = found.find(key)

@@ -12,7 +12,7 @@ import pytest
 from identify_files import CHIRP, SEA, record, write
 
 from asrsim.errors import InputError
-from asrsim.identification import identify, make_task
+from asrsim.identification import identify, task_of
 from asrsim.identification.causes import jumps_or_bristles
 from asrsim.identification.data import Channel
 from asrsim.identification.inverse import InverseTrack
@@ -48,7 +48,7 @@ def setup_of(
     np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
     scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
     scenario.write_text(scenario.read_text() + "compiled: false\n")
-    return set_up(make_task(scenario, [folder / "a.csv"], free=free), stack)
+    return set_up(task_of(scenario, [folder / "a.csv"], free=free), stack)
 
 
 SWEEP = np.arange(0.0, 3.0005, 1e-3)
@@ -127,7 +127,7 @@ def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, trut
     true, lab = write(tmp_path, "true", stiffer, drive, TIME), write(tmp_path, "lab", numbers, duration=TIME)
     record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"), noise=1e-6)
     with ExitStack() as stack:
-        setup = set_up(make_task(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
+        setup = set_up(task_of(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
         weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
         problem = replace(setup.problem, weights=weights)
         found = adopted(problem, np.zeros(1), setup.task, jumps_or_bristles(setup.robot))
@@ -201,11 +201,11 @@ def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -
         "joint_1.damping": {"start": 0.06, "low": 0.04, "high": 0.1},
         "joint_1.spring_stiffness": {"start": 3.3, "low": 3.0, "high": 3.6},
     }
-    result = identify(make_task(guess, [recording], free=free))
+    result = identify(task_of(guess, [recording], free=free))
     assert [(one.verdict, one.value) for one in result.estimates] == [("at bound", 0.04), ("at bound", 3.6)]
     assert result.estimates[1].reason == "3.6 N m/rad is as far as it may go"
     assert not result.fits
     wrong = {"joint_1.damping": {"least": 1}, "joint_1.friction": "much", "link_1.mass": 2.0}
     with pytest.raises(InputError) as caught:
-        make_task(guess, [recording], free=wrong)
+        task_of(guess, [recording], free=wrong)
     assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction"]

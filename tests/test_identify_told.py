@@ -162,7 +162,7 @@ def given_back(result: Any, *_: object, **__: object) -> Any:
 def test_which_files_an_end_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asrsim_command: Any) -> None:
     recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
-    found = identification.identify(identification.make_task(guess, [recording], free=["joint_1.damping"]))
+    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
     for name, (changes, options, code, files, words) in ENDINGS.items():
         ended = replace(found, **changes)
         monkeypatch.setattr(identification, "identify", partial(given_back, ended))

@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.identification import door, make_task
+from asrsim.identification import door, task_of
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.played import Draw
 from asrsim.identification.problem import Problem, Weights, jacobian, solve
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import unbiased
-from asrsim.workers import executor
 
 pytestmark = pytest.mark.once
 
@@ -40,7 +39,7 @@ def setup_of(
     text = f"robot: lab.urdf\nduration: {table[-1, 0]}\nengine: mujoco\ncompiled: false\n{keys}"
     (folder / "lab.yaml").write_text(text)
     np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
-    return set_up(make_task(folder / "lab.yaml", [folder / "a.csv"], free=free), stack).problem
+    return set_up(task_of(folder / "lab.yaml", [folder / "a.csv"], free=free), stack).problem
 
 
 def noise(*shape: int, seed: int = 0) -> np.ndarray:
@@ -165,7 +164,7 @@ def test_torques_are_compared_where_they_alone_push_and_accelerations_are_told(
         if tags:
             text = (tmp_path / "lab.yaml").read_text().replace("lab.urdf", "sprung.urdf")
             (tmp_path / "lab.yaml").write_text(text)
-            setup = set_up(make_task(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack).problem
+            setup = set_up(task_of(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack).problem
         assert type(setup.tracks[0]) is kind
 
 
@@ -195,24 +194,21 @@ def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("mode", [0, 3])
-def test_derivatives_by_workers_are_the_same_bits_under_noise_that_is_added(
+def test_derivatives_on_many_threads_are_those_on_one_under_added_noise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: int
 ) -> None:
     """Noise of places where torques are compared, of commands where motions are."""
-    monkeypatch.setattr(door, "LONG", -1.0)
     columns = torque_driven((1e-4,))
     if mode == 3:
         columns["joint_1.reference_1 [rad]"] = columns.pop("joint_1.reference_1 [N m]") + noise(len(SWEEP))
-    with ExitStack() as stack:
-        problem = setup_of(stack, tmp_path, columns, ["link_1.izz", "joint_1.damping"], mode=mode)
-        found = {}
-        for workers in (1, 2):
-            if workers > 1:
-                door.Pool([track.door for track in problem.tracks], stack.enter_context(executor(workers, ())))
-            for draw in (None, Draw(3), Draw(3, -1.0)):
+    found: dict[Draw | None, list[np.ndarray]] = {None: [], Draw(3): [], Draw(3, -1.0): []}
+    for threads in (1, 2):
+        monkeypatch.setattr(door, "AT_ONCE", threads)
+        with ExitStack() as stack:
+            problem = setup_of(stack, tmp_path, columns, ["link_1.izz", "joint_1.damping"], mode=mode)
+            for draw, matrices in found.items():
                 drawn = replace(problem, playing=(replace(problem.playing[0], draw=draw),))
-                found[workers, draw] = jacobian(drawn, np.zeros(len(problem.layout)))
-        for draw in (None, Draw(3), Draw(3, -1.0)):
-            np.testing.assert_array_equal(found[1, draw], found[2, draw])
-        assert not np.array_equal(found[1, None], found[1, Draw(3)])
-        assert not np.array_equal(found[1, Draw(3)], found[1, Draw(3, -1.0)])
+                matrices.append(jacobian(drawn, np.zeros(len(problem.layout))))
+    for one, two in found.values():
+        np.testing.assert_array_equal(one, two)
+    assert len({one.tobytes() for one, _ in found.values()}) == 3

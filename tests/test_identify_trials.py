@@ -124,7 +124,7 @@ def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_a
         )
     guess = write(tmp_path, "guess", {**SEA, "damping": 0.03, "tags": "<spring_k>3.5</spring_k>"})
     free = ["joint_1.damping", "joint_1.spring_stiffness", "joint_1.link_position.offset"]
-    plain, accepted = (identify(guess, recordings, free=free, starts=1, workers=1, accept=way) for way in (False, True))
+    plain, accepted = (identify(guess, recordings, free=free, starts=1, accept=way) for way in (False, True))
     assert not plain.fits
     assert any("in each recording" in text and "--own joint_1.link_position.offset" in text for text in plain.causes), (
         plain.causes
@@ -133,7 +133,7 @@ def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_a
     assert [one.value for one in accepted.estimates] == [one.value for one in plain.estimates]
     narrow, wide = (one.find("joint_1.damping") for one in (plain, accepted))
     assert wide.high - wide.low > 2.0 * (narrow.high - narrow.low)
-    own = identify(guess, recordings, free=free, own=[free[-1]], starts=1, workers=1)
+    own = identify(guess, recordings, free=free, own=[free[-1]], starts=1)
     assert own.fits, own.misfit
     assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=0.01)
 
@@ -168,9 +168,9 @@ def test_trials_of_a_spring_whose_zero_moves_from_one_to_the_next_are_told_of(tm
         np.savetxt(trials[-1], np.column_stack([time, place, torque]), delimiter=",", header=header, comments="")
     lab = write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>3</spring_k>"}, duration=4.0)
     lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench\nmotion: locked"))
-    shared = identify(lab, trials, free=["joint_1.spring_stiffness"], workers=1)
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"])
     assert not shared.fits
     assert any("--own joint_1.elastic_torque_1.offset" in text for text in shared.causes), shared.causes
-    own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"], workers=1)
+    own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"])
     assert own.fits, own.misfit
     assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)

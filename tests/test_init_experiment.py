@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 import asrsim
 from asrsim.cli.app import app
 from asrsim.errors import AsrsimError, RecordingError
-from asrsim.identification import read_task
+from asrsim.identification import task_of
 from asrsim.identification.setup import set_up
 from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
@@ -70,7 +70,7 @@ def test_commands_in_stairs_are_held(tmp_path: Path) -> None:
 def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_path: Path) -> None:
     robot, recording = EXAMPLES / "dof2_vertical.urdf", EXAMPLES.parent / "recordings" / "two_joints.csv"
     write_from_recording(robot, recording, tmp_path / "s.yaml")
-    task = read_task(tmp_path / "s.fit.yaml")
+    task = task_of(tmp_path / "s.fit.yaml")
     assert [key for key in task.free if "motor" in key and "joint_2" in key] == []
     assert "joint_1.reference_1.delay" in task.free
     ties = {tie.key: tie.to for tie in task.ties}
@@ -91,7 +91,7 @@ def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_comma
     tmp_path: Path, robot: str, header: str, told: str
 ) -> None:
     write_from_recording(EXAMPLES / f"{robot}.urdf", lab(tmp_path, header=header), tmp_path / "s.yaml")
-    task = read_task(tmp_path / "s.fit.yaml")
+    task = task_of(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
         setup = set_up(task, stack)
     assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}

@@ -69,7 +69,6 @@ def identify(
         typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of scattered starts.", show_default="0")] = None,
-    search: Annotated[bool, typer.Option("--global", help="Search globally first (slow).")] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
     ] = False,
@@ -96,10 +95,6 @@ def identify(
             help="After so long the search ends, and the best so far is reported as unfinished.",
         ),
     ] = None,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", "-j", min=1, help="Processes, for derivatives of long fits.", show_default="one a core"),
-    ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
@@ -123,7 +118,7 @@ def identify(
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
         "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "loss": loss, "starts": starts,
-        "seed": seed, "search": search or None, "plugins": plugin,
+        "seed": seed, "plugins": plugin,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value not in (None, [], ())}
     with json_errors(json):
@@ -131,8 +126,7 @@ def identify(
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(
-            task, folder, check=check, resume=resume, quiet=quiet or json, profiled=plot, accept=accept, workers=workers,
-            seconds=seconds,
+            task, folder, check=check, resume=resume, quiet=quiet or json, accept=accept, seconds=seconds,
         )  # fmt: skip
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
         if json:
@@ -147,8 +141,7 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, profiled: bool, accept: bool, workers: int | None,
-    seconds: float | None,
+    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, accept: bool, seconds: float | None,
 ) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FitBar
@@ -161,8 +154,8 @@ def _run(
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
-            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check, profiled=profiled,
-            accept=accept, workers=workers, seconds=seconds,
+            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check,
+            accept=accept, seconds=seconds,
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED

@@ -5,6 +5,6 @@ from __future__ import annotations
 from asrsim.identification.progress import Progress
 from asrsim.identification.result import Result
 from asrsim.identification.run import identify
-from asrsim.identification.task import Experiment, Task, Tie, Wish, make_task, read_task
+from asrsim.identification.task import Task, task_of
 
-__all__ = ["Experiment", "Progress", "Result", "Task", "Tie", "Wish", "identify", "make_task", "read_task"]
+__all__ = ["Progress", "Result", "Task", "identify", "task_of"]

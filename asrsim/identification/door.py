@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,23 +12,22 @@ from asrsim.actuators.user import load_plugin_file
 from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
 from asrsim.engines import ENGINES
 from asrsim.engines.bench import link_motion
-from asrsim.errors import AsrsimError, RobotError
+from asrsim.errors import RobotError
 from asrsim.quantities import QUANTITIES
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepare import prepare, resolution_of
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.quantities import columns_of
 from asrsim.simulation.worlds import Start, Worlds
-from asrsim.workers import Executor, in_order
+from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Pool", "Substeps", "World", "electric_of",
-    "equilibrium_over_arrays", "link_motion", "load_plugin_file", "over_arrays",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "electric_of", "equilibrium_over_arrays",
+    "link_motion", "load_plugin_file", "over_arrays",
 ]  # fmt: skip
 
 SOURCES = ("link_position", "motor_1_position", "motor_2_position")
@@ -42,25 +40,14 @@ OFTEN = 10**7
 """Substeps that the simulations of one fit come to at least: compiling pays."""
 ENGINES_KEPT = 3
 """Numbers of substeps whose engines are kept: fits go to and fro between two."""
-LONG = 12.0
-"""s of simulation after which other processes are worth their start."""
+AT_ONCE = cores()
+"""Worlds of a rollout that run side by side, each on a thread of its own."""
 
 Drive = SteppedJoint
 Numbers = Mapping[str, Mapping[str, float]]
 """Joint or link -> name -> value."""
 Substeps = tuple[int, int]
 """Of a step, and of the motors in each of these."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class World:
-    """What one simulation of a rollout has of its own."""
-
-    parameters: Numbers
-    references: Mapping[str, Mapping[str, Signal]]
-    positions: Sequence[float]
-    velocities: Sequence[float]
-    motors: Mapping[str, Sequence[float]]
 
 
 class Door:
@@ -81,7 +68,6 @@ class Door:
         self.exact_in_time = not self._prepared.stepping.released
         """Whether finer substeps come nearer to the truth: the released code has steps of its own."""
         self._made: dict[Substeps, Worlds] = {}
-        self.pool: Pool | None = None
 
     def _worlds(self, substeps: Substeps) -> Worlds:
         found = self._made.pop(substeps, None)
@@ -90,57 +76,44 @@ class Door:
             scenario = replace(self.scenario, substeps=substeps[0], motor_substeps=substeps[1])
             prepared = self._prepared if own else prepare(scenario, self.given)
             found = Worlds(
-                prepared, 1, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False, expected_substeps=OFTEN
-            )
+                prepared, AT_ONCE, names=[n for n in columns_of(2) if n in COMPARABLE], watched=False,
+                expected_substeps=OFTEN, threads=AT_ONCE,
+            )  # fmt: skip
         while len(self._made) >= ENGINES_KEPT:
             self._made.pop(next(iter(self._made))).close()
         self._made[substeps] = found
         return found
 
     def rollout(
-        self, names: Sequence[tuple[int, str]], worlds: Sequence[World], *, steps: int | None = None, substeps: Substeps
+        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
     ) -> Iterator[Array | None]:
         """(names, rows) at whole steps of each world, at least `steps` of them; None where the motion is not sane.
 
         names: number of a joint and quantity.
         """
-        if len(worlds) > 1 and self.pool is not None and self.pool.pays:
-            found = self.pool.rollout(self, names, worlds, steps, substeps)
-            if found is not None:
-                yield from found
-                return
-        for world in worlds:
-            began = clock.perf_counter()
-            yield self._run(names, world, steps, substeps)
-            if self.pool is not None:
-                self.pool.seconds += clock.perf_counter() - began
-
-    def _run(self, names: Sequence[tuple[int, str]], world: World, steps: int | None, substeps: Substeps) -> Array | None:
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
         wanted |= {*SOURCES} if wanted & {*DERIVED} else set()
         quantities = [name for name in made.selection.names if name in wanted]
-        start = Start(
-            parameters=world.parameters, references=world.references, motors=world.motors,
-            # A recording may begin a hair beyond a stop.
-            positions={
-                drive.name: min(max(q, drive.joint.stops[0]), drive.joint.stops[1])
-                for drive, q in zip(self.drives, world.positions, strict=True)
-            },
-            velocities=dict(zip(self.joints, world.velocities, strict=True)),
-        )  # fmt: skip
-        try:
-            found = made.rollout(quantities, start=start, steps=steps)
-        except RobotError:
-            return None
-        if not made.healthy[0]:
-            return None
-        return np.stack([self._channel(found, joint, name) for joint, name in names])
 
-    def _channel(self, found: Mapping[str, Array], joint: int, name: str) -> Array:
+        def run(several: Sequence[Start]) -> Iterator[Array | None]:
+            try:
+                found = made.rollout(quantities, start=several, steps=steps)
+            except RobotError:
+                # One of them has numbers that no robot has.
+                yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
+                return
+            for world in range(len(several)):
+                channels = [self._channel(found, world, *name) for name in names] if made.healthy[world] else None
+                yield None if channels is None else np.stack(channels)
+
+        for first in range(0, len(starts), AT_ONCE):
+            yield from run(starts[first : first + AT_ONCE])
+
+    def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
         """(rows,) of one quantity of a joint; NaN where no joint records it."""
         missing = np.full(next(iter(found.values())).shape[1], np.nan)
-        own = {source: found[source][0, :, joint] if source in found else missing for source in (*SOURCES, name)}
+        own = {source: found[source][world, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:
             return own[name]
         actuator, (position, first, second) = self.drives[joint].actuator, (own[source] for source in SOURCES)
@@ -171,55 +144,3 @@ class Door:
 
 def _substeps(prepared: Prepared) -> Substeps:
     return prepared.resolution.substeps, prepared.resolution.motor_substeps
-
-
-Item = tuple[int, Sequence[tuple[int, str]], World, int | None, Substeps]
-
-
-@dataclass
-class _Elsewhere:
-    """What another process does: one world of one door."""
-
-    models: Sequence[tuple[Scenario, Robot]]
-    _doors: dict[int, Door] = field(default_factory=dict, init=False)
-
-    def __call__(self, item: Item) -> Array | None:
-        number, names, world, steps, substeps = item
-        if number not in self._doors:
-            self._doors[number] = Door(*self.models[number])
-        return next(self._doors[number].rollout(names, [world], steps=steps, substeps=substeps))
-
-    def close(self) -> None:
-        """Release the engines."""
-        for door in self._doors.values():
-            door.close()
-
-
-class Pool:
-    """Processes that simulate the worlds of several doors; results are the same bits as here."""
-
-    def __init__(self, doors: Sequence[Door], workers: Executor) -> None:
-        self._workers: Executor | None = workers
-        self._numbers = {id(door): number for number, door in enumerate(doors)}
-        self._task = _Elsewhere([(door.scenario, door.given) for door in doors])
-        self.seconds = 0.0
-        """Of simulation in this process."""
-        for door in doors:
-            door.pool = self
-
-    @property
-    def pays(self) -> bool:
-        """Whether so much has been simulated that other processes are worth their start."""
-        return self._workers is not None and self.seconds > LONG
-
-    def rollout(
-        self, door: Door, names: Sequence[tuple[int, str]], worlds: Sequence[World], steps: int | None, substeps: Substeps
-    ) -> list[Array | None] | None:
-        """As :meth:`Door.rollout`; None where no process can, as one without an actuator that was only registered here."""
-        assert self._workers is not None  # pays has looked
-        number = self._numbers[id(door)]
-        try:
-            return in_order(self._workers, self._task, [(number, names, world, steps, substeps) for world in worlds])
-        except AsrsimError:
-            self._workers = None
-            return None

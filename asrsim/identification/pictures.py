@@ -1,4 +1,4 @@
-"""Pictures of a fit: overlays before and after, residuals with their correlation, profiles, and the correlation matrix."""
+"""Pictures of a fit: overlays before and after, residuals with their correlation, and the correlation matrix."""
 
 from __future__ import annotations
 
@@ -41,8 +41,6 @@ def figures(result: Result) -> dict[str, Figure]:
         found[f"residuals{suffix}"] = _residuals(channels[:MOST], result.ends[track], name)
     if len(result.estimates) > 1:
         found["correlation"] = _matrix(result)
-    if result.profiles:
-        found["profiles"] = _profiles(result)
     return found
 
 
@@ -125,28 +123,4 @@ def _matrix(result: Result) -> Any:
     axes.set_yticks(range(len(names)), names, fontsize="x-small")
     axes.grid(visible=False)
     figure.colorbar(mesh, ax=axes, label="correlation of estimates", shrink=0.8)
-    return figure
-
-
-CERTAIN = 3.84
-"""Chi squared of one parameter at the ends of a 95 % interval."""
-
-
-def _profiles(result: Result) -> Any:
-    """Misfit along each parameter, with the interval that was told."""
-    figure, axes = _grid(len(result.estimates), 2.9, 2.2, min(4, len(result.estimates)))
-    for one, (values, misfit), axis in zip(result.estimates, result.profiles, axes.ravel(), strict=False):
-        axis.plot(values, misfit, ".-", color="C0")
-        # Where noise is correlated, it is steeper than the interval says.
-        top = max(4.0 * CERTAIN, 1.5 * float(np.median(misfit)))
-        if np.isfinite(one.low):
-            axis.axvspan(one.low, one.high, color="C0", alpha=0.15, linewidth=0)
-        axis.axvline(one.value, color="0.3", linewidth=0.7)
-        axis.axhline(CERTAIN, color="0.3", linewidth=0.7, linestyle=":")
-        axis.set(xlabel=f"{one.name} [{one.unit}]" if one.unit else one.name, ylim=(-0.03 * top, top))
-        axis.xaxis.label.set_fontsize("x-small")
-        axis.tick_params(labelsize="x-small")
-        axis.locator_params(axis="x", nbins=3)
-    for axis in axes[:, 0]:
-        axis.set_ylabel("misfit above the best [χ²]", fontsize="x-small")
     return figure

@@ -10,7 +10,6 @@ from typing import Any
 from asrsim.identification.combinations import Combination
 from asrsim.identification.judge import ChannelFit
 from asrsim.identification.layout import Layout
-from asrsim.identification.profiles import Profile
 from asrsim.identification.task import Task
 from asrsim.identification.verdicts import Estimate
 from asrsim.robot.model import Robot
@@ -60,8 +59,6 @@ class Result:
     """Column of a command -> what it was between its samples, as `interpolation:` of a playback says it."""
     substeps: Mapping[str, int] = field(default_factory=dict)
     """As a scenario has them, where recordings are more exact than those of runs."""
-    profiles: tuple[Profile, ...] = field(default=(), repr=False)
-    """Of each parameter, where they were asked for."""
 
     @property
     def fits(self) -> bool:

@@ -26,14 +26,12 @@ from asrsim.identification.judge import (
 )
 from asrsim.identification.keys import JUMP
 from asrsim.identification.problem import Problem, Weights, errors, mean_square, residuals, solve
-from asrsim.identification.profiles import profiles
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import (
     Best,
     Stopped,
     adopted,
-    globally,
     is_explained,
     search,
     settle,
@@ -45,7 +43,7 @@ from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, with_played
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, doubted, estimates
 from asrsim.samples import Array
-from asrsim.workers import cores, one_thread
+from asrsim.workers import one_thread
 
 APART = 10.0
 """Times that of the training part: a mean square error of whole recordings that means that they are not explained."""
@@ -62,9 +60,7 @@ def identify(
     stop: Callable[[], bool] | None = None,
     begin: Mapping[str, float] | None = None,
     check: bool = False,
-    profiled: bool = False,
     accept: bool = False,
-    workers: int | None = None,
     seconds: float | None = None,
     **options: Any,
 ) -> Result:
@@ -74,25 +70,24 @@ def identify(
         result.find("joint_1.spring_k_1").value
 
     Args:
-        scenario: Scenario or fit file, or a task of :func:`make_task` or :func:`read_task`.
-        experiments, options: As :func:`make_task` takes them; of a fit file, only `plugins`.
+        scenario: Scenario or fit file, or a task of :func:`task_of`.
+        experiments, options: As :func:`task_of` takes them.
         progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
         begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
-        check: Only look: sensitivities at the start. profiled: with profiles, for pictures.
+        check: Only look: sensitivities at the start.
         accept: Of a model that does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
             as estimates from a tenth of the recording differ.
-        workers: processes that evaluate derivatives of long fits, None: one a core; results are the same bits.
         seconds: after which the search ends and the best so far is judged, as `unfinished`; None: it ends by itself.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
         SimulationError: The motion is not sane at the start.
     """
-    task = scenario if isinstance(scenario, Task) else task_of(Path(scenario), experiments, **options)
+    task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
     watch = Watch(progress, stop, seconds)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
-        setup = set_up(task, stack, cores() if workers is None else workers)
+        setup = set_up(task, stack)
         problem, given = setup.problem, begin or {}
         start = np.array([one.place(given[one.name]) if one.name in given else 0.0 for one in problem.layout.entries])
         before = _errors(problem, start)
@@ -105,15 +100,12 @@ def identify(
         watch.ignore_stop = True
         best.problem = with_early_jumps(best.problem, best.x)
         start = np.append(start, np.zeros(len(best.x) - len(start)))
-        return _judged(setup, best, start, before, status, watch, profiled=profiled, accept=accept)
+        return _judged(setup, best, start, before, status, watch, accept=accept)
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
     """How the search ended; `best` has what it found."""
     try:
-        if setup.task.search:
-            watch.stage("global search")
-            globally(best, setup.task.seed)
         search(best, setup, lambda how: watch.stage(how, search=True))
         with_jumps_of_whole_recordings(best, setup.task)
         watch.stage("substeps and weights of what was found")
@@ -135,9 +127,7 @@ def _errors(problem: Problem, x: Array) -> Errors:
     return [errors(problem, x, track, whole=True) for track in range(len(problem.tracks))]
 
 
-def _judged(
-    setup: Setup, best: Best, start: Array, before: Errors, status: str, watch: Watch, *, profiled: bool, accept: bool
-) -> Result:
+def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     problem, trained, complete = best.problem, best.x, status == "complete"
     if not complete:
@@ -161,8 +151,6 @@ def _judged(
     sure = [one.verdict in (IDENTIFIED, WEAK) for one in known]
     if moved := _moved(problem, final, trained, x, np.where(sure, found.deviation, np.inf)):
         misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
-    watch.stage("profiles")
-    shapes = watch.unless_stopped(lambda: profiles(final, x, found)) if profiled and complete else ()
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
@@ -174,7 +162,7 @@ def _judged(
             c.source: "hold" if c.hold or c.key in problem.held else "smooth"
             for track in problem.tracks for c in track.data.commands
         },
-        substeps=best.substeps, profiles=shapes,
+        substeps=best.substeps,
     )  # fmt: skip
 
 

@@ -27,7 +27,6 @@ from asrsim.identification.problem import (
 )
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import Setup
-from asrsim.identification.shapes import as_it_rings
 from asrsim.identification.substeps import refined
 from asrsim.identification.task import Task
 from asrsim.identification.uncertainty import whitened
@@ -43,8 +42,6 @@ WHITE = 0.3
 """Correlation of neighbouring errors below which they may be noise."""
 AGREED = 2
 """Searches that end alike, of a model that does not fit."""
-LOOKS = 100
-"""Evaluations to each side, at most, of a look along a parameter."""
 ALIKE = 0.05
 """Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
 fault.
@@ -121,20 +118,13 @@ def with_jumps_of_whole_recordings(best: Best, task: Task) -> None:
 
 
 def _attempts(best: Best, start: Array, spread: float, seed: int) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts, the user's first; then one that rings as the recording does, those that a look along each parameter finds, and
-    scattered ones, with losses divided otherwise.
-    """
+    """Starts: the user's or that from regression, then scattered ones, with losses divided otherwise."""
     generator = np.random.default_rng(seed)
     how, first = _nearest(best.problem, start)
     yield how, first, SHORT
-    if _swinging(best.problem, best.x):
-        yield "a start that rings as the recording does", as_it_rings(best.problem.played(frozenset()), best.x), (1.0,)
     yield f"{how}, horizon growing", first, GROWING
     layout = best.problem.layout
     start = np.append(start, np.zeros(len(layout) - len(start)))
-    for place in (start, best.x) if _swinging(best.problem, best.x) else ():
-        for how, x in _looked_along(best.problem, place, float(np.log(spread)), best.cost):
-            yield how, x, (1.0,)
     losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
     number = 1
     # Two ways to one end: others would hardly lead elsewhere.
@@ -160,70 +150,12 @@ def _nearest(problem: Problem, start: Array) -> tuple[str, Array]:
     return "the start", start
 
 
-def _swinging(problem: Problem, x: Array) -> bool:
-    """Whether a swing is left in any channel: its frequency may be in another minimum."""
-    return any(left is not None and swings(left) for _, left in left_of(problem, x))
-
-
-def _looked_along(problem: Problem, x: Array, reach: float, cost: float) -> Iterator[tuple[str, Array]]:
-    """Starts off x along one parameter, where that has many small minima: the frequency of a swing of which there are many.
-
-    One that is already in the widest of them would find it by slopes; the grid is as fine as these hold.
-    """
-    low, high = problem.layout.bounds
-    base = residuals(problem, x)
-    found: list[tuple[float, str, Array]] = []
-    for i, entry in enumerate(problem.layout.entries):
-        width = _straight(problem, x, i, base, reach)
-        if width >= reach or entry.parameter.own:
-            continue
-        count = min(int(np.ceil(reach / width)), LOOKS)
-        places = x[i] + np.linspace(-reach, reach, 2 * count + 1)
-        places = places[(places > low[i]) & (places < high[i])]
-        moved = [_at(x, i, place - float(x[i])) for place in places.tolist()]
-        costs = [cost_of(residuals(problem, one), "huber") for one in moved]
-        if costs and min(costs) < max(cost_of(base, "huber"), cost):
-            found.append((min(costs), f"a look along {entry.name}", moved[int(np.argmin(costs))]))
-    yield from (one[1:] for one in sorted(found, key=lambda one: one[0])[:2])
-
-
-def _straight(problem: Problem, x: Array, i: int, base: Array, reach: float) -> float:
-    """How far along entry i residuals change in proportion."""
-    width = reach
-    far = residuals(problem, _at(x, i, width)) - base
-    while width > reach / LOOKS:
-        half = residuals(problem, _at(x, i, 0.5 * width)) - base
-        if float(np.linalg.norm(far - 2.0 * half)) < 0.5 * float(np.linalg.norm(far)) or not np.any(far):
-            return width
-        width, far = 0.5 * width, half
-    return width
-
-
-def _at(x: Array, i: int, move: float) -> Array:
-    there = x.copy()
-    there[i] += move
-    return there
-
-
 def _tails(values: Array) -> bool:
     """Whether single samples are far off: neighbours that are off together are the model's fault."""
     size = np.abs(values - np.median(values))
     far = size > 5.0 * np.median(size) / 0.6745
     alone = far[1:-1] & ~far[:-2] & ~far[2:]
     return float(np.mean(alone)) > 1e-3
-
-
-def globally(best: Best, seed: int) -> None:
-    """Differential evolution over the bounds, or two decades about the start; its end becomes the start."""
-    from scipy.optimize import differential_evolution
-
-    low, high = best.problem.layout.bounds
-    box = [(max(a, x - 2.3), min(b, x + 2.3)) for a, b, x in zip(low.tolist(), high.tolist(), best.x.tolist(), strict=True)]
-    found = differential_evolution(
-        lambda x: cost_of(residuals(best.problem, x), "huber"), box, seed=seed, maxiter=60, popsize=8, tol=1e-3, polish=False,
-        x0=best.x,
-    )  # fmt: skip
-    best.x = np.asarray(found.x, dtype=np.float64)
 
 
 # -- what is left ------------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from asrsim.errors import InputError
 from asrsim.identification.data import read_data
-from asrsim.identification.door import Pool, load_plugin_file
+from asrsim.identification.door import load_plugin_file
 from asrsim.identification.inverse import track_of
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
@@ -16,7 +16,6 @@ from asrsim.identification.task import Task
 from asrsim.identification.track import Track
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
-from asrsim.workers import executor
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +30,8 @@ class Setup:
     problem: Problem
 
 
-def set_up(task: Task, stack: ExitStack, workers: int = 1) -> Setup:
-    """Read and check everything; workers: processes for derivatives of long fits. Raises InputError with all that is wrong."""
+def set_up(task: Task, stack: ExitStack) -> Setup:
+    """Read and check everything. Raises InputError with all that is wrong."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     for plugin in task.plugins:
@@ -49,8 +48,6 @@ def set_up(task: Task, stack: ExitStack, workers: int = 1) -> Setup:
     for one in data:
         tracks.append(track_of(scenario, given, one, robot, asked))
         stack.callback(tracks[-1].close)
-    if workers > 1:
-        Pool([track.door for track in tracks], stack.enter_context(executor(workers, task.plugins)))
     # Starts of links that a recording finds elsewhere than the scenario, or in motion.
     starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
     free += [known[key] for key in starts if key not in asked]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.errors import RobotError
-from asrsim.identification.door import Substeps, World, over_arrays
+from asrsim.identification.door import Start, Substeps, over_arrays
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
@@ -35,19 +35,19 @@ class StaticTrack(Track):
     _places: tuple[object, Array] | None = None
 
     def simulated(
-        self, names: Sequence[tuple[int, str]], worlds: Sequence[World], steps: int | None, substeps: Substeps
+        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], steps: int | None, substeps: Substeps
     ) -> Iterator[Array | None]:
         """As :meth:`Door.rollout`; places do not depend on steps."""
-        for world in worlds:
-            if self._places is None or self._places[0] is not world.references:
+        for start in starts:
+            if self._places is None or self._places[0] is not start.references:
                 every = [(j, place) for j in range(len(self.door.joints)) for place in PLACES]
-                (found,) = self.door.rollout(every, [replace(world, parameters={})], substeps=self.door.substeps)
+                (found,) = self.door.rollout(every, [replace(start, parameters={})], substeps=self.door.substeps)
                 if found is None:
                     yield None
                     continue
-                self._places = world.references, found.reshape(len(self.door.joints), len(PLACES), -1)
+                self._places = start.references, found.reshape(len(self.door.joints), len(PLACES), -1)
             try:
-                drives = self.door.varied(world.parameters).drives
+                drives = self.door.varied(start.parameters).drives
             except RobotError:
                 yield None
                 continue

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.data import Channel, Data
-from asrsim.identification.door import EXTERNAL, Door, Numbers, Substeps, World
+from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK, JUMP
 from asrsim.identification.noise import at_rest, first_samples
 from asrsim.identification.played import Draw, Played, drawn, noise_of_command
@@ -150,10 +150,10 @@ class Track:
             yield None if series is None else self._sensed(values, series, until)
 
     def simulated(
-        self, names: Sequence[tuple[int, str]], worlds: Sequence[World], steps: int | None, substeps: Substeps
+        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], steps: int | None, substeps: Substeps
     ) -> Iterator[Array | None]:
         """As :meth:`Door.rollout`."""
-        return self.door.rollout(names, worlds, steps=steps, substeps=substeps)
+        return self.door.rollout(names, starts, steps=steps, substeps=substeps)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Quantities (joint's number, name) at whole steps, whether they were recorded or not; None as :meth:`predict`."""
@@ -169,14 +169,17 @@ class Track:
             predicted.append(interpolate(exact, (time - shift) / self.scenario.step) / gain + offset)
         return predicted
 
-    def _world(self, values: Mapping[str, float], playing: Playing) -> World:
-        places = [
-            [values.get(f"{joint}.initial_{what}", own) for joint, own in zip(self.door.joints, start, strict=True)]
+    def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
+        positions, velocities = (
+            {joint: values.get(f"{joint}.initial_{what}", own) for joint, own in zip(self.door.joints, start, strict=True)}
             for what, start in (("position", self.positions), ("velocity", self.velocities))
-        ]
-        return World(
-            parameters=numbers_of(values), references=self.references(values, playing), positions=places[0],
-            velocities=places[1], motors=self.motors,
+        )
+        for drive in self.door.drives:
+            # A recording may begin a hair beyond a stop.
+            positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
+        return Start(
+            parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
+            velocities=velocities, motors=self.motors,
         )  # fmt: skip
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
