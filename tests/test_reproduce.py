@@ -13,7 +13,7 @@ import pytest
 from asrsim import run
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import SimulationError
-from asrsim.reproduce import Claim, Figure, Part, Picture, Table, near, run_figure
+from asrsim.reproduce import Claim, Figure, Part, Picture, Reproduction, Table, near, run_figure
 from asrsim.reproduce import figures as paper_figures
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
@@ -55,7 +55,11 @@ def figure(*claims, number=99, error=None):
 @pytest.mark.parametrize(("measured", "holds"), [(1.0, True), (1.1, True), (1.2, False), (math.nan, False)])
 def test_a_claim_is_judged_by_its_tolerance_and_nan_never_holds(measured, holds):
     assert claim(measured).holds is holds
-    assert json.loads(json.dumps(claim(measured).as_dict(), allow_nan=False))["holds"] is holds
+    judged = Reproduction(
+        number=99, title="A figure", section="9", paper="It moves.", parts=figure(claim(measured)).parts(None)
+    )
+    (written,) = json.loads(json.dumps(judged.as_dict(), allow_nan=False))["claims"]
+    assert written["holds"] is holds
 
 
 @pytest.mark.parametrize("case", EQUILIBRIA)

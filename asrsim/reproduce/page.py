@@ -94,9 +94,11 @@ def _table(table: Table) -> str:
         return "".join(f"<{tag}{kind if i else ''}>{escape(text)}</{tag}>" for i, text in enumerate(cells))
 
     rows = "".join(f"<tr>{row('td', cells)}</tr>" for cells in table.rows)
+    state = " open" if len(table.rows) <= SHOWN_ROWS else ""
     return (
-        f"<details{' open' if len(table.rows) <= SHOWN_ROWS else ''}><summary>{escape(table.caption)}</summary>"
-        f'<div class="scroll"><table><thead><tr>{row("th", table.headings)}</tr></thead><tbody>{rows}</tbody></table></div></details>'
+        f"<details{state}><summary>{escape(table.caption)}</summary>"
+        f'<div class="scroll"><table><thead><tr>{row("th", table.headings)}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div></details>"
     )
 
 
