@@ -245,7 +245,6 @@ def test_a_simulation_s_own_log_is_explained_whole(tmp_path, reference, substeps
     result = identify(write(tmp_path, "lab", GUESS), [log], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert result.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-9 if substeps == 1 else 2e-4)
     assert result.fits, result.misfit
-    assert bool(result.substeps) == (substeps > 1)
 
 
 def test_delay_and_offset_are_found(tmp_path):
@@ -395,7 +394,6 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
         "scenario.yaml",
         "overlay.png",
         "residuals.png",
-        "correlation.png",
         "report.html",
     } <= names
     data = json.loads((tmp_path / "fit/fit.json").read_text())
@@ -438,7 +436,7 @@ def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_
     tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
     files, _ = write_robot(tied, tmp_path, everything=True)
     sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
-    moves = [f"references.joint_1.equilibrium_position={CHIRP}", *(f"{k}={v}" for k, v in fitted.substeps.items())]
+    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
     table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", logs=True, overrides=moves)
     drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
     assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])

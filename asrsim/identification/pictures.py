@@ -1,4 +1,4 @@
-"""Pictures of a fit: overlays before and after, residuals with their correlation, and the correlation matrix."""
+"""Pictures of a fit: overlays before and after, and residuals with their correlation."""
 
 from __future__ import annotations
 
@@ -39,8 +39,6 @@ def figures(result: Result) -> dict[str, Figure]:
         suffix = f"_{Path(name).stem}" if len(result.series) > 1 else ""
         found[f"overlay{suffix}"] = _overlay(channels[:MOST], result.ends[track], name)
         found[f"residuals{suffix}"] = _residuals(channels[:MOST], result.ends[track], name)
-    if len(result.estimates) > 1:
-        found["correlation"] = _matrix(result)
     return found
 
 
@@ -103,24 +101,4 @@ def _residuals(channels: Sequence[Any], end: float, name: str) -> Any:
     axes[0, 1].set_title("of residuals, by lag", fontsize="medium")
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 1].set_xlabel("samples")
-    return figure
-
-
-def _matrix(result: Result) -> Any:
-    from matplotlib.figure import Figure
-
-    names = [one.name for one in result.estimates]
-    size = max(4.0, 0.5 * len(names) + 2.5)
-    figure = Figure(figsize=(size + 1.0, size), layout="constrained")
-    axes = figure.subplots()
-    mesh = axes.imshow(result.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu_r")
-    if len(names) <= 16:
-        for i, row in enumerate(result.correlation):
-            for j, value in enumerate(row):
-                colour = "white" if abs(value) > 0.6 else "black"
-                axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize="xx-small", color=colour)
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize="x-small")
-    axes.set_yticks(range(len(names)), names, fontsize="x-small")
-    axes.grid(visible=False)
-    figure.colorbar(mesh, ax=axes, label="correlation of estimates", shrink=0.8)
     return figure

@@ -57,8 +57,6 @@ class Result:
     """Whether intervals are as wide as estimates from a tenth of the recording differ, since the model does not fit."""
     played: Mapping[str, str] = field(default_factory=dict)
     """Column of a command -> what it was between its samples, as `interpolation:` of a playback says it."""
-    substeps: Mapping[str, int] = field(default_factory=dict)
-    """As a scenario has them, where recordings are more exact than those of runs."""
 
     @property
     def fits(self) -> bool:

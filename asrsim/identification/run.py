@@ -162,7 +162,6 @@ def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str,
             c.source: "hold" if c.hold or c.key in problem.held else "smooth"
             for track in problem.tracks for c in track.data.commands
         },
-        substeps=best.substeps,
     )  # fmt: skip
 
 
@@ -238,8 +237,6 @@ def _remarks(setup: Setup, best: Best, finer: str) -> Iterator[str]:
     """What is said beside the tables: how recordings were taken, and what was estimated that nobody asked for."""
     entries, tracks = best.problem.layout.entries, best.problem.tracks
     yield from (f"{track.data.name}: {text}" for track in tracks for text in track.data.remarks)
-    if count := best.substeps.get("substeps"):
-        yield f"simulated with {count} substeps a step: with fewer, runs are off by more than this recording's noise"
     yield from [finer] if finer else []
     for entry in entries:
         if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in setup.asked:

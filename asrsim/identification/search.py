@@ -4,8 +4,8 @@ substeps as the numbers found ask for, and weights of what is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -27,7 +27,6 @@ from asrsim.identification.problem import (
 )
 from asrsim.identification.regression import regressed
 from asrsim.identification.setup import Setup
-from asrsim.identification.substeps import refined
 from asrsim.identification.task import Task
 from asrsim.identification.uncertainty import whitened
 from asrsim.samples import Array
@@ -65,8 +64,6 @@ class Best:
     attempts: int = 0
     successes: int = 0
     """Searches that ended as near as the best."""
-    substeps: Mapping[str, int] = field(default_factory=dict)
-    """As a scenario has them, where recordings are more exact than runs' own."""
 
     def offer(self, found: Extended, how: str) -> None:
         """Another end."""
@@ -201,13 +198,12 @@ def is_loud(left: Array, noise: float) -> bool:
 
 
 def settle(best: Best, setup: Setup) -> None:
-    """With the substeps of a run with these numbers, or as fine ones as the recordings ask for, and weights of what is left."""
+    """With the substeps of a run with these numbers, and weights of what is left."""
     for _ in range(3):
         resolved = with_own_substeps(best.problem, best.x)
         if resolved is best.problem:
             break
         best.problem, best.x = resolved, solve(resolved, best.x, rounds=20)
-    best.problem, best.x, best.substeps = refined(best.problem, best.x)
     best.problem, best.x = _reweighted(best.problem, best.x, setup.task.loss)
 
 

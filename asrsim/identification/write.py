@@ -209,7 +209,7 @@ def _scenario_text(
         own = {name: float(f"{value:.9g}") for name, value in values.items() if name in blocks.get(owner, {})}
         if own:
             parameters.setdefault(owner, {}).update(own)
-    data |= {"parameters": parameters, **result.substeps}
+    data["parameters"] = parameters
     if delays:
         effects = dict(data.get("effects") or {})
         effects["commands"] = commands = dict(effects.get("commands") or {})
