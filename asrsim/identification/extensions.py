@@ -14,7 +14,7 @@ import numpy as np
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Entry
 from asrsim.identification.noise import independent_samples
-from asrsim.identification.problem import Known, Problem, cost_of, jacobian, residuals, solve, with_own_substeps
+from asrsim.identification.problem import Problem, cost_of, jacobian, residuals, solve, with_own_substeps
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
@@ -60,7 +60,9 @@ class Extension:
 class _Place:
     """A vector from which extensions are looked at."""
 
-    known: Known
+    x: Array
+    there: Array
+    """(m,) residuals."""
     free: Array
     """(m, n) orthonormal: what the parameters can make good."""
     left: Array
@@ -69,9 +71,8 @@ class _Place:
     @staticmethod
     def of(problem: Problem, x: Array) -> _Place:
         there = residuals(problem, x)
-        matrix = jacobian(problem, x, base=there)
-        free = np.linalg.qr(matrix)[0]
-        return _Place((x, there, matrix), free, there - free @ (free.T @ there))
+        free = np.linalg.qr(jacobian(problem, x, base=there))[0]
+        return _Place(x, there, free, there - free @ (free.T @ there))
 
     def alone(self, change: Array) -> Array:
         """Of a change (m, k) of the residuals, what the parameters cannot make good."""
@@ -91,13 +92,11 @@ class Promise:
     start: Array
     share: float
     """Of the error that all else leaves, squared, that it explains."""
-    known: Known | None = None
 
 
 def promises(extension: Extension, place: _Place) -> Iterator[Promise]:
     """What an extension promises, from each place where it may begin."""
-    x, there, matrix = place.known
-    n = len(x)
+    x, there, n = place.x, place.there, len(place.x)
     if extension.finite:
         for begin in ([one] for one in extension.begins) if extension.begins else ([],):
             start = np.append(x, begin)
@@ -117,10 +116,9 @@ def promises(extension: Extension, place: _Place) -> Iterator[Promise]:
         asked = moves**2 * np.sum(alone**2, axis=0) > ASKED * max(float(np.mean(after**2)), 1.0)
         kept = [layout.entries[i] for i, one in zip(new, asked.tolist(), strict=True) if one]
         extension = replace(extension, problem=extension.problem.under(replace(layout, entries=(*layout.entries[:n], *kept))))
-        moves, slopes = moves[asked], slopes[:, asked]
+        moves = moves[asked]
     if len(moves) and (share := place.share(after)):
-        known = np.append(x, 0.0 * moves), there, np.hstack([matrix, slopes])
-        yield Promise(extension, np.append(x, extension.begins[:1] or moves), share, known)
+        yield Promise(extension, np.append(x, extension.begins[:1] or moves), share)
 
 
 def least_moves(alone: Array, left: Array, low: Array, high: Array) -> Array:
@@ -162,7 +160,7 @@ def extended(
         )
         trials = []
         for one in _first_of_each(ordered):
-            there = solve(one.extension.problem, one.start, loss=loss, rounds=rounds, tolerance=tolerance, known=one.known)
+            there = solve(one.extension.problem, one.start, loss=loss, rounds=rounds, tolerance=tolerance)
             left = residuals(one.extension.problem, there)
             cost = cost_of(left, loss)
             if one.extension.accepts(found.cost, cost, independent_samples(left)):

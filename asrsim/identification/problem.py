@@ -24,14 +24,8 @@ FAR = 1e3
 """Deviations that a motion counts which is not sane."""
 REACH, ROUNDS = 0.3, 60
 """First steps of a search: a third of a parameter's size; its evaluations with derivatives, at most."""
-LINEAR = 0.3
-"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
-IDLE, PATIENCE, HOPELESS = 3e-3, 3, 10.0
-"""A search ends after `PATIENCE` steps that improve its cost by less than `IDLE`, while the mean square error is above
-`HOPELESS`: where a model cannot fit, its valleys are long.
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,80 +235,25 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
     return replace(problem, playing=tuple(playing)) if changed else problem
 
 
-class _EnoughError(Exception):
-    """Raised with the place at which a search may end."""
-
-    def __init__(self, x: Array) -> None:
-        super().__init__()
-        self.x = x
-
-
-Known = tuple[Array, Array, Array]
-"""A place (n,), the residuals there (m,) and their derivatives (m, n)."""
-
-
-class _Slopes:
-    """Derivatives along a search: by differences, and where a step did what it promised, by Broyden's update of the last."""
-
-    def __init__(self, problem: Problem, known: Known | None) -> None:
-        self._problem, self._known = problem, known
-        self._seen: tuple[Array, Array] = np.empty(0), np.empty(0)
-        self._cost, self._idle, self._updates = np.inf, 0, 0
-
-    def residuals(self, x: Array) -> Array:
-        """(m,), kept for the Jacobian, which is asked for where a step was good."""
-        self._seen = x.copy(), residuals(self._problem, x)
-        self._problem.meter.cost = min(self._problem.meter.cost, cost_of(self._seen[1], "huber"))
-        return self._seen[1]
-
-    def jacobian(self, x: Array) -> Array:
-        """(m, n)."""
-        there = self._seen[1] if np.array_equal(x, self._seen[0]) else residuals(self._problem, x)
-        cost = cost_of(there, "linear")
-        self._idle = self._idle + 1 if cost > (1.0 - IDLE) * self._cost else 0
-        self._cost = cost
-        if self._idle >= PATIENCE and cost > HOPELESS:
-            raise _EnoughError(x)
-        matrix = self._updated(x, there)
-        if matrix is None:
-            matrix, self._updates = jacobian(self._problem, x, base=there), 0
-        self._known = x.copy(), there, matrix
-        return matrix
-
-    def _updated(self, x: Array, there: Array) -> Array | None:
-        if self._known is None or self._updates >= max(2, len(x) // 2) or np.array_equal(x, self._known[0]):
-            return None
-        at, here, matrix = self._known
-        step = x - at
-        surprise = there - here - matrix @ step
-        # The better the last one foretold the step, the less differences would tell.
-        if float(np.linalg.norm(surprise)) >= LINEAR * float(np.linalg.norm(matrix @ step)):
-            return None
-        self._updates += 1
-        return matrix + np.outer(surprise, step / float(step @ step))
-
-
-def solve(
-    problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROUNDS, tolerance: float = 1e-6,
-    known: Known | None = None,
-) -> Array:  # fmt: skip
-    """Least squares from x within the bounds, by a trust region; known: what was looked at near x already."""
+def solve(problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
+    """Least squares from x within the bounds, by a trust region."""
     from scipy.optimize import least_squares
 
     low, high = problem.layout.bounds
     # The start must be inside; counted from it, the first trust region is REACH wide.
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
-    slopes = _Slopes(problem, known)
     # What is not searched over its logarithm may have grown far beyond the size of its start.
     grown = [not entry.parameter.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
-    try:
-        found = least_squares(
-            lambda move: slopes.residuals(inside + move), np.zeros(len(x)), jac=lambda move: slopes.jacobian(inside + move),
-            bounds=(low - inside, high - inside), method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance,
-            xtol=tolerance, gtol=1e-12, max_nfev=rounds,
-        )  # fmt: skip
-    except _EnoughError as end:
-        return end.x
+
+    def left(move: Array) -> Array:
+        found = residuals(problem, inside + move)
+        problem.meter.cost = min(problem.meter.cost, cost_of(found, "huber"))
+        return found
+
+    found = least_squares(
+        left, np.zeros(len(x)), jac=lambda move: jacobian(problem, inside + move), bounds=(low - inside, high - inside),
+        method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=rounds,
+    )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
