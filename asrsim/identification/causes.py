@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.identification.extensions import ASKED, Extended, Extension, Propose, extended, freed, least_moves
+from asrsim.identification.extensions import ASKED, Extended, Extension, Propose, extended, freed
 from asrsim.identification.keys import JUMP, LATEST, Parameter, parameters_of
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
@@ -81,32 +81,18 @@ def jumps_of(track: Track, held: frozenset[str]) -> Iterator[Parameter]:
             yield Parameter(key=f"{command.key}.{JUMP}{number}", unit="s", start=0.0, low=0.0, high=width, own=True)
 
 
-def with_early_jumps(problem: Problem, x: Array) -> Problem:
+def with_jumps_of_predicted(problem: Problem, x: Array, enough: Callable[[Extended], bool]) -> Problem:
     """With jumps of recordings that are only predicted where these ask for them: when they came is nothing of the model's."""
-    playing = [*problem.playing]
-    for number in range(len(problem.fitted), len(problem.tracks)):
-        track = problem.tracks[number]
-        found, table = list(jumps_of(track, problem.held)), problem.layout.table(x, number)
-        tables = [table, *({**table, jump.key: 0.5 * jump.high} for jump in found)] if found else []
-        left = [
-            None if one is None
-            else np.concatenate([(a - c.values) / c.floor for a, c in zip(one, track.channels, strict=True)])
-            for one in track.predictions(tables, playing[number])
-        ]  # fmt: skip
-        if left and left[0] is not None and float(np.mean(left[0] ** 2)) > 1.0:
-            slopes = np.stack([0.0 * left[0] if one is None else one - left[0] for one in left[1:]], axis=1)
-            playing[number] = replace(playing[number], early=_early(found, left[0], slopes))
-    return replace(problem, playing=tuple(playing))
-
-
-def _early(found: Sequence[Parameter], base: Array, slopes: Array) -> dict[str, float]:
-    """s by which jumps come early that a recording asks for. base: (m,) errors; slopes: (m, k) of half an interval."""
-    shares = least_moves(slopes, base, np.zeros(len(found)), np.full(len(found), 2.0))
-    after = base + slopes @ shares
-    asked = shares**2 * np.sum(slopes**2, axis=0) > ASKED * max(float(np.mean(after**2)), 1.0)
-    if float(base @ base - after @ after) <= MUCH * (float(base @ base) - len(base)):
-        return {}
-    return {jump.key: 0.5 * jump.high * share for jump, share, one in zip(found, shares.tolist(), asked, strict=True) if one}
+    ends = tuple(track.data.duration if track.data.held else 0.0 for track in problem.tracks)
+    alone = replace(problem, ends=ends, layout=problem.layout.fixed_at(x))
+    if not alone.fitted:
+        return problem
+    found = extended(alone, np.zeros(0), jumps, most=1, enough=enough)
+    moved = [
+        {key: value for key, value in values.items() if f".{JUMP}" in key and number in alone.fitted}
+        for number, values in enumerate(found.problem.layout.fixed_at(found.x).fixed)
+    ]
+    return problem.under(replace(problem.layout, fixed=tuple(moved)))
 
 
 def stairs(problem: Problem, _: Array) -> Iterator[Extension]:

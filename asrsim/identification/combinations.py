@@ -14,10 +14,6 @@ from asrsim.identification.told import UNKNOWN, Told, percent
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
-NOTHING = 1.0
-"""The same from which on its estimate is noise."""
-CHANCE = 6.0
-"""Chi squared that noise alone gives to a few directions."""
 NICE, NICER = 1.5, 2e-3
 """How many times wider, and by how much more, the interval of a simpler form may be."""
 HIGHEST = 8.0
@@ -192,21 +188,6 @@ def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Arra
     size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
     text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
     return Combination(text, total, margin, (told.free[other], told.free[pivot]))
-
-
-def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
-    """x with what its recordings do not tell as it was at the start, where noise alone has moved that, and the rest found anew;
-    x where that does not fit as well.
-    """
-    told = Told(problem.layout, x, found, free, NOTHING)
-    if not len(told.directions):
-        return x
-    away = (start - x)[told.free] / told.units
-    there = x.copy()
-    there[told.free] += told.directions.T @ (told.directions @ away) * told.units
-    there = told.fitted(there, np.zeros(len(found.jacobian)), partial(residuals, problem), 5)
-    worse = float(np.sum(residuals(problem, there) ** 2) - np.sum(residuals(problem, x) ** 2))
-    return x if worse > CHANCE * found.variance else there
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:

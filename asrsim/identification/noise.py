@@ -27,6 +27,8 @@ LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 OUTLIER = 12.0
 """Deviations of its neighbourhood beyond which a single sample is a glitch."""
+BENT = 0.4
+"""Share of the change of a start's slope over its samples by which the slope may be off."""
 FIRST, LONG = 15, 10
 """Samples, at most, from which the start of a link is read, and of these, at least, whose mean says more than the first."""
 
@@ -219,8 +221,10 @@ def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, f
     time, values = channel.time[:count], channel.values[:count]
     inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
     errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-    place, slope, _ = inverse @ values
-    return float(place), float(slope), float(errors[0]), float(errors[1])
+    place, slope, bend = (inverse @ values).tolist()
+    # What is pushed at once is bent, and more with time: it begins elsewhere than a parabola.
+    off, extent = BENT * abs(bend), float(time[-1])
+    return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
 def at_rest(channel: Sampled) -> tuple[float, float]:

@@ -90,9 +90,9 @@ class Problem:
     """Of each recording's training part that counts."""
 
     @property
-    def fitted(self) -> range:
+    def fitted(self) -> tuple[int, ...]:
         """Numbers of the recordings that are fitted."""
-        return range(sum(not track.data.held for track in self.tracks))
+        return tuple(number for number, end in enumerate(self.ends) if end > 0.0)
 
     @property
     def whole(self) -> Problem:

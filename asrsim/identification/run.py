@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_early_jumps
-from asrsim.identification.combinations import settled
+from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_jumps_of_predicted
 from asrsim.identification.extensions import ASKED
 from asrsim.identification.judge import (
     HELD,
@@ -32,7 +31,9 @@ from asrsim.identification.search import (
     Best,
     Stopped,
     adopted,
+    fits_noise,
     is_explained,
+    left_of,
     search,
     settle,
     with_jumps_of_whole_recordings,
@@ -98,7 +99,7 @@ def identify(
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
         watch.ignore_stop = True
-        best.problem = with_early_jumps(best.problem, best.x)
+        best.problem = with_jumps_of_predicted(best.problem, best.x, lambda found: fits_noise(left_of(found.problem, found.x)))
         start = np.append(start, np.zeros(len(best.x) - len(start)))
         return _judged(setup, best, start, before, status, watch, accept=accept)
 
@@ -136,7 +137,7 @@ def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str,
     fits = _channels(problem, trained, before, after, unsure=complete)
     misfit = verdict(fits) if complete else []
     causes = _causes(problem, trained, start, fits, watch) if misfit else []
-    final, x, found, met, finer = _final(problem, trained, start, status)
+    final, x, found, met, finer = _final(problem, trained, status)
     whole = final.ends != problem.ends
     cut = any(0.0 < end < track.data.duration for track, end in zip(problem.tracks, problem.ends, strict=True))
     if complete and cut and not whole and not all(one.explained_whole for one in fits):
@@ -186,7 +187,7 @@ def _causes(problem: Problem, x: Array, start: Array, fits: Sequence[ChannelFit]
     return [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, x, start))]
 
 
-def _final(problem: Problem, trained: Array, start: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool], str]:
+def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool], str]:
     """The estimate of a complete fit from whole recordings, how sure it is, which entries are at bounds, and what is said of
     finer substeps; else what there is.
     """
@@ -198,10 +199,6 @@ def _final(problem: Problem, trained: Array, start: Array, status: str) -> tuple
     x = unbiased(problem, x)
     met = bounds_met(problem.layout, x)
     found = uncertainty(problem, x, met)
-    there = settled(problem, x, start, found, [i for i, one in enumerate(met) if not one])
-    if there is not x:
-        x, met = there, bounds_met(problem.layout, there)
-        found = uncertainty(problem, x, met)
     found, finer = with_substeps(problem, x, with_played(problem, x, found))
     return problem, x, found, met, finer
 
@@ -241,7 +238,7 @@ def _remarks(setup: Setup, best: Best, finer: str) -> Iterator[str]:
     for entry in entries:
         if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in setup.asked:
             yield f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-    if any(f".{JUMP}" in entry.parameter.key for entry in entries) or any(one.early for one in best.problem.playing):
+    if any(f".{JUMP}" in entry.parameter.key for entry in entries) or any(map(bool, best.problem.layout.fixed)):
         yield "jumps of commands are estimated, too: they came between samples, so long before those that show them"
     if held := best.problem.held:
         yield (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,6 @@ class Playing:
     substeps: Substeps
     held: frozenset[str] = frozenset()
     """Keys of commands that are played as stairs: what gave them held each sample until the next."""
-    early: Mapping[str, float] = field(default_factory=dict)
-    """Key of a command's large jump -> s by which it comes before its sample, where no parameter says it."""
     draw: Draw | None = None
     """Noise that is added to the recorded inputs."""
 
@@ -102,24 +100,7 @@ class Track:
                     # What rests on its motors begins with them.
                     positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
         self.positions, self.velocities, self.motors = tuple(positions), tuple(velocities), motors
-        for joint in self._explained_by_commands([key for key in uncertain if key.endswith("velocity")], home):
-            j = self.door.joints.index(joint)
-            positions[j], velocities[j] = home[0][j], home[1][j]
-            uncertain = [one for one in uncertain if one.rpartition(".")[0] != joint]
         self.positions, self.velocities, self.uncertain = tuple(positions), tuple(velocities), tuple(uncertain)
-
-    def _explained_by_commands(self, moving: Sequence[str], home: tuple[Sequence[float], ...]) -> Iterator[str]:
-        """Joints that only seem to move at 0, because their commands move them at once."""
-        names = [f"{joint}.initial_{what}" for what in ("position", "velocity") for joint in self.door.joints]
-        start = dict(zip(names, (*home[0], *home[1]), strict=True))
-        # A track of another kind is not made yet.
-        found = next(Track.predictions(self, [start], self.playing, SOON)) if moving else None
-        for channel, predicted in zip(self.channels, found or (), strict=bool(found)):
-            if channel.quantity == "link_position" and f"{channel.joint}.initial_velocity" in moving:
-                n = len(predicted)
-                first = first_samples(replace(channel, time=channel.time[:n], values=channel.values[:n] - predicted), SOON)
-                if first is not None and abs(first[0]) < STILL * first[2] and abs(first[1]) < STILL * first[3]:
-                    yield channel.joint
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
@@ -133,7 +114,7 @@ class Track:
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
-        mark = tuple(sorted(values.items())), playing.held, tuple(playing.early.items()), playing.draw, playing.substeps, until
+        mark = tuple(sorted(values.items())), playing.held, playing.draw, playing.substeps, until
         if mark not in self._predictions:
             if len(self._predictions) >= KEPT:
                 del self._predictions[next(iter(self._predictions))]
@@ -185,7 +166,7 @@ class Track:
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with the gains, offsets and delays among `values`; the same object where nothing of it changes."""
         parts = {command.key: [values.get(f"{command.key}.{what}") for what in PARTS] for command in self.data.commands}
-        early = {**playing.early, **{key: value for key, value in values.items() if f".{JUMP}" in key}}
+        early = {key: value for key, value in values.items() if f".{JUMP}" in key}
         mark = str(parts), tuple(early.items()), playing.held, playing.draw, playing.substeps
         if mark not in self._references:
             table: dict[str, dict[str, Played]] = {}
