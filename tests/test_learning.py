@@ -143,18 +143,6 @@ def test_a_filter_keeps_noise_out_of_what_is_learned():
     assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.1 * np.abs(np.diff(rough, 2, axis=0)).max()
 
 
-def test_one_input_is_learned_for_several_plants_at_once():
-    """The mean error is learned; the tolerance counts for every plant."""
-
-    def plants(inputs):
-        return np.array([inputs * SHARE * factor for factor in (0.9, 1.1)])
-
-    result = learn(problem(), plants, settings(tolerance=0.05, max_iterations=60, patience=60))
-    assert result.outcome == "exhausted"
-    assert result.inputs == pytest.approx(reference() / SHARE, abs=1e-4)
-    assert result.trials[-1].largest[0] == pytest.approx(0.08, abs=1e-4)
-
-
 class PowerCutError(Exception):
     """The machine stops in the middle of a trial."""
 

@@ -25,11 +25,11 @@ from asrsim.learning.arm import learning_model
 from asrsim.learning.hardware import next_input
 from asrsim.learning.identify import identify
 from asrsim.learning.optimal import NormOptimal, standing
-from asrsim.learning.perturb import perturbed
 from asrsim.learning.plant import make_plant, trajectories
 from asrsim.learning.prepared import prepare_learning, turning
 from asrsim.learning.presets import scores
 from asrsim.learning.session import run_session
+from asrsim.learning.transfer import perturbed
 from asrsim.learning.trial import Trial
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
 from asrsim.signals.recorded import read_column

@@ -16,10 +16,10 @@ from asrsim.errors import ScenarioError
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.identity import identity_of
-from asrsim.learning.perturb import outputs_of, perturbed
 from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import compensated_guess, prepare_learning, turning
 from asrsim.learning.session import run_session
+from asrsim.learning.transfer import outputs_of, perturbed
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate

@@ -50,8 +50,8 @@ def as_learned(folder: Path) -> list[Path]:
 
 def as_transferred(folder: Path) -> list[Path]:
     """A drawn plant: another mass, damping, friction, stiffness and delay."""
-    from asrsim.learning.perturb import perturbed
     from asrsim.learning.plant import make_plant
+    from asrsim.learning.transfer import perturbed
 
     (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=["duration=0.3"])
     plant = make_plant(scenario)

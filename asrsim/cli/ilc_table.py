@@ -107,9 +107,7 @@ def report(session: Session, folder: Path, plugins: Sequence[Path], *, silent: b
         return data
     say(session.result.reason, "green" if session.result.converged else "red")
     if session.transfer is not None:
-        _say_transfer(session.transfer, "transfer")
-    if session.nominal_transfer is not None:
-        _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
+        _say_transfer(session.transfer)
     if session.replaced is not None:
         say(str(session.replaced))
     say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
@@ -117,19 +115,12 @@ def report(session: Session, folder: Path, plugins: Sequence[Path], *, silent: b
     return data
 
 
-def _say_transfer(report: TransferReport, title: str) -> None:
+def _say_transfer(report: TransferReport) -> None:
     from asrsim.cli.console import say
 
     low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
     least, most = (f"{100 * value:.0f}" for value in report.within_interval)
     say(
-        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} {report.unit} "
+        f"transfer: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} {report.unit} "
         f"(95 %: {least} to {most} %); largest error {low}, {middle}, {high} {report.unit} (5, 50, 95 %)"
     )
-    if report.influences:
-        strongest = ", ".join(
-            f"{item.factor} {item.rank_correlation:+.2f} ({item.interval[0]:+.2f} to {item.interval[1]:+.2f})"
-            for item in report.telling[:3]
-        )
-        none = f"none of {len(report.influences)} factors stands out of the noise of {len(report.draws)} plants"
-        say(f"  what matters most (rank correlation with the error, 95 %): {strongest or none}")

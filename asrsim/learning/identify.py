@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from asrsim.learning.optimal import Answer, averaged
-from asrsim.learning.perturb import perturbed
 from asrsim.learning.plant import Plant
-from asrsim.learning.transfer import Draw
+from asrsim.learning.transfer import Draw, perturbed
 from asrsim.learning.trial import Trial
 from asrsim.samples import Array
 

@@ -57,17 +57,6 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
         "within_tolerance": report.within,
         "within_tolerance_95": list(report.within_interval),
         "largest_error_quantiles": {f"{share:g}": finite_or_none(value) for share, value in report.quantiles().items()},
-        "influences": [
-            {
-                "factor": item.factor,
-                "rank_correlation": item.rank_correlation,
-                "rank_correlation_95": list(item.interval),
-                "tells": item.tells,
-                "regression_on_size": item.regression,
-                "regression": item.signed_regression,
-            }
-            for item in report.influences
-        ],
         "errors": [
             {"draw": dict(draw), "largest_error": [finite_or_none(float(value)) for value in row]}
             for draw, row in zip(report.draws, report.largest, strict=True)

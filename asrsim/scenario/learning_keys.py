@@ -80,9 +80,6 @@ class Filter:
     order: int = declare(Integer(minimum=1, maximum=8), default=2, doc="of the Butterworth filter")
 
 
-_PLANTS = Optional(block_of(PlantSet, "set of plants"))
-
-
 @dataclass(frozen=True, kw_only=True)
 class Learning:
     """What is to be learned, and how."""
@@ -131,9 +128,11 @@ class Learning:
         doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
     )  # fmt: skip
     keep_logs: KeepLogs = declare(Choice(("none", "last", "all")), default="last", doc="whose iterations' logs are kept")
-    plants: PlantSet | None = declare(_PLANTS, default=None, doc="learn over several plants at once", shown="one plant")
     transfer: PlantSet | None = declare(
-        _PLANTS, default=None, doc="plants on which `asrsim ilc --transfer` tries the learned input", shown="none"
+        Optional(block_of(PlantSet, "set of plants")),
+        default=None,
+        doc="plants on which `asrsim ilc --transfer` tries the learned input",
+        shown="none",
     )
 
     def __post_init__(self) -> None:

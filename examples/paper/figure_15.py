@@ -156,7 +156,7 @@ def _hardware(session: Session) -> Part:
         title="The stand-in for the hardware test",
         text=f"The learned input, feed-forward, on {len(report.draws)} plants that differ from the learned one as the "
         "scenario's `ilc.transfer` states. The paper's real arm left the band in its first joint for a while; so do most of "
-        "these. `asrsim ilc --transfer` plays it to more plants and says which parameter matters most.",
+        "these. `asrsim ilc --transfer` plays it to more plants.",
         claims=(claim,),
         tables=(Table(caption="Transfer", headings=("", ""), rows=rows),),
         pictures=(picture("figure_15_transfer", "Largest errors on the perturbed plants.", lambda: transfer_figure(report)),),
