@@ -63,8 +63,6 @@ class Door:
         self.joints = tuple(drive.name for drive in self.drives)
         self.positions, self.velocities = self._prepared.initial_positions, self._prepared.initial_velocities
         self.substeps: Substeps = _substeps(self._prepared)
-        self.own_substeps = not self._prepared.stepping.released and scenario.substeps is None
-        """Whether the number of substeps is asrsim's choice."""
         self.exact_in_time = not self._prepared.stepping.released
         """Whether finer substeps come nearer to the truth: the released code has steps of its own."""
         self._made: dict[Substeps, Worlds] = {}

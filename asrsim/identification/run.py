@@ -176,8 +176,7 @@ def _channels(problem: Problem, x: Array, before: Errors, after: Errors, *, unsu
     if not unsure or not any(HELD in text for text in verdict(fits)):
         return fits
     roughly = uncertainty(problem, x, bounds_met(problem.layout, x)).covariance
-    predict = lambda there, track: errors(problem, there, track, whole=True)  # noqa: E731
-    return with_unsure(fits, problem.tracks, problem.ends, predict, x, roughly)
+    return with_unsure(fits, problem, x, roughly)
 
 
 def _causes(problem: Problem, x: Array, start: Array, fits: Sequence[ChannelFit], watch: Watch) -> list[str]:

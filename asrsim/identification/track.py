@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,7 +26,11 @@ STILL = 4.5
 SOON = 0.05
 """s after 0 at which a channel must begin to tell of the start."""
 KEPT = 6
-"""Predictions that a track remembers."""
+"""Predictions, and ways to play commands, that a track remembers."""
+
+
+Settings = tuple[tuple[str, float], ...]
+"""Keys with their values."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +53,8 @@ class Track:
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
         self.wanted = [(self.door.joints.index(channel.joint), channel.quantity) for channel in data.channels]
-        self._references: dict[Any, Mapping[str, Mapping[str, Played]]] = {}
-        self._predictions: dict[Any, list[Array] | None] = {}
+        self._references = lru_cache(KEPT)(self._play)
+        self._predicted = lru_cache(KEPT)(self._predict)
         self.uncertain: tuple[str, ...] = ()
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities = tuple(self.door.positions), tuple(self.door.velocities)
@@ -114,12 +118,10 @@ class Track:
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
-        mark = tuple(sorted(values.items())), playing.held, playing.draw, playing.substeps, until
-        if mark not in self._predictions:
-            if len(self._predictions) >= KEPT:
-                del self._predictions[next(iter(self._predictions))]
-            self._predictions[mark] = next(self.predictions([values], playing, until))
-        return self._predictions[mark]
+        return self._predicted(tuple(sorted(values.items())), playing, until)
+
+    def _predict(self, values: Settings, playing: Playing, until: float | None) -> list[Array] | None:
+        return next(self.predictions([dict(values)], playing, until))
 
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
@@ -165,21 +167,19 @@ class Track:
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with the gains, offsets and delays among `values`; the same object where nothing of it changes."""
-        parts = {command.key: [values.get(f"{command.key}.{what}") for what in PARTS] for command in self.data.commands}
-        early = {key: value for key, value in values.items() if f".{JUMP}" in key}
-        mark = str(parts), tuple(early.items()), playing.held, playing.draw, playing.substeps
-        if mark not in self._references:
-            table: dict[str, dict[str, Played]] = {}
-            for command in drawn(self.data.commands, playing.draw):
-                one = command.as_stairs if command.key in playing.held else command
-                moves = {n: early.get(f"{command.key}.{JUMP}{n + 1}", 0.0) for n in range(len(one.curve.large)) if early}
-                given = {what: value for what, value in zip(PARTS, parts[command.key], strict=True) if value is not None}
-                step = self.scenario.step / playing.substeps[0]
-                table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=moves, **given)
-            if len(self._references) >= KEPT:
-                del self._references[next(iter(self._references))]
-            self._references[mark] = table
-        return self._references[mark]
+        keys = {command.key for command in self.data.commands}
+        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in keys)
+        return self._references(own, playing)
+
+    def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
+        table: dict[str, dict[str, Played]] = {}
+        for command in drawn(self.data.commands, playing.draw):
+            one = command.as_stairs if command.key in playing.held else command
+            own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
+            early = {int(name.removeprefix(JUMP)) - 1: own.pop(name) for name in [*own] if name.startswith(JUMP)}
+            step = self.scenario.step / playing.substeps[0]
+            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=early, **own)
+        return table
 
     @property
     def has_noisy_inputs(self) -> bool:
@@ -196,9 +196,6 @@ class Track:
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
-
-
-PARTS = ("gain", "offset", "delay")
 
 
 def _onset(channel: Channel) -> float:

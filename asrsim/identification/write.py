@@ -40,12 +40,7 @@ def as_dict(result: Result) -> dict[str, Any]:
     return {
         "generator": f"asrsim {__version__}",
         "format": 1,
-        "status": result.status,
-        "fits": result.fits,
-        "accepted": result.accepted,
-        "misfit": list(result.misfit),
-        "causes": list(result.causes),
-        "remarks": list(result.remarks),
+        **{name: getattr(result, name) for name in ("status", "fits", "accepted", "misfit", "causes", "remarks")},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "estimates": [_finite(one.as_dict()) for one in result.estimates],
