@@ -135,22 +135,11 @@ def _picked(study: Table, axes: list[str]) -> Any:
 
 def _data(study: Table, axes: list[str]) -> dict[str, Any]:
     picked = _picked(study, axes)
-    manifest = study.manifest
-    data: dict[str, Any] = {
+    return {
         "axes": [{"name": name, "values": _packed(study[name][picked])} for name in axes],
         "runs": _packed(study["run"][picked]),
-        "again": shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(manifest["plugins"])]),
-        "command": "",
+        "again": shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(study.manifest["plugins"])]),
     }
-    variants, kinds = manifest["variants"], study.kinds
-    texts = manifest["settings"][variants[0]]
-    if len(variants) == 1 and set(texts) == set(study.keys) and all(kinds[key] == "float" for key in study.keys):
-        command = ["asrsim", "run", manifest["scenario"], "--variant", variants[0]]
-        fixed = [*manifest["overrides"], *(f"{name}={value}" for name, value in manifest["substeps"][variants[0]].items())]
-        data["command"] = shlex.join([*command, *plugin_options(manifest["plugins"])])
-        data["settings"] = [{"key": texts[key], "values": _packed(study[key][picked])} for key in study.keys]
-        data["rest"] = shlex.join([word for setting in fixed for word in ("--set", setting)])
-    return data
 
 
 def _packed(values: Array) -> str:

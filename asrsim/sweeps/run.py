@@ -77,7 +77,7 @@ def sweep(
         out: Folder for the rows; None: a temporary one, which goes with the table.
         resume: Go on with what is in `out`; overwrite: begin anew.
         progress: Told as rows come. stop: asked; True ends the study with the rows that there are.
-        options: Of a study: variants, overrides, design, samples, seed, correlations, fit, signals, rate, logs, plugins.
+        options: Of a study: variants, overrides, design, samples, seed, fit, signals, rate, logs, plugins.
 
     Raises:
         InputError: Nothing of the study can run: unknown keys, values out of range; or `out` holds another study.
@@ -188,7 +188,6 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "joints": list(dict.fromkeys(joint for case in payload.cases.values() for joint in case.joints)),
         "claims": {name: list(case.claims) for name, case in payload.cases.items()},
         "substeps": {name: dict(case.substeps) for name, case in payload.cases.items()},
-        "settings": {name: dict(case.plan.texts) for name, case in payload.cases.items()},
         "rate": study.rate,
     }
 

@@ -95,14 +95,9 @@
       add("p", `Run ${number}: ` + axes.map(a => `${a.name} = ${a.values[chosen].toPrecision(6)}`).join(", "));
       add("p", "Do it again, with a log:");
       add("pre", `${data.again} --run ${number}`);
-      if (data.command) {
-        const settings = data.settings.map(s => `--set '${s.key}=${floats_of(s)[chosen]}'`).join(" ");
-        add("pre", `${data.command} ${settings} ${data.rest}`);
-      }
     }
     paint();
   }
-  const floats_of = s => (s.numbers = s.numbers || floats(s.values));
   window.addEventListener("resize", paint);
   document.getElementById("all").addEventListener("click", () => { axes.forEach(a => { a.range = null; }); chosen = -1; paint(); });
   paint();
