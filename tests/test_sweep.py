@@ -8,6 +8,7 @@ import pickle
 import random
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -20,10 +21,10 @@ import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
-from asrsim.sweeps import runner as runner_module
+from asrsim.sweeps.base import Kind
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import lost
-from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.runner import Runner, _Point
 from asrsim.sweeps.sensitivity import influences, notes, sobol
 from asrsim.sweeps.shipping import Shipped
 from asrsim.sweeps.show import say_summary, varying
@@ -269,6 +270,12 @@ ROBOTS = {
 }
 
 
+def alone(payload, run: int) -> dict[str, Any]:
+    """Cells of a run that is prepared for itself."""
+    variant, values = payload.study.point(run)
+    return Runner(payload)._alone(_Point(0, run, payload.cases[variant], values))
+
+
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
 @pytest.mark.parametrize("compiled", ["false", pytest.param("true", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(ROBOTS))
@@ -281,8 +288,7 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
     runner = Runner(payload)
     for run in (3, 1, 4, 3):
         row = dict(zip(payload.names, runner(run), strict=True))
-        variant, values = payload.study.point(run)
-        fresh = Runner(payload)._alone(payload.cases[variant], values)
+        fresh = alone(payload, run)
         assert {key: row[key] for key in fresh} == fresh
         assert row["status"] == "complete"
     runner.close()
@@ -293,16 +299,23 @@ def test_runs_that_are_looked_at_together_have_the_rows_of_runs_alone(monkeypatc
     over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
     payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
     together: list[int] = []
-    whole = runner_module.step_worlds
-    monkeypatch.setattr(
-        runner_module, "step_worlds", lambda worlds, numbers, tap: together.append(len(numbers)) or whole(worlds, numbers, tap)
-    )
+    whole = Kind.run
+
+    def counted(self, points):
+        found = whole(self, points)
+        together.append(len(found))
+        return found
+
+    monkeypatch.setattr(Kind, "run", counted)
     rows = dict(Runner(payload).several((run, run) for run in range(16)))
     assert sum(together) == 12
     assert max(together) > 2
-    alone = Runner(payload)
-    assert without_time(rows.values()) == without_time(alone(run) for run in range(16))
-    assert [row[payload.names.index("status")] for _, row in sorted(rows.items())].count("failed") == 4
+    cells = [dict(zip(payload.names, rows[run], strict=True)) for run in range(16)]
+    done = [one for one in cells if one["status"] == "complete"]
+    assert len(done) == 12
+    for one in done:
+        fresh = alone(payload, one["run"])
+        assert {key: one[key] for key in fresh} == fresh
 
 
 def test_friction_is_varied_without_loading_the_robot_anew(monkeypatch):
@@ -503,8 +516,8 @@ def test_twenty_killed_workers_in_a_study_of_500():
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     payload = kill_study(5)
     code = (
-        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner._shared\n"
-        "r.Runner._shared = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
+        "import os\nimport asrsim.sweeps.runner as r\nold = r.Runner._kind\n"
+        "r.Runner._kind = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
     )
     (tmp_path / "law.py").write_text(f"{(EXAMPLES.parent / 'plugins/my_vsa.py').read_text()}\n{code}")
     with Processes(1, [tmp_path / "law.py"]) as workers:
@@ -810,9 +823,7 @@ def signal_scenario(folder, **keys):
 def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_path, monkeypatch):
     """The rows are those of runs that are prepared anew; after the first run nothing is prepared."""
     payload = make_payload(study_of(SIGNALS, signal_scenario(tmp_path), overrides=[]))
-    fresh = Runner(payload)
-    points = [payload.study.point(run) for run in range(6)]
-    expected = [fresh._alone(payload.cases[variant], values) for variant, values in points]
+    expected = [alone(payload, run) for run in range(6)]
     runner = Runner(payload)
     runner(0)
     monkeypatch.setattr("asrsim.sweeps.cases.prepare", None)
@@ -829,10 +840,8 @@ def test_references_by_inverse_dynamics_are_planned_anew_in_every_run(tmp_path):
     payload = make_payload(study_of({"parameters.*.spring_k_1": [0.02, 0.04]}, path, overrides=[]))
     runner = Runner(payload)
     for run in range(2):
-        variant, values = payload.study.point(run)
-        alone = Runner(payload)._alone(payload.cases[variant], values)
-        row = dict(zip(payload.names, runner(run), strict=True))
-        assert {key: row[key] for key in alone} == alone
+        row, fresh = dict(zip(payload.names, runner(run), strict=True)), alone(payload, run)
+        assert {key: row[key] for key in fresh} == fresh
     runner.close()
 
 
