@@ -21,7 +21,6 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
-from asrsim.learning.friction import Friction
 from asrsim.samples import Array
 
 POSTURES = 101
@@ -127,15 +126,6 @@ class Linearised:
         """(joint, motor) of the motors that have states, in their order."""
         return [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
 
-    @cached_property
-    def pushed(self) -> Array:
-        """(n - 1, s, m): the states for torques on the links during each step."""
-        step, m = float(self.time[1] - self.time[0]), len(self.drives)
-        change = 0.5 * (self.continuous[0][1:] + self.continuous[0][:-1])
-        torques = np.zeros((*change.shape[:2], m))
-        torques[:, m : 2 * m] = np.linalg.inv(0.5 * (self.mass[1:] + self.mass[:-1]))
-        return np.asarray(np.linalg.solve(np.eye(change.shape[1]) - 0.5 * step * change, step * torques))
-
     def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
         """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
         states, _ = self.steps
@@ -144,39 +134,10 @@ class Linearised:
         start[:m], start[m : 2 * m] = positions, velocities
         for index, (joint, motor) in enumerate(self._moving):
             start[2 * m + 2 * index], start[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
-        return self._positions(start, lambda index, state: states[index] @ state)
-
-    def response(self, change: Array, friction: Friction | None = None) -> Array:
-        """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
-        states, inputs = self.steps
-        pushes = np.einsum("nij,nj->ni", inputs, 0.5 * (change[1:] + change[:-1]))
-        rest = np.zeros(states.shape[1])
-        if friction is None or not friction.level.any():
-            return self._positions(rest, lambda index, state: states[index] @ state + pushes[index])
-        moving = slice(len(self.drives), 2 * len(self.drives))
-        effect = self.pushed
-        slips = 0.5 * effect[:, moving]
-        alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
-        rows, before = slips.tolist(), friction.torques.tolist()
-        force = before[0]
-
-        def held(index: int, state: Array) -> Array:
-            nonlocal force
-            free = states[index] @ state + pushes[index]
-            sliding = friction.velocities[index] + 0.5 * (state[moving] + free[moving])
-            force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
-            return np.asarray(free - effect[index] @ (force - friction.torques[index]))
-
-        return self._positions(rest, held)
-
-    def _positions(self, state: Array, following: Callable[[int, Array], Array]) -> Array:
-        """(n, m) positions from a state (s,) on; `following` gives the state after each step."""
-        found = np.empty((len(self.time), len(self.drives)))
-        found[0] = state[: len(self.drives)]
-        for index in range(len(self.time) - 1):
-            state = following(index, state)
-            found[index + 1] = state[: len(self.drives)]
-        return found
+        found = [start]
+        for step in states:
+            found.append(step @ found[-1])
+        return np.array(found)[:, :m]
 
 
 def _moving_motors(drive: Drive) -> int:
@@ -237,25 +198,20 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
-def spring_slopes(drive: Drive, position: Array, motors: Array, limit: float = CLIP) -> Array:
+def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
     """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
 
-    limit: share of the deflection limit at which springs beyond it are taken, since at the limit they have no slope.
+    Springs beyond their deflection limit are taken just before it, since at the limit they have no slope.
     """
-    most = limit * drive.max_deflection
-    deflections = np.clip(motors - position[:, None], -most, most)
-    return chords(drive, position, motors, deflections - NUDGE, deflections + NUDGE)
-
-
-def chords(drive: Drive, position: Array, motors: Array, one: Array, other: Array) -> Array:
-    """(n, 2) N m/rad: mean slope of each spring between deflections `one` and `other` (n, 2), its other motor where it is."""
     law = over_arrays(drive.actuator.elastic_torques)
+    most = CLIP * drive.max_deflection
+    deflections = np.clip(motors - position[:, None], -most, most)
     found = np.zeros_like(motors)
     for motor in range(drive.actuator.motors):
         ends = []
-        for deflection in (one, other):
+        for nudge in (-NUDGE, NUDGE):
             at = motors.copy()
-            at[:, motor] = position + deflection[:, motor]
+            at[:, motor] = position + deflections[:, motor] + nudge
             ends.append(law(position, at[:, 0], at[:, 1], drive.elastic).sum(axis=0))
-        found[:, motor] = (ends[1] - ends[0]) / (other - one)[:, motor]
+        found[:, motor] = (ends[1] - ends[0]) / (2.0 * NUDGE)
     return found
