@@ -393,7 +393,6 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
         "lab.urdf",
         "scenario.yaml",
         "overlay.png",
-        "residuals.png",
         "report.html",
     } <= names
     data = json.loads((tmp_path / "fit/fit.json").read_text())
