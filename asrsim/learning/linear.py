@@ -81,67 +81,62 @@ class Linearised:
 
     @cached_property
     def continuous(self) -> tuple[Array, Array]:
-        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions, velocities, then each motor's."""
-        n, m = len(self.time), len(self.drives)
-        motors = self._moving
-        integrals = [
-            (index, joint, motor) for index, (joint, motor) in enumerate(motors) if self.drives[joint].integral[motor] > 0.0
-        ]
-        size = 2 * m + 2 * len(motors) + len(integrals)
-        a, b = np.zeros((n, size, size)), np.zeros((n, size, m))
-        inverse = np.linalg.inv(self.mass)
-        load, drag = self.slopes.copy(), self.rates.copy()
-        diagonal = np.arange(m)
-        for joint, drive in enumerate(self.drives):
-            mode = drive.mode
-            load[:, joint, joint] += self.springs[:, joint].sum(axis=1) if mode.spring else drive.proportional[0]
-            drag[:, joint, joint] += 0.0 if mode.spring else drive.derivative[0]
-        a[:, diagonal, m + diagonal] = 1.0
-        a[:, m : 2 * m, :m] = -inverse @ load
-        a[:, m : 2 * m, m : 2 * m] = -inverse @ drag
-        for joint, drive in enumerate(self.drives):
+        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions of joints and motors, their velocities, integrals."""
+        n, m, motors = len(self.time), len(self.drives), self._moving
+        size = m + len(motors)
+        mass, rates, slopes = (np.zeros((n, size, size)) for _ in range(3))
+        mass[:, :m, :m], rates[:, :m, :m], slopes[:, :m, :m] = self.mass, self.rates, self.slopes
+        driven = np.zeros((n, size, m))
+        for j, drive in enumerate(self.drives):
             if not drive.mode.spring:
-                b[:, m : 2 * m, joint] = inverse[:, :, joint] * drive.proportional[0]
-            elif not drive.proportional:
-                driven = self.springs[:, joint] @ _rho(drive)
-                b[:, m : 2 * m, joint] = inverse[:, :, joint] * driven[:, None]
-        for index, (joint, motor) in enumerate(motors):
-            drive, row = self.drives[joint], 2 * m + 2 * index
-            k, inertia = self.springs[:, joint, motor], drive.motor_inertia[motor]
-            a[:, m : 2 * m, row] += inverse[:, :, joint] * k[:, None]
-            a[:, row, row + 1] = 1.0
-            a[:, row + 1, row] = -(drive.proportional[motor] + k) / inertia
-            a[:, row + 1, row + 1] = -(drive.motor_damping[motor] + drive.derivative[motor]) / inertia
-            a[:, row + 1, joint] = k / inertia
-            b[:, row + 1, joint] = drive.proportional[motor] * _rho(drive)[motor] / inertia
-        for index, (which, joint, motor) in enumerate(integrals):
-            drive, row, own = self.drives[joint], 2 * m + 2 * which, 2 * m + 2 * len(motors) + index
-            a[:, row + 1, own] = drive.integral[motor] / drive.motor_inertia[motor]
+                slopes[:, j, j] += drive.proportional[0]
+                rates[:, j, j] += drive.derivative[0]
+                driven[:, j, j] = drive.proportional[0]
+                continue
+            slopes[:, j, j] += self.springs[:, j].sum(axis=1)
+            if not drive.proportional:
+                driven[:, j, j] = self.springs[:, j] @ _rho(drive)
+        integrals = []
+        for row, (j, motor) in enumerate(motors, m):
+            drive, k = self.drives[j], self.springs[:, j, motor]
+            mass[:, row, row] = drive.motor_inertia[motor]
+            rates[:, row, row] = drive.motor_damping[motor] + drive.derivative[motor]
+            slopes[:, row, row] = drive.proportional[motor] + k
+            slopes[:, row, j] = slopes[:, j, row] = -k
+            driven[:, row, j] = drive.proportional[motor] * _rho(drive)[motor]
+            if drive.integral[motor] > 0.0:
+                integrals.append((row, j, motor))
+        a = np.zeros((n, 2 * size + len(integrals), 2 * size + len(integrals)))
+        b = np.zeros((*a.shape[:2], m))
+        a[:, :size, size : 2 * size] = np.eye(size)
+        found = np.linalg.solve(mass, np.concatenate([-slopes, -rates, driven], axis=2))
+        a[:, size : 2 * size, : 2 * size], b[:, size : 2 * size] = found[:, :, : 2 * size], found[:, :, 2 * size :]
+        for own, (row, j, motor) in enumerate(integrals, 2 * size):
+            a[:, size + row, own] = self.drives[j].integral[motor] / self.drives[j].motor_inertia[motor]
             a[:, own, row] = -1.0
-            b[:, own, joint] = _rho(drive)[motor]
+            b[:, own, j] = _rho(self.drives[j])[motor]
         return a, b
 
     @property
     def _moving(self) -> list[tuple[int, int]]:
         """(joint, motor) of the motors that have states, in their order."""
-        return [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
+        return [
+            (joint, motor)
+            for joint, drive in enumerate(self.drives) if drive.mode.controller and drive.mode.spring
+            for motor in range(len(drive.motor_inertia))
+        ]  # fmt: skip
 
     def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
         """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
         states, _ = self.steps
-        m = len(self.drives)
+        m, moving = len(self.drives), tuple(np.array(self._moving, dtype=int).reshape(-1, 2).T)
         start = np.zeros(states.shape[1])
-        start[:m], start[m : 2 * m] = positions, velocities
-        for index, (joint, motor) in enumerate(self._moving):
-            start[2 * m + 2 * index], start[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
+        moved = np.concatenate([positions, motors[moving], velocities, rates[moving]])
+        start[: len(moved)] = moved
         found = [start]
         for step in states:
             found.append(step @ found[-1])
         return np.array(found)[:, :m]
-
-
-def _moving_motors(drive: Drive) -> int:
-    return len(drive.motor_inertia) if drive.mode.controller and drive.mode.spring else 0
 
 
 def _rho(drive: Drive) -> Array:
