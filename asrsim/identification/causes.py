@@ -80,7 +80,7 @@ def jumps_of(track: Track, held: frozenset[str]) -> Iterator[Parameter]:
             yield Parameter(key=f"{command.key}.{JUMP}{number}", unit="s", start=0.0, low=0.0, high=width, own=True)
 
 
-def with_jumps_of_predicted(problem: Problem, x: Array, enough: Callable[[Extended], bool]) -> Problem:
+def with_jumps_of_predicted(problem: Problem, x: Array, enough: Callable[[Problem, Array], bool]) -> Problem:
     """With jumps of recordings that are only predicted where these ask for them: when they came is nothing of the model's."""
     ends = tuple(track.data.duration if track.data.held else 0.0 for track in problem.tracks)
     alone = replace(problem, ends=ends, layout=problem.layout.fixed_at(x))
@@ -136,11 +136,13 @@ def missing_causes(problem: Problem, x: Array, start: Array) -> list[str]:
     """For people. problem: weighted by the channels' noise; x: the estimate; start: where it began."""
     base = mean_square(problem, x)
 
-    def enough(found: Extended) -> bool:
-        return found.cost - 1.0 <= (1.0 - EXPLAINED) * (base - 1.0)
+    def enough(wider: Problem, there: Array) -> bool:
+        return mean_square(wider, there) - 1.0 <= (1.0 - EXPLAINED) * (base - 1.0)
 
     found = extended(problem, x, _causes, most=CAUSES, enough=enough, starts=[start], rounds=ROUNDS, tolerance=1e-3)
-    suspected = list(_suspected(found, base)) if found.chosen and enough(found) else list(_nobody_gave(problem))
+    suspected = (
+        list(_suspected(found, base)) if found.chosen and enough(found.problem, found.x) else list(_nobody_gave(problem))
+    )
     return [*suspected, *_amplitude(problem, x), *_hysteresis(problem, x)]
 
 
