@@ -15,11 +15,12 @@ from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
 from asrsim.identification.causes import jumps_or_bristles
 from asrsim.identification.data import Channel
+from asrsim.identification.extensions import extended
 from asrsim.identification.inverse import InverseTrack
 from asrsim.identification.judge import ChannelFit, verdict
 from asrsim.identification.noise import first_samples
 from asrsim.identification.problem import Weights
-from asrsim.identification.search import adopted
+from asrsim.identification.search import fits_noise
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.uncertainty import Uncertainty
 
@@ -130,7 +131,7 @@ def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, trut
         setup = set_up(task_of(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
         weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
         problem = replace(setup.problem, weights=weights)
-        found = adopted(problem, np.zeros(1), setup.task, jumps_or_bristles(setup.robot))
+        found = extended(problem, np.zeros(1), jumps_or_bristles(setup.robot), enough=fits_noise)
         wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
         assert [entry.name for entry in found.problem.layout.entries] == ["joint_1.damping", *wanted]
         assert found.problem.layout.values(found.x) == pytest.approx([SEA["damping"], truth][: len(found.x)], rel=0.05)

@@ -272,7 +272,7 @@ def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(wor
     problem = SimpleNamespace(reference=np.zeros((2, 1)), joints=("one",), units=(), step=1.0, times=np.arange(2.0))
     trials = [
         Trial(number=number, largest=(error,), norm=error, rms=(error,), seconds=0.0, inputs=np.zeros((2, 1)),
-              outputs=np.full((2, 1), error), ratio=None, predicted=None)
+              outputs=np.full((2, 1), error), ratio=None)
         for number, error in enumerate(worst)
     ]  # fmt: skip
     found = FixedGain(problem, settings()).verdict(trials, 2)

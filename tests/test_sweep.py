@@ -732,7 +732,7 @@ def test_sobol_indices_and_ranks_are_those_of_a_function_that_is_known(tmp_path)
         "sum": {"a.x": (9 / 13, 9 / 13), "a.y": (4 / 13, 4 / 13), "a.z": (0.0, 0.0)},
     }
     for result, indices in expected.items():
-        found = {one.key: (one.first, one.total) for one in influences(table, result)}
+        found = {one.key: one.sobol[:2] for one in influences(table, result)}
         for key, both in indices.items():
             assert found[key] == pytest.approx(both, abs=0.02)
     ranks = {one.key: one.rank for one in influences(table, "sum")}
@@ -768,8 +768,21 @@ def test_base_samples_with_an_empty_result_are_left_out_of_sobol_indices(tmp_pat
     found = sobol(table, "sum")
     assert (found.samples, found.left_out, found.reason) == (256, 2, "")
     for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
-        assert found.indices[key] == pytest.approx((share, share), abs=0.03)
+        assert found.indices[key][:2] == pytest.approx((share, share), abs=0.03)
     assert any("without 2 of 256 base samples" in line for line in say_summary(table))
+
+
+def test_intervals_of_sobol_indices_hold_the_truth_and_halve_with_four_times_the_samples(tmp_path):
+    """The closed form is that of a sum: its shares are its variances. Random draws have an error of 1 / sqrt(n)."""
+    few, many = (
+        sobol(designed(tmp_path / str(n), n, lambda x, y, z: {"sum": 3.0 * x - 2.0 * y + 0.0 * z}), "sum").indices
+        for n in (256, 1024)
+    )
+    for key, share in {"a.x": 9 / 13, "a.y": 4 / 13, "a.z": 0.0}.items():
+        for index in (few[key], many[key]):
+            assert index.first == pytest.approx(share, abs=index.first_error + 1e-12)
+            assert index.total == pytest.approx(share, abs=index.total_error + 1e-12)
+    assert many["a.x"].first_error == pytest.approx(0.5 * few["a.x"].first_error, rel=0.2)
 
 
 def test_runs_without_a_row_are_left_out_of_sobol_indices(tmp_path):

@@ -208,7 +208,6 @@ def _learn(
         folder,
         on_start=None if silent else table.start,
         on_trial=None if silent else table.row,
-        on_foresight=None if silent else table.foresight,
         resume=resume,
         overwrite=overwrite,
         keep_logs=keep_logs.value if keep_logs else None,

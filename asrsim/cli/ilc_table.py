@@ -64,28 +64,16 @@ class TrialTable:
         from asrsim.cli.console import say
 
         unit = prepared.problem.unit
-        say(f"largest error of each joint and largest 2-norm in {unit}; ratio to the trial before, measured and predicted")
-        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
+        say(f"largest error of each joint and largest 2-norm in {unit}; its ratio to the trial before")
+        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "s")
         self._widths = [max(len(heading), 7) for heading in headings]
         self._say(headings, "bold")
 
-    def foresight(self, prepared: Prepared, norms: list[float]) -> None:
-        """What the model foretells of a law of a fixed gain."""
-        from asrsim.cli.console import say
-        from asrsim.learning.prepared import turning
-
-        turn = turning(norms, prepared.settings.tolerance)
-        if turn is not None:
-            least = f"{norms[turn]:.3g} {prepared.problem.unit}"
-            say(
-                f"foretold: errors fall to a 2-norm of {least} in trial {turn} and then grow; law: auto does not turn", "yellow"
-            )
-
     def row(self, trial: Trial) -> None:
         """A trial."""
-        ratio, predicted = ("" if value is None else f"{value:.3f}" for value in (trial.ratio, trial.predicted))
+        ratio = "" if trial.ratio is None else f"{trial.ratio:.3f}"
         largest = [f"{value:.4f}" for value in trial.largest]
-        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}"))
+        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, f"{trial.seconds:.2f}"))
 
     def _say(self, cells: tuple[str, ...], style: str = "") -> None:
         import sys

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from asrsim.identification.data import Channel
 
 ORDER = 12
 """Largest order of the autoregressive models."""
@@ -187,31 +190,7 @@ def glitches(values: Array) -> NDArray[np.bool_]:
     return np.asarray((away > OUTLIER * scale) & (3.0 * bent > OUTLIER * scale))
 
 
-class Sampled(Protocol):
-    """A recorded series with its noise, as :class:`asrsim.identification.data.Channel` is."""
-
-    @property
-    def time(self) -> Array:
-        """s."""
-        ...
-
-    @property
-    def values(self) -> Array:
-        """SI."""
-        ...
-
-    @property
-    def noise(self) -> float:
-        """Its standard deviation."""
-        ...
-
-    @property
-    def quantum(self) -> float:
-        """Step of a quantised encoder; 0: none."""
-        ...
-
-
-def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, float] | None:
+def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:
     """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors; None where it begins later
     than `soon` s.
     """
@@ -227,7 +206,7 @@ def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, f
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
-def at_rest(channel: Sampled) -> tuple[float, float]:
+def at_rest(channel: Channel) -> tuple[float, float]:
     """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)

@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_jumps_of_predicted
-from asrsim.identification.extensions import ASKED
+from asrsim.identification.extensions import ASKED, extended
 from asrsim.identification.judge import (
     HELD,
     ChannelFit,
@@ -30,10 +30,8 @@ from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import (
     Best,
     Stopped,
-    adopted,
     fits_noise,
     is_explained,
-    left_of,
     search,
     settle,
     with_jumps_of_whole_recordings,
@@ -99,7 +97,7 @@ def identify(
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
         watch.ignore_stop = True
-        best.problem = with_jumps_of_predicted(best.problem, best.x, lambda found: fits_noise(left_of(found.problem, found.x)))
+        best.problem = with_jumps_of_predicted(best.problem, best.x, fits_noise)
         start = np.append(start, np.zeros(len(best.x) - len(start)))
         return _judged(setup, best, start, before, status, watch, accept=accept)
 
@@ -113,8 +111,8 @@ def _searched(best: Best, setup: Setup, watch: Watch) -> str:
         settle(best, setup)
         watch.stage("bristles of the friction")
         # Even where what is left may be noise: they are told from it by many samples.
-        found = adopted(
-            best.problem, best.x, setup.task, lambda problem, _: bristles(problem, setup.robot), enough=is_explained
+        found = extended(
+            best.problem, best.x, lambda problem, _: bristles(problem, setup.robot), loss=setup.task.loss, enough=is_explained
         )
         if found.chosen:
             best.problem, best.x, best.cost = found.problem, found.x, found.cost

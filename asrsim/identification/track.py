@@ -127,7 +127,7 @@ class Track:
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
         """The same of several sets of numbers: worlds of one rollout."""
-        steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
+        steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         found = self.simulated(self.wanted, [self._world(values, playing) for values in tables], steps, playing.substeps)
         for values, series in zip(tables, found, strict=True):
             yield None if series is None else self._sensed(values, series, until)

@@ -163,12 +163,12 @@ def _delays(result: Result, values: Mapping[str, float]) -> tuple[dict[str, floa
     alone: list[str] = []
     for block in result.robot.actuators:
         names = [f"{block.joint}.reference_{i}" for i in range(1, len(reference_names(block)) + 1)]
-        delays = {name: values.get(f"{name}.delay", 0.0) for name in names}
-        if len(set(delays.values())) == 1:
-            found[block.joint] = delays[names[0]]
+        late = [name for name in names if values.get(f"{name}.delay")]
+        if late and len({values.get(f"{name}.delay") for name in names}) == 1:
+            found[block.joint] = values[f"{names[0]}.delay"]
         else:
-            alone += [name for name, delay in delays.items() if delay]
-    return {joint: delay for joint, delay in found.items() if delay}, alone
+            alone += late
+    return found, alone
 
 
 def _is_mounted(result: Result, owner: str, key: str, mounted: set[str]) -> bool:

@@ -58,10 +58,6 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
     numbers = [trial.number for trial in result.trials]
     norms = np.array([trial.norm for trial in result.trials])
     ax.semilogy(numbers, norms, "o-", color=style.BLACK, label=r"largest $\|e\|_2$")
-    predicted = np.array([np.nan if trial.predicted is None else trial.predicted for trial in result.trials])
-    expected = np.array([np.nan, *norms[:-1]]) * predicted
-    if np.isfinite(expected).any():
-        ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
     for column, joint in enumerate(problem.joints):
         largest = [trial.largest[column] for trial in result.trials]
         ax.semilogy(

@@ -21,22 +21,15 @@ from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
 from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at, wants_model_gains, wants_safe_filter
-from asrsim.learning.trial import Law, LearningProblem, Trial
+from asrsim.learning.trial import Law, LearningProblem
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
 from asrsim.scenario.learning_keys import Filter, Learning
 
 GUESS_KNOTS = 201
 """Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
-FORESEEN = 50
-"""Updates that are foreseen at most."""
 REACH_TRIALS = 12
 """Simulated trials, at most, that decide whether a motion that exceeds a limit can be followed."""
-RIPPLE = 1e-3
-"""Of the tolerance: what a trial has at all frequencies that no model foresees (friction that lets go a moment later), and that
-grows from trial to trial where errors grow."""
-GROWTH = 1.05
-"""Factor by which foreseen errors grow before it is said."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,33 +79,6 @@ class Prepared:
         """Hz below which errors shrink with the first gains, at the worst posture."""
         return learnable(self.linear, gains_at(self.settings, self.problem.joints))
 
-    def foresee(self, first: Trial) -> list[float]:
-        """rad: largest 2-norms of trial 0 and those after it, as the joints linearised along the desired motion foretell them.
-
-        Only laws of a fixed gain are foretold: the others never end worse than their best trial.
-        """
-        norms = [first.norm]
-        if not isinstance(self.law, FixedGain) or not np.isfinite(first.norm):
-            return norms
-        ripple = RIPPLE * self.settings.tolerance * np.random.default_rng(0).standard_normal(first.outputs.shape)
-        inputs, outputs = first.inputs, first.outputs + ripple
-        friction = self.model.friction(self.model.state(inputs, outputs))
-        for update in range(min(self.settings.max_iterations, FORESEEN)):
-            inputs = self.law.after(inputs, outputs, update)
-            outputs = first.outputs + ripple + self.model.expected(self.linear, inputs - first.inputs, friction)
-            norms.append(float(np.linalg.norm(self.problem.reference - outputs, axis=1).max()))
-            if norms[-1] > 10.0 * norms[0]:
-                break
-        return norms
-
-
-def turning(norms: list[float], tolerance: float, growth: float = GROWTH) -> int | None:
-    """The trial after which errors grow before they are within the tolerance; None if they do not, or by a smaller factor."""
-    least = int(np.argmin(norms))
-    if min(norms) <= tolerance or least == len(norms) - 1 or max(norms[least:]) < growth * norms[least]:
-        return None
-    return least
-
 
 def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) -> Prepared:
     """The learning problem of a plant; `model` (see `learning_model`) must stay open while it is solved.
@@ -150,12 +116,10 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
         identity=identity_of(plant),
         origin=(origin_of(plant.scenario), plant.scenario.variant),
     )
-    law: Law = FixedGain(problem, settings, model.expect)
+    law: Law = FixedGain(problem, settings)
     missed = model.start_error(inverse, linear)
     if settings.law == "auto" and not lawless:
-        sticks = any(model.arm.losses(joint).friction > 0.0 for joint in plant.joints)
-        lifted = Lifted(problem.time, linear, model.delays)
-        law = NormOptimal(problem, lifted, answers=model.answers if sticks else None)
+        law = NormOptimal(problem, Lifted(problem.time, linear, model.delays))
     raw = plant.scenario.resolved.get("ilc") or {}
     idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
     if idle:

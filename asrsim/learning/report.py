@@ -18,7 +18,6 @@ def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
         "rms_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.rms, strict=True)},
         "largest_norm": finite_or_none(trial.norm),
         "ratio": trial.ratio,
-        "predicted_ratio": trial.predicted,
         "wall_time": trial.seconds,
     }
 

@@ -59,8 +59,6 @@ class Session:
     transfer: TransferReport | None = None
     replaced: Earlier | None = None
     """What the folder held of an earlier run, if anything."""
-    foreseen: tuple[float, ...] = ()
-    """rad: largest 2-norms of the trials, as foretold after trial 0; only of laws of a fixed gain."""
 
 
 def run_session(
@@ -69,7 +67,6 @@ def run_session(
     *,
     on_start: Callable[[Prepared], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
-    on_foresight: Callable[[Prepared, list[float]], None] | None = None,
     resume: bool = False,
     overwrite: bool = False,
     keep_logs: KeepLogs | None = None,
@@ -83,7 +80,7 @@ def run_session(
 
     resume: go on from the folder's state. overwrite: replace what another scenario left there; results of the same one are
     replaced anyway. keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
-    on_start is told what the model says before the first trial, on_foresight what it foretells of the others after it.
+    on_start is told what the model says before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
@@ -96,7 +93,6 @@ def run_session(
             if on_start is not None:
                 on_start(prepared)
             logger = _Logger(folder, keep == "all")
-            foreseen: list[float] = []
 
             def ended(trial: Trial) -> None:
                 # This run's state is on disk now: the earlier run's files may go.
@@ -104,10 +100,6 @@ def run_session(
                     clear(earlier, but=(folder / STATE, *logger.written))
                 if on_trial is not None:
                     on_trial(trial)
-                if trial.number == 0 and prepared.settings.law != "auto":
-                    foreseen.extend(prepared.foresee(trial))
-                    if on_foresight is not None:
-                        on_foresight(prepared, foreseen)
 
             result = learn(
                 prepared.problem,
@@ -137,7 +129,6 @@ def run_session(
             folder=folder,
             transfer=report,
             replaced=earlier if earlier.files else None,
-            foreseen=tuple(foreseen),
         )
         _write(session, folder, picture=picture)
         return session
@@ -155,8 +146,6 @@ def session_data(session: Session) -> dict[str, Any]:
     data |= result_data(result, plant.joints)
     data["law"] = session.prepared.settings.law
     data["demands"] = [demand_data(demand) for demand in session.prepared.demands[:MOST_DEMANDS]]
-    if session.foreseen:
-        data["foreseen_norms"] = list(session.foreseen)
     if session.transfer is not None:
         data["transfer"] = transfer_data(session.transfer)
     return data

@@ -1,4 +1,4 @@
-"""What learning is about, as data: the problem, a trial, the result, and what a law proposes next."""
+"""What learning is about, as data: the problem, a trial, the result, and a law."""
 
 from __future__ import annotations
 
@@ -59,8 +59,6 @@ class Trial:
     """Wall-clock time of the simulation."""
     ratio: float | None = None
     """Measured: `norm` over the trial's before; None for the first."""
-    predicted: float | None = None
-    """The same ratio as the model predicted it before the trial; None without a model."""
     inputs: Array = field(repr=False)
     """(n, joints) rad."""
     outputs: Array = field(repr=False)
@@ -77,21 +75,11 @@ class Trial:
         return max(self.largest)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Proposal:
-    """What a law would try next."""
-
-    inputs: Array
-    """(n, joints) rad."""
-    outputs: Array | None = None
-    """(n, joints) rad that the model expects; None without a model."""
-
-
 class Law(Protocol):
     """How learning goes on: a function of the trials so far, so that a resumed run goes on exactly where it was."""
 
-    def propose(self, trials: Sequence[Trial]) -> Proposal:
-        """The next inputs."""
+    def propose(self, trials: Sequence[Trial]) -> Array:
+        """(n, joints) rad, the next inputs."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Why this law would give up after the last trial, or None to go on."""
@@ -135,22 +123,18 @@ def trial_of(
     outputs: Array,
     *,
     before: Trial | None,
-    expected: Array | None,
     seconds: float = 0.0,
 ) -> Trial:
-    """The trial in which `inputs` gave `outputs`, (n, joints); `expected`: as foretold."""
+    """The trial in which `inputs` gave `outputs`, (n, joints) each."""
     error = problem.reference - outputs
     norm = float(np.linalg.norm(error, axis=1).max())
-    expected_norm = None if expected is None else float(np.linalg.norm(problem.reference - expected, axis=1).max())
-    fresh = before is None or before.norm == 0.0
     return Trial(
         number=0 if before is None else before.number + 1,
         largest=tuple(float(value) for value in np.abs(error).max(axis=0)),
         norm=norm,
         rms=tuple(float(value) for value in np.sqrt(np.mean(error**2, axis=0))),
         seconds=seconds,
-        ratio=None if before is None or fresh else norm / before.norm,
-        predicted=None if before is None or fresh or expected_norm is None else expected_norm / before.norm,
+        ratio=None if before is None or before.norm == 0.0 else norm / before.norm,
         inputs=inputs,
         outputs=outputs,
     )

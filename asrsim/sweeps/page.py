@@ -19,8 +19,8 @@ from asrsim.plots.output import styled
 from asrsim.report.html import bullets, data_address, document, number, script_json, section, table
 from asrsim.samples import Array
 from asrsim.sweeps.pictures import chosen_results, figures
-from asrsim.sweeps.sensitivity import influences, notes, numeric_keys
-from asrsim.sweeps.show import varying
+from asrsim.sweeps.sensitivity import Index, influences, notes, numeric_keys
+from asrsim.sweeps.show import HEADS, result_rows
 from asrsim.sweeps.table import Table, shares
 
 LINES = 4000
@@ -42,7 +42,7 @@ def write_page(study: Table, path: Path | None = None, results: Sequence[str] = 
 
 def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     """The page as text; drawn: results in its pictures, if not the first."""
-    results = varying(study)
+    rows = result_rows(study)
     shown = chosen_results(study, drawn)
     with styled(mathematics=False):
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
@@ -50,7 +50,7 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")
     script = files("asrsim.sweeps").joinpath("assets/sweep.js").read_text(encoding="utf-8")
     body = f"<h1>{escape(title)}</h1>{_head(study)}"
-    body += section("Results", _results(study, results))
+    body += section("Results", table(HEADS, rows) if rows else "<p>No result differs between the runs.</p>")
     if study.claims():
         body += section("Claims", bullets(f"{100 * share:.1f} % meet {title}" for title, share in study.claims().items()))
     keys = numeric_keys(study)
@@ -81,35 +81,22 @@ def _head(study: Table) -> str:
     return bullets(items)
 
 
-def _results(study: Table, results: list[str]) -> str:
-    rows = []
-    for name in results:
-        found = study.quantiles(name)
-        if found is not None:
-            numbers = (found.least, found.low, found.median, found.high, found.largest)
-            rows.append(
-                (
-                    name,
-                    study.unit(name),
-                    found.count,
-                    *map(number, numbers),
-                    f"run {found.least_run}",
-                    f"run {found.largest_run}",
-                )
-            )
-    heads = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
-    return table(heads, rows) if rows else "<p>No result differs between the runs.</p>"
-
-
 def _influences(study: Table, results: list[str]) -> str:
     rows = [
-        (name, one.key, number(one.rank), number(one.low), number(one.high), number(one.first), number(one.total))
+        (name, one.key, number(one.rank), number(one.low), number(one.high), *_shares(one.sobol))
         for name in results
         for one in influences(study, name)[:8]
     ]
     heads = ("result", "key", "rank correlation", "mean, key low", "mean, key high", "Sobol, first", "Sobol, total")
     said = notes(study, results)
     return (table(heads, rows) if rows else "<p>Too few runs to say.</p>") + (bullets(said) if said else "")
+
+
+def _shares(index: Index | None) -> tuple[str, str]:
+    """Sobol indices with their intervals."""
+    if index is None:
+        return "", ""
+    return f"{index.first:.3f} ± {index.first_error:.3f}", f"{index.total:.3f} ± {index.total_error:.3f}"
 
 
 def _lines(study: Table, axes: list[str]) -> str:

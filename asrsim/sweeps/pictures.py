@@ -204,8 +204,7 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     for up, end, label in ((0.15, "low", "key in its lowest fifth"), (-0.15, "high", "in its highest")):
         moved = [getattr(one, end) - middle for one in found]
         axes.barh(places + up, moved, left=middle, height=0.3, color=f"C{int(up > 0.0)}", label=label)
-    sobol = [f"{one.key}\nS = {round(one.first, 2) + 0.0:.2f}, total {round(one.total, 2) + 0.0:.2f}" for one in found]
-    labels = [text if np.isfinite(one.total) else one.key for text, one in zip(sobol, found, strict=True)]
+    labels = [f"{one.key}\n{one.sobol}" if one.sobol else one.key for one in found]
     axes.set_yticks(range(len(found)), labels, fontsize="x-small")
     axes.axvline(middle, color="black", linewidth=0.8)
     axes.set(xlabel=f"mean of {_label(table, result)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,21 +95,8 @@ def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
     found = read_file(STUDY, path)
     check_named(found.plugins, plugins, file=path)
     try:
-        return make_study(
-            found.scenario,
-            found.over,
-            variants=found.variants,
-            overrides=found.overrides,
-            design=found.design,
-            samples=found.samples,
-            seed=found.seed,
-            fit=found.fit,
-            signals=found.signals,
-            rate=found.rate,
-            logs=found.logs,
-            plugins=plugins or found.plugins,
-            name=path.stem,
-        )
+        given = {field.name: getattr(found, field.name) for field in fields(found)}
+        return make_study(**{**given, "plugins": plugins or found.plugins, "name": path.stem})
     except InputError as error:
         raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
 
