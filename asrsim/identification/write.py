@@ -251,5 +251,5 @@ def begin_of(folder: Path) -> dict[str, float]:
     except FileNotFoundError:
         hint = "Without --resume the fit begins anew"
         raise InputError("there is no fit to go on with", file=path, hint=hint, code="no-fit") from None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         raise InputError("is no fit of asrsim's", file=path, code="no-fit") from None
