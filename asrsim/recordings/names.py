@@ -97,8 +97,9 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     tokens = tokens_of(tail[: array.start()] if array else tail)
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [_WORDS.get(word, word) for word in tokens if not word.isdecimal() and word not in _FILLING]
-    if words == ["motor"] and unit is not None and unit.si == "rad":
-        words.append("position")  # hub1_rad
+    named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
+    if named and unit is not None and unit.si == "rad":
+        words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
     exact = "_".join(tokens)
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
     if quantity is None or (words == ["force"] and (unit is None or unit.si != "N")):
