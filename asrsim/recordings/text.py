@@ -6,7 +6,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -195,7 +195,12 @@ def read_text(path: Path, reading: Reading) -> Content:
                 blocks.append(rows.read((i, split(line.strip("\r\n"), separator, quoted=quoted)) for i, line in block))
     values, kept = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     word = next(word for word, sign in SEPARATORS.items() if sign == separator)
-    told = {"separator": word, "decimal": decimal, "encoding": encoding, "header": layout.header_line or 0}
+    told: dict[str, str | int] = {
+        "separator": word,
+        "decimal": decimal,
+        "encoding": encoding,
+        "header": layout.header_line or 0,
+    }
     return replace(rows.content("text", values, kept), layout=told)
 
 
