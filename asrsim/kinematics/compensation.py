@@ -1,7 +1,7 @@
-"""Gravity compensation: the equilibrium at which a spring holds a given load at a given link position.
+"""Gravity compensation: the equilibrium position at which a spring holds a given load at a given link position.
 
-The elastic law is inverted numerically, so it works for every registered actuator: at a fixed preset the torque on the
-link grows with the equilibrium, up to what the spring can hold.
+The elastic law is inverted numerically, so that this works for every registered actuator. At a fixed preset the torque on
+the link increases with the equilibrium position, up to the largest torque of the spring.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
 
 SEARCH = 16.0
-"""rad (or m) from the link's position within which an equilibrium is looked for: some turns of a motor."""
+"""rad (or m) from the link's position within which the equilibrium is searched for: a few turns of a motor."""
 NEWTON_STEPS = 40
-"""At most; five are usual."""
+"""Largest number of Newton iterations; five are usual."""
 CONVERGED = 1e-11
-"""rad, largest change in the last step of Newton's method."""
+"""rad: Newton's method has converged when its step is smaller than this."""
 LARGEST_CHANGE = 0.2
-"""rad in one step of Newton's method: springs' torques may grow exponentially."""
+"""rad, largest step of Newton's method: the torque of a spring may grow exponentially."""
 NUDGE = 1e-6
-"""rad, for slopes by central differences."""
+"""rad, step of the central differences that give slopes."""
 
 
 class LoadError(InputError):
-    """A spring or motor cannot hold a load; `largest` is what it can hold in N m."""
+    """A spring or motor cannot hold a load; `largest` is the largest load that it can hold, in N m."""
 
     def __init__(self, problem: Problem, largest: float) -> None:
         super().__init__(problem)
@@ -44,9 +44,9 @@ def equilibrium_for_load(
 ) -> float:
     """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
 
-    preset: the second reference (stiffness preset, or adjuster in m). droop: with the motors' steady-state error
-    under their load. guess: an equilibrium nearby, which saves time. Raises LoadError where the springs or the motors
-    cannot hold the load.
+    preset: the second reference (stiffness preset, or adjuster in m). droop: include the steady-state error of the motors
+    under their load. guess: an equilibrium nearby, which saves time. Raises LoadError if the springs or the motors cannot
+    hold the load.
     """
     law: Any = drive.actuator.elastic_torques
     spring = drive.elastic
@@ -90,9 +90,9 @@ def equilibrium_for_load(
 
 
 def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Array, presets: Array, *, droop: bool) -> Array:
-    """(n,) :func:`equilibrium_for_load` over a motion, all arrays (n,). Raises LoadError, which names the time in s.
+    """(n,) :func:`equilibrium_for_load` at each instant of a motion; all arrays (n,). Raises LoadError with the time in s.
 
-    All instants are solved together. An instant that does not converge, or that overloads a motor, is solved alone.
+    All instants are solved together. An instant that does not converge, or that overloads a motor, is solved again alone.
     """
     found, torques = _newton(drive, positions, loads, presets, droop=droop)
     limits = np.array([*drive.max_torque, math.inf, math.inf][:2])[:, None]
@@ -115,7 +115,7 @@ def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, dro
 
         sum tau_i(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
 
-    It starts from motors without droop.
+    The iteration starts from motors without steady-state error.
     """
     law, references = over_arrays(drive.actuator.elastic_torques), references_over_arrays(drive.actuator)
     yielding = drive.proportional if droop and drive.mode.motor and drive.mode.controller else ()
