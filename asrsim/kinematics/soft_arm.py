@@ -29,8 +29,8 @@ INVERTED_MODES = (1, 3, 6)
 
 @dataclass(frozen=True, kw_only=True)
 class SoftArm:
-    """The robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with more than two
-    motors."""
+    """The robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with more than
+    two motors."""
 
     scenario: Scenario
     robot: Robot
