@@ -29,8 +29,6 @@ LARGEST_CHANGE = 0.2
 """rad, largest step of Newton's method: the torque of a spring may grow exponentially."""
 NUDGE = 1e-6
 """rad, step of the central differences that give slopes."""
-NUDGES = np.array([[[NUDGE], [0.0]], [[0.0], [NUDGE]]])
-"""Signs of the preset in the references of motors 1 and 2."""
 
 
 class LoadError(InputError):
@@ -111,22 +109,24 @@ def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Arr
 
 
 def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool) -> tuple[Array, Array]:
-    """Equilibria (n,) in rad, NaN where Newton's method does not converge, and the springs' torques (2, n) in N m.
+    """Equilibria (n,) in rad, NaN where Newton's method does not converge, and the springs' torques (motors, n) in N m.
 
-    The unknowns are the equilibrium e and both motors' positions theta, the equations
+    The unknowns are the equilibrium e and the motors' positions theta, the equations
 
-        tau_1(q, theta) + tau_2(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
+        sum tau_i(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
 
     The iteration starts from motors without steady-state error.
     """
     law, references = over_arrays(drive.actuator.elastic_torques), references_over_arrays(drive.actuator)
     yielding = drive.proportional if droop and drive.mode.motor and drive.mode.controller else ()
     gains = [0.0 if integral > 0.0 or not p else 1.0 / p for p, integral in zip(yielding, drive.integral, strict=False)]
-    compliance = np.array([*gains, 0.0, 0.0][:2])[:, None]
+    count = drive.actuator.positions()
+    compliance = np.array([*gains, *[0.0] * count][:count])[:, None]
+    nudges = NUDGE * np.eye(count)[:, :, None]
 
     def torques(motors: Array) -> Array:
-        values = np.asarray(law(positions, motors[0], motors[1], drive.elastic))
-        return np.concatenate([values, np.zeros((2 - len(values), len(positions)))])
+        values = np.asarray(law(positions, *motors, drive.elastic))
+        return np.concatenate([values, np.zeros((count - len(values), len(positions)))])
 
     def goals(equilibrium: Array) -> Array:
         return np.stack(references(equilibrium, presets))
@@ -141,13 +141,13 @@ def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, dro
         for _ in range(NEWTON_STEPS):
             tau, wanted = torques(motors), goals(equilibrium)
             missing = np.concatenate([(loads - tau.sum(axis=0))[None], wanted - motors - compliance * tau])
-            slopes = np.stack([(torques(motors + off) - torques(motors - off)) / (2.0 * NUDGE) for off in NUDGES], axis=1)
-            matrix = np.zeros((len(positions), 3, 3))
+            slopes = np.stack([(torques(motors + off) - torques(motors - off)) / (2.0 * NUDGE) for off in nudges], axis=1)
+            matrix = np.zeros((len(positions), count + 1, count + 1))
             matrix[:, 0, 1:] = slopes.sum(axis=0).T
-            matrix[:, 1:, 1:] = np.eye(2) + (compliance[:, None] * slopes).transpose(2, 0, 1)
+            matrix[:, 1:, 1:] = np.eye(count) + (compliance[:, None] * slopes).transpose(2, 0, 1)
             matrix[:, 1:, 0] = ((goals(equilibrium - NUDGE) - goals(equilibrium + NUDGE)) / (2.0 * NUDGE)).T
             singular = ~(np.abs(np.linalg.det(matrix)) > 0.0)
-            matrix[singular] = np.eye(3)
+            matrix[singular] = np.eye(count + 1)
             change = np.clip(np.linalg.solve(matrix, missing.T[:, :, None])[:, :, 0].T, -LARGEST_CHANGE, LARGEST_CHANGE)
             equilibrium, motors = equilibrium + change[0], motors + change[1:]
             converged = ~singular & (np.abs(change).max(axis=0) < CONVERGED)

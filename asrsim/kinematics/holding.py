@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays, references_over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
 from asrsim.robot.mounting import drive_of
@@ -77,24 +77,18 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     return np.array(ordered if len(ordered) <= 8 else ordered[:: -(-len(ordered) // 8)])
 
 
-def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array, Array]:
-    """Positions that the references ask for at `time`, (n,) each: of both motors (or motor and adjuster) and of the link."""
+def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[tuple[Array, ...], Array]:
+    """Positions that the references ask for at `time`, (n,) each: of the motors (and an adjuster), and of the link."""
     actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
     given = scenario.references_of(block.joint)
     rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
-    references = []
-    for slot, name in enumerate(mode.references):
+    goals = []
+    for slot, name in enumerate(mode.references_of(actuator.motors)):
         idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
-        references.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
-    first, second = references
+        goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
     if mode.mapped:
-        goal = first
-        first, second = references_over_arrays(actuator)(first, second)
-    elif actuator.motors < 2:
-        goal = first
-    else:
-        goal = np.array([actuator.equilibrium_position(a, b) for a, b in zip(first, second, strict=True)])
-    return first, second, goal
+        return references_over_arrays(actuator)(goals[0], goals[1]), goals[0]
+    return tuple(goals), goals[0] if actuator.motors < 2 else equilibrium_over_arrays(actuator)(*goals)
 
 
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
@@ -105,11 +99,10 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
         for joint in robot.moving_joints
     }
-    goals: dict[str, tuple[Array, Array]] = {}
+    goals: dict[str, tuple[Array, ...]] = {}
     for block in blocks:
-        first, second, goal = goals_of(scenario, block, time)
+        goals[block.joint], goal = goals_of(scenario, block, time)
         wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
-        goals[block.joint] = first, second
     groups = [
         _Springs([block for block in blocks if block.actuator == actuator], goals)
         for actuator in dict.fromkeys(block.actuator for block in blocks)
@@ -152,13 +145,13 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
 class _Springs:
     """The springs of all joints (j) that have the same actuator, with their motors near their references at (n,) instants."""
 
-    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, Array]]) -> None:
+    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, ...]]) -> None:
         actuator = ACTUATORS.get(blocks[0].actuator)
         values = [block.values() for block in blocks]
         self.names = [block.joint for block in blocks]
         self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
         self._law = over_arrays(actuator.elastic_torques)
-        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(2))
+        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(actuator.positions()))
         drives = [drive_of(block) for block in blocks]
         ideal = (math.inf,) * actuator.motors
         self._limits = np.array([drive.max_torque or ideal for drive in drives]).T[:, :, None]

@@ -16,7 +16,7 @@ from asrsim.kinematics.desired import DesiredMotion, model_time, smooth_motion
 from asrsim.kinematics.drive_forward import Start
 from asrsim.kinematics.inverse import InverseDynamics, Losses, invert
 from asrsim.kinematics.model import DynamicModel
-from asrsim.robot import drive_of
+from asrsim.robot import check_two_motors, drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 
@@ -29,11 +29,15 @@ INVERTED_MODES = (1, 3, 6)
 
 @dataclass(frozen=True, kw_only=True)
 class SoftArm:
-    """The robot with the scenario's modes and parameters, and its rigid model."""
+    """The robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with more than
+    two motors."""
 
     scenario: Scenario
     robot: Robot
     model: DynamicModel
+
+    def __post_init__(self) -> None:
+        check_two_motors(self.robot, "inverse dynamics")
 
     @cached_property
     def drives(self) -> dict[str, Drive]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class _Linear:
     """(n,) N m s/rad, damping in the robot's file."""
     steps: Array
     """(n,) rad by which the references jump."""
-    ends: list[tuple[float, float, float]]
+    ends: list[tuple[float, ...]]
     """Final references: for the link, and for the actuator."""
 
     @classmethod
@@ -104,13 +105,14 @@ class _Linear:
         if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
             return None
         goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
-        ends = [(float(goal[-1]), float(first[-1]), float(second[-1])) for first, second, goal in goals]
-        stiffness = (drive.actuator.stiffness(*end, drive.elastic) for drive, end in zip(drives, ends, strict=True))
+        ends = [(float(goal[-1]), *(float(motor[-1]) for motor in motors)) for motors, goal in goals]
+        laws: list[Any] = [drive.actuator.stiffness for drive in drives]
+        stiffness = (law(*end, drive.elastic) for law, drive, end in zip(laws, drives, ends, strict=True))
         return cls(
             blocks=blocks, drives=drives, masses=masses, springs=np.maximum(list(stiffness), 1e-9),
             gains=np.array([sum(drive.proportional) or np.inf for drive in drives]),
             damping=np.array([robot.joint(drive.joint).damping for drive in drives]),
-            steps=np.array([np.ptp(goal) for _, _, goal in goals]), ends=ends,
+            steps=np.array([np.ptp(goal) for _, goal in goals]), ends=ends,
         )  # fmt: skip
 
     @property
@@ -140,7 +142,8 @@ def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
     found = []
     for j, drive in enumerate(arm.drives):
         pull = arm.springs[j] * largest[j] + loads.get(drive.joint, 0.0)
-        resting = drive.actuator.elastic_torques(*arm.ends[j], drive.elastic)
+        law: Any = drive.actuator.elastic_torques
+        resting = law(*arm.ends[j], drive.elastic)
         shares = ((abs(torque) + pull) / max(most, 1e-9) for torque, most in zip(resting, drive.max_torque, strict=False))
         found.append(
             Swing(
