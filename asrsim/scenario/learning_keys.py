@@ -112,7 +112,8 @@ class Learning:
     )  # fmt: skip
     first_guess: FirstGuess | None = declare(
         Optional(Choice(("zero", "reference", "inverse_dynamics"))), default=None,
-        doc="first input: zero, the trajectory, or inverse dynamics through the springs", shown="law auto: inverse_dynamics; else zero",
+        doc="first input: zero, the trajectory, or inverse dynamics through the springs",
+        shown="law auto: inverse_dynamics; else zero",
     )  # fmt: skip
     presets: PresetChoice = declare(
         Choice(("given", "constant")), default="given",
