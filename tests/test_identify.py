@@ -38,6 +38,7 @@ from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
 from asrsim.scenario.starter_recording import make_plan
+from asrsim.sweeps.again import run_again
 
 pytestmark = pytest.mark.once
 
@@ -436,7 +437,8 @@ def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_
     files, _ = write_robot(tied, tmp_path, everything=True)
     sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
     moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
-    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", logs=True, overrides=moves)
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", overrides=moves)
+    run_again(table, 0, tmp_path / "s" / "again")
     drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
     assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
     moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]

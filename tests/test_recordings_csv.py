@@ -104,7 +104,6 @@ def test_a_ros_stamp_in_two_columns_is_one_time(tmp_path: Path) -> None:
     recording = read_recording(path)
     np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
     assert recording.epoch == pytest.approx(1.7e9 + 0.9, abs=1e-6)
-    assert "split-time" in codes(recording.findings)
 
 
 @pytest.mark.parametrize(
@@ -224,12 +223,14 @@ def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
         read_recording(path, rate=0.0)
 
 
-def test_two_time_columns_keep_their_own_samples(tmp_path: Path) -> None:
+def test_columns_behind_a_second_time_are_not_read_on_the_first(tmp_path: Path) -> None:
     lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{0.1 * i},{0.013 * i:.3f},{-0.1 * i}" for i in range(30)]]
     recording = read_recording(write(tmp_path / "lab.csv", lines))
-    assert "second-time-base" in codes(recording.findings)
-    np.testing.assert_allclose(recording.column("joint_1", "link_position").time, 0.01 * np.arange(30))
-    np.testing.assert_allclose(recording.column("joint_2", "link_position").time, 0.013 * np.arange(30))
+    assert recording.joints == ("joint_1",)
+    assert "not read: q2" in finding(recording.findings, "second-time").message
+    np.testing.assert_allclose(recording.time, 0.01 * np.arange(30))
+    second = read_recording(tmp_path / "lab.csv", mapping=["time#2=time", "q1=ignore"])
+    np.testing.assert_allclose(second.column("joint_2", "link_position").time, 0.013 * np.arange(30))
 
 
 def test_a_mapping_overrides_names_and_units(tmp_path: Path) -> None:
@@ -378,17 +379,6 @@ def test_every_missing_sample_is_counted_and_a_step_of_1_6_is_jitter(tmp_path: P
     time = np.arange(100) * 0.01 + 0.006 * (np.arange(100) >= 50)
     found = read_recording(write(tmp_path / "step.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
     assert codes(found) == {"jitter"}
-
-
-@pytest.mark.parametrize("later", [2.5, -0.75])
-def test_two_dates_in_a_table_keep_what_lies_between_them(tmp_path: Path, later: float) -> None:
-    def stamps(zero: float) -> list[str]:
-        return [f"2024-05-06T10:00:{zero + 30 + t:09.6f}" for t in TIME]
-
-    rows = [f"{a},{q},{b},{p}" for a, q, b, p in zip(stamps(0), Q1, stamps(later), Q2, strict=True)]
-    recording = read_recording(write(tmp_path / "lab.csv", ["time,q1,time,q2", *rows]))
-    first, second = (recording.column(f"joint_{i}", "link_position").time for i in (1, 2))
-    np.testing.assert_allclose(second - first, later, atol=1e-6)
 
 
 def test_a_header_in_a_comment_line_with_tabs_is_read_as_labview_writes_it(tmp_path: Path) -> None:

@@ -463,16 +463,6 @@ def test_what_is_varied_has_its_units(tmp_path):
     assert {name: table.unit(name) for name in over} == units
 
 
-@pytest.mark.once
-def test_logs_on_request_give_the_same_rows(tmp_path):
-    over, wanted = {"link_1.mass": [0.3, 0.4]}, {"signals": ["joint_2.stiffness"], "rate": 100.0}
-    plain = asrsim.sweep(study_of(over, **wanted), out=tmp_path / "a", workers=1)
-    logged = asrsim.sweep(study_of(over, **wanted, logs=True), out=tmp_path / "b", workers=1)
-    assert np.all(plain["signal:joint_2.stiffness"][0] > 0.0)
-    assert plain.to_arrow().drop_columns("seconds").equals(logged.to_arrow().drop_columns("seconds"))
-    assert asrsim.open_log(tmp_path / "b" / "logs" / "run_000001" / "log.mcap")
-
-
 # -- faults -------------------------------------------------------------------------------------------------------------
 
 

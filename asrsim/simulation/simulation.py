@@ -238,8 +238,8 @@ class Simulation:
         self._check_open()
         self.recording.selection.check(names)
         rows, references = self._row or self._first_row()
-        values = self.recording.selection.values(rows[None], references[:, :, None])
-        return {name: values[name][0] for name in names}
+        values = self.recording.selection.values(rows[None], references[:, :, None], names)
+        return {name: found[0].copy() for name, found in values.items()}
 
     def _first_row(self) -> tuple[Array, Array]:
         """What the next step would record; nothing moves."""
