@@ -106,9 +106,7 @@ def test_a_ros_stamp_in_two_columns_is_one_time(tmp_path: Path) -> None:
     assert recording.epoch == pytest.approx(1.7e9 + 0.9, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "pattern", ["2024-05-06 10:00:{:06.3f}", "10:00:{:06.3f}", "06.05.2024 10:00:{:06.3f}", "2024-05-06 10:00:{:06.3f}+02:00"]
-)
+@pytest.mark.parametrize("pattern", ["2024-05-06 10:00:{:06.3f}", "10:00:{:06.3f}", "2024-05-06 10:00:{:06.3f}+02:00"])
 def test_other_stamps(tmp_path: Path, pattern: str) -> None:
     lines = [f"{pattern.format(t)};{row.partition(';')[2]}" for t, row in zip(TIME, rows(separator=";"), strict=True)]
     check(write(tmp_path / "lab.csv", ["Zeit;q1;q2", *lines]))
@@ -137,7 +135,6 @@ def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_pat
     assert finding(recording.findings, "not-a-number").line == 11
     assert "line 11" in str(finding(recording.findings, "not-a-number"))
     assert finding(recording.findings, "ragged-row").line == 21
-    assert "1 of 49" in finding(recording.findings, "missing-cells").message
     values = recording.column("joint_1", "link_position").values
     assert len(recording.time) == N - 1
     assert np.isnan(values).sum() == 2
@@ -395,9 +392,12 @@ def test_a_time_whose_unit_no_usual_rate_tells_is_asked_about(tmp_path: Path, st
         read_recording(path)
 
 
-def test_joints_that_a_table_of_joint_states_names_are_theirs(tmp_path: Path) -> None:
+def test_numbers_of_fields_that_rostopic_prints_are_asked_about(tmp_path: Path) -> None:
     header = "%time,field.name0,field.name1,field.position0,field.position1"
     rows = [f"{1.7e18 + t * 1e9:.0f},elbow,shoulder,{a},{b}" for t, a, b in zip(TIME, Q1, Q2, strict=True)]
-    recording = read_recording(write(tmp_path / "lab.csv", [header, *rows]), joints=["shoulder", "elbow"])
-    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
-    np.testing.assert_allclose(recording.column("shoulder", "link_position").values, Q2)
+    path = write(tmp_path / "lab.csv", [header, *rows])
+    recording = read_recording(path, joints=["shoulder", "elbow"])
+    assert [column.source for column in recording.asked] == ["field.position0", "field.position1"]
+    assert recording.joints == ()
+    mapped = read_recording(path, mapping=["field.position0=elbow.link_position"], joints=["shoulder", "elbow"])
+    np.testing.assert_allclose(mapped.column("elbow", "link_position").values, Q1)

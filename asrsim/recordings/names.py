@@ -112,7 +112,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     unclear = bool(numbers) and exact in KNOWN
     if unclear and (joint or len(joints or ()) == 1):  # reference_1, motor_1_torque
         return _fitting(joint or (joints or [""])[0], exact, unit)
-    if count > (joint is None) or unclear or (count and re.search(r"\d|left|right", owner.lower())):
+    if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
         return Meaning(reason="what the number in its name counts is unclear", asked=True)
     if joint is None and not count and owner and not {*tokens_of(owner)} <= {*_FILLING, "state", "states"}:
         return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
