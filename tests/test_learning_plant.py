@@ -17,7 +17,7 @@ from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.identity import identity_of
 from asrsim.learning.plant import make_plant
-from asrsim.learning.prepared import compensated_guess, prepare_learning
+from asrsim.learning.prepared import prepare_learning
 from asrsim.learning.session import run_session
 from asrsim.learning.transfer import outputs_of, perturbed
 from asrsim.runs.repeat import repeat
@@ -72,15 +72,6 @@ def test_the_joint_learns_to_lift_its_load():
     assert result.converged
     assert np.abs(chosen.reference - chosen.outputs(result.inputs)).max() <= 0.03
     assert result.inputs[-1, 0] > 0.45  # the spring's deflection under gravity is learned
-
-
-def test_a_gravity_compensated_first_guess_begins_nearer():
-    _, from_zero = solve(plant(ilc={"max_iterations": 1}))
-    prepared, from_gravity = solve(plant(ilc={"max_iterations": 1, "first_guess": "gravity"}))
-    assert max(from_gravity.trials[0].largest) < 0.5 * max(from_zero.trials[0].largest)
-    # At rest the guess is where the learning would end.
-    assert from_gravity.trials[0].outputs[-1, 0] == pytest.approx(0.4, abs=0.015)
-    assert prepared.problem.first_guess[-1, 0] > 0.42
 
 
 def test_gains_from_the_model_learn_faster_than_the_paper_s():
@@ -367,16 +358,3 @@ def test_a_sliding_joint_is_learned_in_metres(tmp_path):
     assert units["motor torque"] == units["spring torque"] == "N"
     assert (units["motor speed"], units["spring deflection"], units["error from the start"]) == ("m/s", "m", "m")
     assert re.search(r"still [\d.e-]+ m off .* tolerance 1e-05 m$", session.result.reason)
-
-
-def test_a_weight_that_no_spring_holds_is_told_with_where_and_when():
-    overrides = ["duration=2", "gravity=[0, 0, -2000]"]
-    plant = make_plant(load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml", overrides=overrides)[0])
-    with learning_model(plant) as model, pytest.raises(ScenarioError, match="cannot hold") as caught:
-        compensated_guess(plant, model)
-    (problem,) = caught.value.problems
-    found = re.match(r"at (\S+) s: the spring cannot hold (\S+) N m at position (\S+) rad", problem.message)
-    assert found is not None
-    time, _, position = map(float, found.groups())
-    assert position == pytest.approx(np.interp(time, plant.time, plant.reference[:, 0]), rel=0.02)
-    assert problem.key == "joint_1"
