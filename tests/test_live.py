@@ -113,6 +113,15 @@ def test_a_run_whose_topics_cost_too_much_keeps_real_time_at_a_lower_rate(tmp_pa
     assert summary.wall_time < 8.0
 
 
+def test_five_joints_live_take_no_more_substeps_than_in_a_run(tmp_path):
+    scenario = EXAMPLES / "scenarios" / "box_push_5dof.yaml"
+    for one in asrsim.load_scenario(scenario, overrides={"expect": []}):
+        session = Session(one, tmp_path, Settings())
+        with asrsim.Simulation(one) as offline:
+            assert session.simulation.substeps == offline.substeps
+        session.simulation.close()
+
+
 def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):
     run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
     before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}

@@ -33,6 +33,8 @@ FASTEST, SLOWEST = 1000.0, 1e-3
 """Speeds that one may ask for."""
 BREATH = 10.0
 """s: a run that falls behind twice within them has too much to do; a halt of the machine is no reason to publish less."""
+SPEECH = 0.25
+"""Share of the work that topics must have, or fewer of them do not help."""
 LEAST_RATE = 10.0
 """Hz of the topics, below which a run that is too slow no longer goes."""
 FOREVER = 1e7
@@ -90,6 +92,9 @@ class Session:
         self._steps_done = 0
         self._single = 0
         self._slips, self._slipped = 0, -math.inf
+        self._speaking, self._heeded = 0.0, (0.0, 0.0)
+        """s of work for topics; s of all work, and of that, until the run last fell behind."""
+        self._told_slow = False
         self._reset = False
         self._end = False
         self.summaries: list[RunSummary] = []
@@ -215,9 +220,18 @@ class Session:
         """The run fell behind for good: it gives up its priority, and where that is not enough every other message."""
         now, before = clock.perf_counter(), self._slipped
         self._slips, self._slipped = self.pace.slips, now
+        busy, spoken = self.pace.busy - self._heeded[0], self._speaking - self._heeded[1]
+        self._heeded = self.pace.busy, self._speaking
         if self._priority.give_up():
             self._tell("this machine is too slow for ticks at real-time priority: others come first again")
-        elif self.transports and now - before < BREATH and self.rate >= 2.0 * LEAST_RATE:
+        elif now - before > BREATH:
+            return
+        elif spoken < SPEECH * busy:
+            if not self._told_slow:
+                self._told_slow = True
+                substeps = self.simulation.substeps
+                self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or take --speed")
+        elif self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
             self._tell(f"this machine is too slow for what was asked: from here on topics come at {self.rate:g} Hz")
 
@@ -230,10 +244,11 @@ class Session:
             self.simulation.advance_to(wanted * self.simulation.substeps + 1)
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
-                time = round(self._time * 1e9)
+                began, time = clock.perf_counter(), round(self._time * 1e9)
                 messages = self.board.messages(time, [transport.wanted for transport in self.transports])
                 for transport in self.transports:
                     transport.publish(time, messages)
+                self._speaking += clock.perf_counter() - began
 
     def _listen(self) -> None:
         """The last value of each reference is set."""
