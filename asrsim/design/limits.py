@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from asrsim.document.composite import Either, ListOf, MapOf, is_list
 from asrsim.document.file import read_file
 from asrsim.document.kinds import NUMBER, POSITIVE, Text
 from asrsim.document.node import Node
+from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem, did_you_mean
 
 SENSORS = "sensors"
@@ -63,7 +64,7 @@ def read_limits(path: Path) -> Limits:
     found = read_file(LIMITS, path)
     problems = list(_faults(found, path))
     if problems:
-        raise InputError(problems)
+        raise InputError(located(problems, path))
     return found
 
 
@@ -87,3 +88,18 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
 def interval(given: Any) -> tuple[float, float]:
     """Low and high of a size, or of both."""
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
+
+
+def located(problems: Sequence[Problem], path: Path) -> list[Problem]:
+    """Problems of a limits file's keys, with their lines."""
+    root, _ = read_yaml(path)
+    return [replace(problem, file=path, line=_line(root, problem.key or "")) for problem in problems]
+
+
+def _line(node: Node, key: str) -> int | None:
+    """Of the longest part of a dotted key that the file has; names may have dots themselves."""
+    if isinstance(node.value, dict):
+        for name, inner in node.value.items():
+            if key == name or key.startswith(f"{name}."):
+                return _line(inner, key[len(name) + 1 :])
+    return node.line
