@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -28,9 +28,9 @@ def design(
     ] = 0,
     variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
     overrides: Overrides = None,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are put beside it.")] = Path(
-        "excite.csv"
-    ),
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are put beside it.")
+    ] = Path("excite.csv"),
     seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw a picture.")] = True,
@@ -47,10 +47,10 @@ def design(
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
-    from asrsim.design.write import remarks, table, write_design
+    from asrsim.design.write import columns, remarks, write_design
 
     load_plugins(plugin)
-    options = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
+    options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
     given = {name: value for name, value in options.items() if value not in (None, [])}
     with (
         Interruption("asrsim: stopping; the best so far is kept (Ctrl-C again to abort)") as interruption,
@@ -62,7 +62,7 @@ def design(
         )  # fmt: skip
     files = write_design(found, out, plot=plot)
     if not quiet:
-        say_table(table(found))
+        say_table(columns(found))
         for text in remarks(found):
             say(text)
         say_written(files)

@@ -21,7 +21,7 @@ _RANGE = Either(((is_list, ListOf(of=NUMBER, length=2, names=("low", "high"))), 
 
 
 def _has_names(node: Node) -> bool:
-    return is_list(node) and any(isinstance(item.value, str) for item in node.value)
+    return isinstance(node.value, list) and any(isinstance(item.value, str) for item in node.value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,9 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
     for sensor in limits.sensors:
         if sensor not in limits.noise:
             hint = f"Add to `noise`: {sensor}: its standard deviation"
-            yield Problem("has no noise: what it would tell is unknown", file=path, key=f"choose.{sensor}", hint=hint, code="noise")
+            yield Problem(
+                "has no noise: what it would tell is unknown", file=path, key=f"choose.{sensor}", hint=hint, code="noise"
+            )
     for key, values in limits.gains.items():
         if any(isinstance(value, str) for value in values):
             message = f"must be numbers; names belong to '{SENSORS}'"

@@ -88,9 +88,15 @@ def fresh(generator: np.random.Generator, references: int) -> Segment:
 def beside(segment: Segment, generator: np.random.Generator) -> Segment:
     """A segment with some numbers a little different."""
     size = 0.3 * generator.random()
-    moved = segment.numbers + size * generator.normal(size=segment.numbers.shape) * (generator.random(segment.numbers.shape) < 0.5)
+    moved = segment.numbers + size * generator.normal(size=segment.numbers.shape) * (
+        generator.random(segment.numbers.shape) < 0.5
+    )
     # Reflected at the ends, so that they are not met too often.
-    return replace(segment, numbers=1.0 - np.abs(1.0 - np.abs(moved) % 2.0), scales=segment.scales * np.exp(0.2 * generator.normal(size=len(segment.scales))))
+    return replace(
+        segment,
+        numbers=1.0 - np.abs(1.0 - np.abs(moved) % 2.0),
+        scales=segment.scales * np.exp(0.2 * generator.normal(size=len(segment.scales))),
+    )
 
 
 def joined(segments: list[Segment], step: float, rows: int) -> Array:

@@ -135,7 +135,9 @@ class Plant:
             if mode is None or not own:
                 continue
             if mode.direct or not (mode.spring or mode.controller):
-                message = f"a joint in mode {mode.number} ({mode.name}) does not come back to rest by itself: it cannot be designed"
+                message = (
+                    f"a joint in mode {mode.number} ({mode.name}) does not come back to rest by itself: it cannot be designed"
+                )
                 hint = "Drive it by a controller: modes 1, 5 and 6"
                 problems.append(Problem(message, key=f"limits.{drive.name}", hint=hint, code="mode"))
                 continue
@@ -166,7 +168,9 @@ class Plant:
             quantities = [f"{quantity}_1", f"{quantity}_2"] if f"{quantity}_1" in COMPARABLE else [quantity]
             if not {*quantities} <= {*COMPARABLE} or owner not in ("", *self.joints):
                 hint = did_you_mean(name, COMPARABLE)
-                problems.append(Problem("is nothing that a sensor measures", key=f"noise.{name}", hint=hint, choices=COMPARABLE))
+                problems.append(
+                    Problem("is nothing that a sensor measures", key=f"noise.{name}", hint=hint, choices=COMPARABLE)
+                )
                 continue
             group = limits.sensors.index(name) + 1 if name in limits.sensors else 0
             for joint, drive in recorded.items():
@@ -189,15 +193,22 @@ class Plant:
         return np.array([one.values(share) for one, share in zip(self.references, shares, strict=True)])
 
     def tell(
-        self, motion: Array, gains: Mapping[str, float], draws: Sequence[Array], substeps: Substeps, *, information: bool = False
+        self,
+        motion: Array,
+        gains: Mapping[str, float],
+        draws: Sequence[Array],
+        substeps: Substeps,
+        *,
+        information: bool = False,
     ) -> Told | None:
         """Of references (n, rows) in their units; None where the motion is not sane on every draw."""
-        time = self.step * np.arange(motion.shape[1])
+        time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
         for one, values in zip(self.references, motion, strict=True):
             signals.setdefault(one.joint, {})[one.name] = Sampled(times=time, samples=values)
         bounds = [bound for bound in self.bounds if bound.quantity in COMPARABLE]
-        names = [(self.joints.index(one.joint), one.quantity) for one in (*bounds, *self.channels)]
+        names = [(self.joints.index(one.joint), one.quantity) for one in bounds]
+        names += [(self.joints.index(one.joint), one.quantity) for one in self.channels]
         moved = [x + move for x in draws for move in self._moves(x)] if information else draws
         starts = [Start(parameters=self._numbers(gains, x), references=signals) for x in moved]
         found = list(self.door.rollout(names, starts, steps=motion.shape[1] - 1, substeps=substeps))
@@ -206,7 +217,9 @@ class Plant:
         if any(one is None for one in bases):
             return None
         use, when = self._use(bounds, [one[: len(bounds)] for one in bases if one is not None])
-        fishers = [self._fisher(found[i : i + each], len(bounds), x) for i, x in zip(range(0, len(found), each), draws, strict=True)]
+        fishers = [
+            self._fisher(found[i : i + each], len(bounds), x) for i, x in zip(range(0, len(found), each), draws, strict=True)
+        ]
         believed = [one for one in fishers if one is not None] if information else []
         return Told(use, when, np.array(believed) if len(believed) == len(draws) else None)
 
@@ -232,7 +245,10 @@ class Plant:
         if base is None or not others or any(one is None for one in others):
             return None
         steps = np.diag(self._moves(x)[1:])
-        base, slopes = base[first:], np.array([(one - base)[first:] / h for one, h in zip(others, steps, strict=True) if one is not None])
+        base, slopes = (
+            base[first:],
+            np.array([(one - base)[first:] / h for one, h in zip(others, steps, strict=True) if one is not None]),
+        )
         own = np.ptp(base, axis=1)
         measured = np.isfinite(base).all(axis=1) & np.isfinite(slopes).all(axis=(0, 2))
         if np.any((np.abs(slopes).max(axis=2) > GROWTH * np.maximum(own, 1e-9))[:, measured & (own > 0.0)]):

@@ -118,7 +118,9 @@ def design(
         if len(table) > MANY:
             message = f"{len(table)} choices of gains are more than {MANY}"
             raise InputError(message, file=Path(limits), key="choose", code="choose")
-        searches = [Search(plant, gains, draws, checks, plant.substeps_of(gains, draws + checks), known, stop) for gains in table]
+        searches = [
+            Search(plant, gains, draws, checks, plant.substeps_of(gains, draws + checks), known, stop) for gains in table
+        ]
         _probe(searches[0], Path(limits))
         return _designed(task, ready, read, searches, layout, remarks, rounds, seed, progress)
 
@@ -186,7 +188,9 @@ def _probe(search: Search, limits: Path) -> None:
     resting = search.told(home, information=False, everywhere=True)
     if resting is None or resting.use.max() > 1.0:
         joint = "" if resting is None else plant.joints[int(np.argmax(resting.use))]
-        message = "the robot breaks it at the start, at rest at its references" if joint else "the motion at the start is not sane"
+        message = (
+            "the robot breaks it at the start, at rest at its references" if joint else "the motion at the start is not sane"
+        )
         raise InputError(located([Problem(message, key=f"limits.{joint}", code="start-limit")], limits))
     found = search.run(0, 0)
     if found is None:
@@ -212,9 +216,9 @@ def _designed(
     ran = [found for one, found in tried if one is search]
     longest = search.run(rounds, seed, lambda share: progress(0.5 + 0.5 * share if tried else share))
     plain: dict[str, Found] = {}
-    for one in search.plain():
-        if one.name not in plain or one.score < plain[one.name].score:
-            plain[one.name] = one
+    for motion in search.plain():
+        if motion.name not in plain or motion.score < plain[motion.name].score:
+            plain[motion.name] = motion
     everything = [*ran, *([longest] if longest else []), *plain.values()]
     if not everything:
         raise InputError("no motion keeps the limits that was tried", key="limits", code="limits")

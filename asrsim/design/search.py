@@ -97,7 +97,11 @@ class Search:
                 use = found.use[plant.driven]
                 # A joint beyond its limits in a motion of all is brought down with the others.
                 factor = np.clip(FULL / np.maximum(use, 1e-6), 0.2, 1.6)
-                factor = np.minimum(factor, FULL / max(1.0, float(found.use.max()))) if use.max() <= 1.0 < found.use.max() else factor
+                factor = (
+                    np.minimum(factor, FULL / max(1.0, float(found.use.max())))
+                    if use.max() <= 1.0 < found.use.max()
+                    else factor
+                )
             presets = np.array([one.slot == 1 for one in plant.references])
             there = [one.scaled(np.where(presets, 1.0, factor)) for one in there]
         return best
@@ -172,13 +176,14 @@ class Search:
         return None
 
     def plain(self) -> list[Found]:
-        """Motions that people record: one step, a chirp, a staircase, each as large as the limits let it be; the best few of each."""
-        from asrsim.design.motion import FAMILIES, NUMBERS, chirp
+        """Motions that people record: one step and chirps, as large as the limits let them be."""
+        from asrsim.design.motion import FAMILIES, chirp
 
         found, count = [], len(self.plant.references)
         presets = np.array([one.slot == 1 for one in self.plant.references])
-        length = (self.plant.rows - 1) * self.plant.step
-        once = Segment((0,) * count, np.tile(np.array([0.0, 0.2, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]), (count, 1)), np.where(presets, 0.0, 1.0))
+        once = Segment(
+            (0,) * count, np.tile(np.array([0.0, 0.2, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]), (count, 1)), np.where(presets, 0.0, 1.0)
+        )
         sweeps = [
             Segment(
                 (FAMILIES.index(chirp),) * count, np.tile(np.array([0.0, last, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]), (count, 1)),
@@ -186,9 +191,8 @@ class Search:
             )
             for last in (0.5, 0.7, 0.85)
         ]  # fmt: skip
-        assert NUMBERS == once.numbers.shape[1]
         for name, one in (("one step", once), *(("chirp", sweep) for sweep in sweeps)):
-            fitting = self.scaled([one], self.plant.rows) if length else None
+            fitting = self.scaled([one], self.plant.rows)
             if fitting is not None and (whole := self.whole(name, fitting)) is not None:
                 found.append(whole)
         return found

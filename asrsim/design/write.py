@@ -14,6 +14,8 @@ from asrsim.outfile import csv_text, write_text
 from asrsim.plots.output import save_figure, styled
 from asrsim.scenario.starter import relative_path
 
+MARK = "# asrsim design: references of an experiment"
+
 
 def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
     """CSV, scenario and picture, beside each other. Raises OutputError."""
@@ -21,10 +23,11 @@ def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
 
     time = found.step * np.arange(found.found.motion.shape[1])
     headings = ["time [s]", *(f"{one.column} [{one.unit}]" for one in found.references)]
-    write_text(path, csv_text(headings, np.column_stack([time, found.found.motion.T])), "designed motion", replace=True)
+    text = f"{MARK}\n{csv_text(headings, np.column_stack([time, found.found.motion.T]))}"
+    write_text(path, text, "designed motion")
     scenario = path.with_suffix(".yaml")
     text = yaml.safe_dump(_scenario(found, path, scenario), sort_keys=False, allow_unicode=True)
-    write_text(scenario, f"# Plays the experiment that `asrsim design` found.\n{text}", "designed scenario", replace=True)
+    write_text(scenario, f"# Plays the experiment that `asrsim design` found.\n{text}", "designed scenario")
     return [path, scenario, *(_draw(found, time, path) if plot else [])]
 
 
@@ -50,13 +53,12 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
     return {**data, "duration": found.seconds, "references": references, **({"parameters": parameters} if parameters else {})}
 
 
-def table(found: Design) -> dict[str, list[str]]:
-    """Heading -> cells, a row a key."""
-    cells = {"parameter": list(found.keys)}
+def columns(found: Design) -> list[tuple[str, list[str], bool]]:
+    """Of the table: heading, cells (a row a key), whether they stand to the right."""
+    cells = [("parameter", list(found.keys), False)]
     for name, halves in found.intervals.items():
-        cells["promised" if name == "design" else name] = [f"± {100.0 * half:.2g} %" for half in halves]
-    cells[f"time for {100.0 * WANTED:g} %"] = [f"{seconds:.3g} s" for seconds in found.needed]
-    return cells
+        cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
+    return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
 
 
 def remarks(found: Design) -> Iterator[str]:
