@@ -55,7 +55,7 @@ class Design:
     plain: tuple[Found, ...]
     """The best step and chirp within the same limits."""
     intervals: Mapping[str, Array]
-    """`design`, each plain motion, each sensor: half of the 95 % interval of each key, as a share of its value or typical size."""
+    """`design`, plain motions, sensors: half of the 95 % interval of each key, as a share of its value or typical size."""
     choices: tuple[tuple[Mapping[str, float], float], ...]
     """Gains, and the geometric mean of the intervals that a short search found with them."""
     untold: tuple[str, ...]
