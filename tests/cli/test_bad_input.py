@@ -1,7 +1,6 @@
 """Bad input through the command line: each ends with a line that names the fault, an exit code, and no traceback."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -23,6 +22,7 @@ from asrsim.robot.inertia import zero_pose_inertia
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.reader import MAX_MOVING
 from asrsim.scenario import Scenario
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -1,7 +1,6 @@
 """`asrsim check` and `asrsim actuators`, as a user meets them."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import json
 from pathlib import Path
@@ -10,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
+from support.paths import EXAMPLES
 
 GOOD = """<robot name="p"><link name="world"/>
 <joint name="elbow" type="revolute"><parent link="world"/><child link="l"/><axis xyz="0 1 0"/>

@@ -1,7 +1,6 @@
 """What stands in the help can be tried after `asrsim examples`; the recorded sample is what its page says."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import os
 import runpy
@@ -16,6 +15,7 @@ import pytest
 from asrsim.cli.app import COMMANDS, app
 from asrsim.errors import OutputError
 from asrsim.runs.examples import copy_examples
+from support.paths import ROOT
 
 LONG = ("reproduce", "ilc")
 """Commands whose examples take minutes; they name no other files than the rest."""

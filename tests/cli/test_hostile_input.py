@@ -1,7 +1,6 @@
 """Values that no user means: refused at the boundary with a message, or taken as they are; never an internal error."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import asrsim
 from asrsim.errors import InputError
 from asrsim.recordings import read_recording
 from asrsim.sweeps.fitted import read_fit
+from support.paths import ROOT
 
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 

@@ -1,7 +1,6 @@
 """`asrsim ilc` from end to end: its folder, sets of plants, transfer, interruption, and playing what was learned."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import json
 import os
@@ -9,10 +8,11 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+
+from support.paths import EXAMPLES
 
 pytestmark = pytest.mark.once
 

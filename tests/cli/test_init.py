@@ -1,12 +1,10 @@
 """`asrsim init`: starters that load, fit and run."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import math
 import re
 import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +17,7 @@ from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.starter import SCHEMA_FILE, write_starter
 from asrsim.summary.table import joint_columns
+from support.paths import ROOT
 
 URDF = """<robot name="{name}">
   <link name="world"/>

@@ -1,7 +1,6 @@
 """`asrsim init --experiment`: the recorded commands played, the motion compared, and the same numbers from run and plot."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import re
@@ -11,9 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.lab_files import TIME as MOVED
-from support.lab_files import B as ELBOW
-from support.lab_files import write_bag
 from typer.testing import CliRunner
 
 import asrsim
@@ -25,6 +21,10 @@ from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
 from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario, make_scenario
+from support.lab_files import TIME as MOVED
+from support.lab_files import B as ELBOW
+from support.lab_files import write_bag
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -1,13 +1,13 @@
 """A file of another kind than a command takes is called what it is, beside the command that takes it."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 from pathlib import Path
 
 import pytest
 
 from asrsim.document.mistaken import COMMANDS, kind_of
+from support.paths import EXAMPLES
 
 TAKES = {
     "scenario": ("run", "live", "ilc", "check", "sweep", "identify"),

@@ -1,7 +1,6 @@
 """`asrsim run` and `asrsim rerun`, as a user and a shell meet them."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -22,6 +21,7 @@ import pytest
 from asrsim.cli.app import COMMANDS
 from asrsim.errors import InputError, OutputError
 from asrsim.log import LogWriter, read_log
+from support.paths import ROOT
 
 FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
 LOAD = "external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"

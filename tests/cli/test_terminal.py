@@ -1,7 +1,6 @@
 """Names from files that a terminal or a browser would obey."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -9,7 +8,6 @@ import re
 import subprocess
 import sys
 from html.parser import HTMLParser
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +15,7 @@ import pytest
 from asrsim.cli.console import SHOWN, problem_lines, shown, styled
 from asrsim.errors import Problem
 from asrsim.report.html import script_json
+from support.paths import ROOT
 
 EVIL = "\x1b]0;owned\x07\x1b[2Jelbow\x9b31m\u202e\r"
 _BAD = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")

@@ -1,13 +1,13 @@
 """The tutorial's commands run as they stand there, each picture of the page is one that they make."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 import runpy
-from pathlib import Path
 
 import pytest
+
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -1,7 +1,6 @@
 """The reported numerical error bounds the true one within a factor of two."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from asrsim.signals import Constant
 from asrsim.simulation import certify as certify_module
 from asrsim.simulation.certify import certify
 from asrsim.simulation.run import simulate
+from support.paths import ROOT
 
 ARM = ROOT / "examples/urdf/dof1_qbmove.urdf"
 CASES = {

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.hanging_chain import INSTALLED
 
 import asrsim
 from asrsim.errors import ScenarioError
+from validation.models import INSTALLED
 
 FAR = {"objects": {"stone": {"shape": "sphere", "size": 0.1, "position": [50, 0, 0]}}}
 LINK = """<link name="{0}"><inertial><origin xyz="0.02 0.01 0.1"/><mass value="0.8"/>

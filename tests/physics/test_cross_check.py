@@ -1,7 +1,6 @@
 """The run in another engine: equal where nothing touches, told where it is not."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 from dataclasses import replace
@@ -16,6 +15,7 @@ from asrsim.engines.base import FRICTION, EngineEntry
 from asrsim.errors import SimulationError
 from asrsim.robot import load_robot
 from asrsim.simulation.crosscheck import LIMIT, other_engine
+from support.paths import ROOT
 
 EXAMPLES = ROOT / "examples" / "scenarios"
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")

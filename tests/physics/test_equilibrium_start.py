@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.random_runs import random_run
 
 import asrsim
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
@@ -19,6 +18,7 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.steppings import STEPPINGS
+from support.random_runs import random_run
 from validation.models import INSTALLED, Body, chain, column, run
 
 ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.stopped_arm import StoppedArm
 
 from asrsim.scenario.data import World
 from asrsim.signals import Sinusoid
+from support.stopped_arm import StoppedArm
 from validation.models import INSTALLED, Body, chain, column, run
 
 STEPS = (1e-3, 2.5e-4)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.hanging_chain import INSTALLED
 
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Sum
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
 STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
 SWINGS = {

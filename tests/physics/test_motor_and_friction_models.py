@@ -2,7 +2,6 @@
 depends on speed and load, hysteresis of springs."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from dataclasses import replace
 from math import exp, tanh
@@ -10,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.stick_slip import stick_slip
 
 from asrsim.actuators import ACTUATORS
 from asrsim.actuators.hysteresis import dahl
@@ -21,6 +19,8 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.signals import Ramp, Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.simulation import Simulation
+from support.paths import ROOT
+from support.stick_slip import stick_slip
 from validation.models import Body, chain, column, read, run
 
 ENGINES_HERE = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
@@ -537,7 +537,6 @@ def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
 
 
 def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
-    from pathlib import Path
 
     from asrsim.actuators.user import load_plugin_file
 

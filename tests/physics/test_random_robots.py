@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
-from support.independent_ode import Truth, solve
-from support.random_runs import RandomRun, random_run
 
 import asrsim
 from asrsim.kinematics import model_of
 from asrsim.robot import load_robot
 from asrsim.samples import Samples
 from asrsim.simulation.run import simulate
+from support.independent_ode import Truth, solve
+from support.random_runs import RandomRun, random_run
 from validation.models import INSTALLED
 
 Array = np.ndarray

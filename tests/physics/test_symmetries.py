@@ -5,7 +5,6 @@ has another sign for one motor, one side or one size shows.
 """
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ import pytest
 import asrsim
 from asrsim.quantities import LIMITS, QUANTITIES
 from asrsim.simulation.run import simulate
+from support.paths import ROOT
 
 ROBOT = (ROOT / "examples/urdf/dof2_horizontal.urdf").read_text()
 JOINTS = ("joint_1", "joint_2")

@@ -1,7 +1,6 @@
 """The rules of docs/architecture.md, read from the source and tried in fresh interpreters."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import ast
 import subprocess
@@ -12,6 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -1,14 +1,14 @@
 """The benchmarks run and say what they should; what they measure is no matter of tests."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+
+from support.paths import ROOT
 
 SCRIPT = ROOT / "benchmarks" / "run.py"
 NAMES = (

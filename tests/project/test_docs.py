@@ -1,7 +1,6 @@
 """The documentation says what the code does: generated parts, snippets, links, commands, pictures."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import importlib.util
 import re
@@ -24,6 +23,7 @@ from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
 from asrsim.simulation.steppings import STEPPINGS
+from support.paths import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -1,11 +1,9 @@
 """What stands on the core uses its doors, and what users add to it is one file."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES, ROOT
 
 import ast
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ import asrsim
 from asrsim.actuators import ACTUATORS, Actuator, Parameter
 from asrsim.engines import ENGINES
 from asrsim.simulation.worlds import Worlds
+from support.paths import EXAMPLES, ROOT
 from validation.models import INSTALLED, Body, chain, column, run
 
 INNER = {

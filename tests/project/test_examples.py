@@ -1,10 +1,8 @@
 """The examples: robots that load without a remark, scenarios that name their figure and whose claims hold."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from asrsim.metrics.expect import body_columns
 from asrsim.robot import engine_urdf, load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.simulation.run import simulate
+from support.paths import EXAMPLES
 
 ROBOTS = sorted((EXAMPLES / "urdf").glob("*.urdf"))
 SCENARIOS = sorted((EXAMPLES / "scenarios").glob("*.yaml"))

@@ -1,7 +1,6 @@
 """The package as others get it: what is declared, what the wheel holds, and that it works away from the repository."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 import subprocess
@@ -12,6 +11,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+
+from support.paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()

@@ -1,15 +1,14 @@
 """The ROS package of our messages says what logs and live runs send, and a parser of ROS's grammar reads it."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from asrsim.log.topics import OWN_MESSAGES
+from support.paths import ROOT
 
 PACKAGE = ROOT / "ros" / "asrsim_msgs"
 

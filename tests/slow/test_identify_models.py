@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.identify_files import SEA, write
 from scipy.integrate import solve_ivp
-from support.stick_slip import stick_slip
 
 from asrsim.identification import identify
+from support.identify_files import SEA, write
+from support.stick_slip import stick_slip
 
 pytestmark = pytest.mark.slow
 SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02

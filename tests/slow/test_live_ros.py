@@ -5,7 +5,6 @@ python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ro
 """
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -27,6 +26,7 @@ from asrsim.live.fastdds import settings
 from asrsim.live.ros import RosTransport, load_rclpy
 from asrsim.log import open_log
 from asrsim.runs.repeat import repeat
+from support.paths import ROOT
 
 PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
 DOMAIN = 87

@@ -1,7 +1,6 @@
 """Claims that cannot fail are none: every changed law, mass or loss makes at least one claim of a figure fail."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,6 +22,7 @@ from asrsim.reproduce.newton import ALTEREGO, hanging, level, read_motion
 from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import load_scenario
+from support.paths import ROOT
 
 SCENARIOS = ROOT / "examples" / "scenarios"
 

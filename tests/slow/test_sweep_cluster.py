@@ -1,7 +1,6 @@
 """Sweeps on Dask: a scheduler and workers as processes of their own; rows are those of one process."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import os
 import pickle
@@ -19,6 +18,7 @@ from asrsim.errors import InputError, SimulationError
 from asrsim.sweeps import make_study
 from asrsim.sweeps.run import Progress
 from asrsim.workers import cluster
+from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")

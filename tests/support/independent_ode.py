@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio
-from support.random_runs import JointSpec, RandomRun
 from scipy.integrate import solve_ivp
+
+from support.random_runs import JointSpec, RandomRun
 
 Array = np.ndarray
 BRISTLES = 1000.0

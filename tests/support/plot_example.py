@@ -1,7 +1,6 @@
 """Logs for the tests of pictures: short runs of the example scenarios, and made-up ones with known numbers."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -13,7 +12,7 @@ from asrsim.log import LogWriter
 from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
-
+from support.paths import EXAMPLES
 
 
 def simulated_log(scenario: str, path: Path, *, variant: str | None = None, duration: float = 0.2) -> Path:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from support.random_robots import random_urdf
 
 REFERENCES = {

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.tiny import PENDULUM
 
 from asrsim import compiling
+from support.tiny import PENDULUM
 
 PLUGIN = """
 from asrsim.actuators import Actuator

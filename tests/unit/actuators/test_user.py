@@ -1,7 +1,6 @@
 """Users' own actuators: loading the file, finding it from a URDF, checking its laws."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 import shutil
@@ -17,6 +16,7 @@ from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError
 from asrsim.robot import load_robot
 from asrsim.robot.values import has_spring
+from support.paths import ROOT
 
 EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
 DOCS = ROOT / "docs/actuators.md"

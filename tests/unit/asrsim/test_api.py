@@ -1,7 +1,6 @@
 """asrsim as a library: arrays by joint and quantity, files only when asked for, never a word on the terminal."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 import shutil
@@ -16,6 +15,7 @@ import asrsim
 from asrsim.identification import task_of
 from asrsim.recordings import read_recording
 from asrsim.sweeps import make_study
+from support.paths import ROOT
 
 STANDARD = {"asrsim", *sys.stdlib_module_names}
 

@@ -1,7 +1,6 @@
 """A plain install: what an extra brings is asked for by name, with the command that gets it."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import sys
 import tempfile
@@ -20,6 +19,7 @@ from asrsim.recordings.arrays import read_matlab
 from asrsim.recordings.reading import Reading
 from asrsim.render.files import write_mp4
 from asrsim.workers.cluster import Cluster
+from support.paths import ROOT
 
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 

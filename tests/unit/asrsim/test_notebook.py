@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
-from support.robots import write_plain_arm
 
 import asrsim
 from asrsim.errors import InputError, ScenarioError
+from support.robots import write_plain_arm
 
 pytestmark = pytest.mark.once
 

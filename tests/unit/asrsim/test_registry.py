@@ -1,7 +1,6 @@
 """Engines and steppings of other installed packages: `engine:` and `stepping:` take them, on the command line too."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -15,6 +14,7 @@ import pytest
 from asrsim.engines.base import EngineEntry
 from asrsim.errors import InputError
 from asrsim.registry import Registry
+from support.paths import ROOT
 
 MODULE = """
 from dataclasses import replace

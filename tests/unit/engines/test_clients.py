@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.random_robots import random_urdf
 
 from asrsim.engines.bullet import BulletEngine
 from asrsim.robot import load_robot
 from asrsim.scenario import Scenario
+from support.random_robots import random_urdf
 
 LINK = """<link name="l{i}"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>
 <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -1,7 +1,6 @@
 """Which MuJoCo runs: beside its own package `mujoco`, and where two versions overwrite each other."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import re
 import tomllib
@@ -9,7 +8,6 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from support.tiny import Tiny
 from packaging.requirements import Requirement
 
 from asrsim.engines import mujoco_library
@@ -17,6 +15,8 @@ from asrsim.errors import Problem
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 from asrsim.versions import numeric_versions
+from support.paths import ROOT
+from support.tiny import Tiny
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 

@@ -1,13 +1,13 @@
 """Many environments that are stepped together."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
+
+from support.paths import ROOT
 
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not here")
 

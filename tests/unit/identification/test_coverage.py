@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.independent_joint import FINE, QBMOVE, SEA, Joint, command, record
 
 from asrsim import identify
 from asrsim.identification.verdicts import doubted
+from support.independent_joint import FINE, QBMOVE, SEA, Joint, command, record
 
 pytestmark = pytest.mark.once
 

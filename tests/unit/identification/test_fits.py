@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.identify_files import CHIRP, SEA, modelled, record, write
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info
 from typer.testing import CliRunner
@@ -38,6 +37,7 @@ from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
 from asrsim.scenario.starter_recording import make_plan
+from support.identify_files import CHIRP, SEA, modelled, record, write
 
 pytestmark = pytest.mark.once
 

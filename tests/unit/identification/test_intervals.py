@@ -1,7 +1,6 @@
 """Intervals where slopes have corners, encoders have steps, and starts were measured."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import math
 import re
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.identify_files import CHIRP, SEA, modelled, record, write
 from scipy.signal import lfilter
 from scipy.special import stdtrit
 
@@ -26,6 +24,8 @@ from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
+from support.identify_files import CHIRP, SEA, modelled, record, write
+from support.paths import ROOT
 
 
 def linear(slopes: np.ndarray, left: float | np.ndarray = 0.0, corner: float | np.ndarray = 0.0) -> Problem:

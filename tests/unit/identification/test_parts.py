@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.identify_files import CHIRP, SEA, record, write
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
@@ -22,6 +21,7 @@ from asrsim.identification.problem import Weights
 from asrsim.identification.search import adopted
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.uncertainty import Uncertainty
+from support.identify_files import CHIRP, SEA, record, write
 
 pytestmark = pytest.mark.once
 

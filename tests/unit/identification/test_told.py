@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.identify_files import CHIRP, SEA, record, write
 
 from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.verdicts import Estimate
+from support.identify_files import CHIRP, SEA, record, write
 
 pytestmark = pytest.mark.once
 

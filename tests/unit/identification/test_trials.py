@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.identify_files import CHIRP, SEA, record, write
 
 from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.noise import beyond_steps, lag_correlation
 from asrsim.runs.from_recording import write_from_recording
+from support.identify_files import CHIRP, SEA, record, write
 
 ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
 <inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>

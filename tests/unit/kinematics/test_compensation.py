@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.robots import drive_with, write_plain_arm
 
 from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
@@ -12,6 +11,7 @@ from asrsim.kinematics import compensation, equilibrium_for_load
 from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.robot import drive_of, load_robot
 from asrsim.robot.mounting import with_actuators
+from support.robots import drive_with, write_plain_arm
 
 CASES = {
     "sea": (Sea, (200.0, 0.8), 0.0, (-120.0, -0.0785, 0.0, 3.0, 159.0)),

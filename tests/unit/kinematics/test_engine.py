@@ -1,10 +1,8 @@
 """The engine's model of a robot against differences of its own poses, and plans on the example arm."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ from asrsim.errors import ScenarioError
 from asrsim.kinematics import model_of, plan_references, plan_task
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario, make_scenario
+from support.paths import EXAMPLES
 
 pytestmark = pytest.mark.once
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from support.robots import drive_with
 
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
@@ -17,6 +16,7 @@ from asrsim.kinematics.reach import ORIENTATION_WEIGHT
 from asrsim.kinematics.roots import increasing_roots
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
+from support.robots import drive_with
 
 A, B = 0.3, 0.2
 """m, lengths of the two links."""

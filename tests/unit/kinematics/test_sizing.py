@@ -1,7 +1,6 @@
 """Springs and motors against the arm's own weight: what is foretold is what the simulation does."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import math
 import re
@@ -10,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.random_robots import random_urdf
-from support.robots import PLAIN_ARM, write_plain_arm
 
 import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
@@ -19,6 +16,9 @@ from asrsim.robot import with_overrides
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.starter import write_starter
+from support.paths import ROOT
+from support.random_robots import random_urdf
+from support.robots import PLAIN_ARM, write_plain_arm
 
 pytestmark = pytest.mark.once
 

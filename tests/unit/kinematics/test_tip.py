@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.robots import write_plain_arm
 
 import asrsim
 from asrsim.errors import ScenarioError
 from asrsim.runs.repeat import repeat
 from asrsim.samples import TIP, TIP_GOAL
+from support.robots import write_plain_arm
 
 LENGTHS = (0.25, 0.2)
 GOAL = (0.25, 0.0, 0.4)

@@ -1,19 +1,15 @@
 """The law `auto` on random arms, on robots that differ from their model, and on the robot through recordings."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import re
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.random_arms import differing_draw, random_arm
-from support.robots import drive_with
 
 from asrsim.actuators import QbMove
 from asrsim.actuators.vectorised import references_over_arrays
@@ -35,6 +31,9 @@ from asrsim.learning.trial import Trial
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
 from asrsim.signals.recorded import read_column
 from asrsim.simulation.run import simulate
+from support.paths import ROOT
+from support.random_arms import differing_draw, random_arm
+from support.robots import drive_with
 
 pytestmark = pytest.mark.once
 

@@ -8,8 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.random_arms import random_arm
-from support.robots import drive_with
 
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics.desired import DesiredMotion
@@ -20,6 +18,8 @@ from asrsim.learning.contraction import FREQUENCIES, responses, rows_of, zero_ph
 from asrsim.learning.friction import Friction
 from asrsim.learning.linear import spring_slopes
 from asrsim.learning.plant import make_plant
+from support.random_arms import random_arm
+from support.robots import drive_with
 
 MASS, LENGTH, GRAVITY = 0.5, 0.08, 9.81
 INERTIA = MASS * LENGTH**2

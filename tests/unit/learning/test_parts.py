@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.robots import drive_with
 
 from asrsim.actuators import ACTUATORS
 from asrsim.kinematics.drive_inverse import drive_backwards
 from asrsim.kinematics.inverse import demands_of
 from asrsim.learning.presets import CANDIDATES, _lowest, _over_time, _range, scores
 from asrsim.learning.trial import trial_of
+from support.robots import drive_with
 
 pytestmark = pytest.mark.once
 

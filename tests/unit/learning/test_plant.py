@@ -1,12 +1,10 @@
 """Learning on the simulated robot: problem from the scenario, playback of the result, perturbed plants, the command."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import json
 import re
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +24,7 @@ from asrsim.scenario import load_scenario, make_scenario
 from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
 from asrsim.workers import executor
+from support.paths import EXAMPLES
 
 pytestmark = pytest.mark.once
 

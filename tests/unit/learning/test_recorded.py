@@ -1,9 +1,6 @@
 """Recordings of the robot as a laboratory has them, taken as trials of learning."""
 
 from __future__ import annotations
-from support.paths import ROOT
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +11,7 @@ from asrsim.learning.plant import make_plant
 from asrsim.learning.recorded import MISSING, recorded
 from asrsim.recordings import read_recording
 from asrsim.scenario import make_scenario
+from support.paths import ROOT
 
 ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
 MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.5}}, "joint_2": {"minimum_jerk": {"duration": 2.0, "to": -0.4}}}

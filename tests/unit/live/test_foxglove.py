@@ -1,7 +1,6 @@
 """The WebSocket for Foxglove: its protocol's own client from npm, and bytes that no client should send."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import base64
 import json
@@ -14,9 +13,10 @@ import struct
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
+
+from support.paths import ROOT
 
 pytest.importorskip("foxglove")
 

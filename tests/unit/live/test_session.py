@@ -1,14 +1,12 @@
 """Live runs without any network: what comes in is checked and recorded, what goes out is in the log, and that repeats it."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import math
 import os
 import random
 import struct
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,7 +23,7 @@ from asrsim.live.session import Session, Settings
 from asrsim.log import open_log, read_log
 from asrsim.runs.repeat import repeat
 from asrsim.samples import JointInfo
-
+from support.paths import EXAMPLES
 
 
 class Script:

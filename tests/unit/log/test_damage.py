@@ -1,7 +1,6 @@
 """Killed writers, cut files, full disks, foreign and damaged files: nothing that was written is lost, nothing crashes."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -18,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.log_example import INFO, assert_same, example_samples, part
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Footer, Header
@@ -31,6 +29,8 @@ from asrsim.log.container import DATA_END, McapStorage
 from asrsim.log.description import info_from
 from asrsim.log.structure import split_records
 from asrsim.samples import Samples
+from support.log_example import INFO, assert_same, example_samples, part
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -1,17 +1,14 @@
 """`/tf` and `/tf_static` of a log: where viewers see the links is where the engine has them."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from support.random_robots import random_urdf
 
 import asrsim
 from asrsim.log import LogWriter
@@ -19,7 +16,8 @@ from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.simulation.describe import link_frames
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
-
+from support.paths import EXAMPLES
+from support.random_robots import random_urdf
 
 
 def matrix(transform):

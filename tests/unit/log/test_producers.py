@@ -1,7 +1,6 @@
 """Whatever writes a log: the log alone repeats the run bit for bit, and is judged by the claims that are its own."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,6 +20,7 @@ from asrsim.scenario import load_scenario
 from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

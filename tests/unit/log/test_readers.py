@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.log_example import INFO, example_samples
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Channel, DataEnd, Schema
 from mcap.stream_reader import StreamReader
@@ -19,6 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from asrsim.log import LogWriter, read_log
 from asrsim.log.structure import read_structure
 from asrsim.samples import Samples
+from support.log_example import INFO, example_samples
 
 pytestmark = pytest.mark.once
 

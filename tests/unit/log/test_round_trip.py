@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from support.log_example import INFO, assert_same, example_samples, part
 from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
 from asrsim.samples import JointInfo, RunInfo, Samples, concatenate
+from support.log_example import INFO, assert_same, example_samples, part
 
 
 @pytest.fixture(scope="module")

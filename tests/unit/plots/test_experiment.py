@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.plot_example import made_up_log, simulated_log
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
@@ -24,6 +23,7 @@ from asrsim.plots.overlay import draw_difference, draw_overlay, side_figure
 from asrsim.plots.pairing import BUDGET, _groups, assign
 from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
+from support.plot_example import made_up_log, simulated_log
 
 pytestmark = pytest.mark.once
 

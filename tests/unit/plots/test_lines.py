@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.plot_example import made_up_log
 
 from asrsim.metrics.frequency import FrequencyResponse
 from asrsim.plots import read_curves, style
@@ -17,6 +16,7 @@ from asrsim.plots.figures import objects_figure, run_pages
 from asrsim.plots.responses import Response
 from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
+from support.plot_example import made_up_log
 
 pytestmark = pytest.mark.once
 

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.log_example import INFO, example_samples
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from support.plot_example import made_up_log, simulated_log
 
 from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
@@ -23,6 +21,8 @@ from asrsim.plots.panels import PANELS, draw_panel
 from asrsim.plots.ticks import Plain
 from asrsim.plots.view import split
 from asrsim.plots.world import Curve
+from support.log_example import INFO, example_samples
+from support.plot_example import made_up_log, simulated_log
 
 pytestmark = pytest.mark.once
 

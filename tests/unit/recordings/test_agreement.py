@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.lab_files import table
 
 from asrsim.recordings import read_recording
+from support.lab_files import table
 
 pytestmark = pytest.mark.once
 

@@ -1,7 +1,6 @@
 """The document beside a recording that says how it is read: what it states counts, and nothing else is taken from names."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from asrsim.errors import RecordingError
 from asrsim.recordings import read_recording
 from asrsim.scenario import load_scenario
 from asrsim.signals import Playback
+from support.paths import ROOT
 
 TIME = np.arange(60) * 0.01
 ALPHA = 30 * np.sin(5 * TIME)

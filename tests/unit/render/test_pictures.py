@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.plot_example import EXAMPLES, made_up_log, simulated_log
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
@@ -21,6 +20,7 @@ from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
+from support.plot_example import EXAMPLES, made_up_log, simulated_log
 
 pytestmark = pytest.mark.once
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.plot_example import made_up_log
 
 from asrsim.metrics import MetricRow
 from asrsim.plots import read_curves, style
@@ -17,6 +16,7 @@ from asrsim.plots.rows import metric_tables
 from asrsim.recordings.names import find_joint
 from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
+from support.plot_example import made_up_log
 
 pytestmark = pytest.mark.once
 

@@ -11,8 +11,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.browser import CHROMIUM, Browser
-from support.plot_example import made_up_log, simulated_log
 from typer.testing import CliRunner
 
 from asrsim.cli.app import app
@@ -26,6 +24,8 @@ from asrsim.report.content import read_parameters
 from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, read_runs, unpack
 from asrsim.runs.folder import find_logs
+from support.browser import CHROMIUM, Browser
+from support.plot_example import made_up_log, simulated_log
 
 pytestmark = pytest.mark.once
 

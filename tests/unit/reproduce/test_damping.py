@@ -1,16 +1,15 @@
 """The law of damping that grows with the stiffness, in every kind of joint: c = c_URDF + 2 ratio sqrt(I k)."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import math
-from pathlib import Path
 
 import pytest
 
 from asrsim import run
 from asrsim.metrics.ringing import fit_ringing
 from asrsim.reproduce.statics import rest
+from support.paths import ROOT
 
 SCENARIOS = ROOT / "examples" / "scenarios"
 CASES = (("sea", "soft"), ("awas_ii", "soft"), ("bavs", "soft"), ("qbmove", "stiff"))

@@ -1,7 +1,6 @@
 """The paper's figures run again: measuring, judging, the page, the command."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import json
 import math
@@ -22,6 +21,7 @@ from asrsim.reproduce.law import swings
 from asrsim.reproduce.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
+from support.paths import EXAMPLES
 
 pytestmark = pytest.mark.once
 

@@ -1,7 +1,6 @@
 """Damaged robots: whatever is changed in a good file gives a checked robot or a RobotError, and what `check` passes runs."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import random
 import warnings
@@ -9,8 +8,6 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from support.tiny import PENDULUM
-from support.damage import damaged
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -20,6 +17,9 @@ from asrsim.errors import AsrsimError, RobotError
 from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_findings
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
+from support.damage import damaged
+from support.paths import ROOT
+from support.tiny import PENDULUM
 
 pytestmark = pytest.mark.once
 

@@ -14,7 +14,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from lxml import etree
-from support.random_robots import random_urdf
 
 from asrsim.errors import RobotError
 from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed
@@ -22,8 +21,9 @@ from asrsim.robot.inertia import inertia_tensor, principal_axes, zero_pose_inert
 from asrsim.robot.model import Link
 from asrsim.robot.numbers import plain_number, read_number
 from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
+from support.pinocchio_model import ALTEREGO, dynamics, farthest
+from support.random_robots import random_urdf
 
-ALTEREGO = [f"robots/alterego/alterego_{version}_fixedbase-true_fixedhands-true.urdf" for version in ("v2", "v3")]
 angle = st.floats(-7.0, 7.0)
 
 
@@ -47,38 +47,6 @@ def read(tmp_path: Path) -> Callable[[str], Robot]:
         return load_robot(tmp_path / "r.urdf")
 
     return reader
-
-
-def pinocchio_model(text: str) -> tuple[object, list[str]]:
-    import pinocchio
-
-    model = pinocchio.buildModelFromXML(text)
-    return model, [model.names[i] for i in range(1, model.njoints)]
-
-
-def dynamics(text: str, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
-    """Pinocchio's mass matrix by pairs of joints, and bias (Coriolis, gravity) by joint."""
-    import pinocchio
-
-    model, names = pinocchio_model(text)
-    data = model.createData()
-    q, v = pinocchio.neutral(model), np.zeros(model.nv)
-    for i, name in enumerate(names, start=1):
-        joint = model.joints[i]
-        x = positions[name]
-        q[joint.idx_q : joint.idx_q + joint.nq] = [x] if joint.nq == 1 else [math.cos(x), math.sin(x)]
-        v[joint.idx_v] = velocities[name]
-    matrix = pinocchio.crba(model, data, q)
-    matrix = np.triu(matrix) + np.triu(matrix, 1).T
-    bias = pinocchio.nonLinearEffects(model, data, q, v)
-    at = {name: model.joints[i].idx_v for i, name in enumerate(names, start=1)}
-    return {(a, b): matrix[at[a], at[b]] for a in names for b in names}, {name: bias[at[name]] for name in names}
-
-
-def farthest(one: dict, other: dict) -> float:
-    """Largest difference relative to the largest value."""
-    assert one.keys() == other.keys()
-    return max(abs(one[key] - other[key]) for key in one) / max(map(abs, one.values()))
 
 
 # -- numbers -----------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.robots import write_plain_arm
 from typer.testing import CliRunner
 
 import asrsim
@@ -15,6 +14,7 @@ from asrsim.cli.app import app
 from asrsim.errors import ScenarioError
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
+from support.robots import write_plain_arm
 
 REFERENCES = {"*": {"equilibrium_position": {"step": {"at": 0.05, "to": 0.2}}}}
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.random_robots import random_urdf
-from support.pinocchio_model import ALTEREGO, dynamics, farthest
 
 from asrsim.engines import ENGINES
 from asrsim.robot import Robot, engine_urdf, load_robot
 from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
+from support.pinocchio_model import ALTEREGO, dynamics, farthest
+from support.random_robots import random_urdf
 
 pytestmark = pytest.mark.once
 

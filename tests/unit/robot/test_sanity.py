@@ -3,10 +3,8 @@ actuators; and that `check` knows what `run` refuses.
 """
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import math
-from pathlib import Path
 
 import pytest
 
@@ -14,6 +12,7 @@ from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed, with_overrides
 from asrsim.robot.values import law_fault
 from asrsim.scenario import check_against_robot, load_scenario
+from support.paths import EXAMPLES
 
 MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
 

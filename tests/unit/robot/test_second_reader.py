@@ -1,7 +1,6 @@
 """Two readers of one robot file: what yourdfpy makes of it must be what asrsim makes of it."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ import pytest
 
 from asrsim.robot import load_robot
 from asrsim.robot.second_reader import second_reading
+from support.paths import ROOT
 
 EXAMPLES = sorted((ROOT / "examples" / "urdf").glob("*.urdf"))
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.log_example import INFO, example_samples, part
 
 from asrsim.errors import OutputError
 from asrsim.log import LogWriter
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.folder import find_logs, new_log, open_folder
 from asrsim.samples import Samples
+from support.log_example import INFO, example_samples, part
 
 pytestmark = pytest.mark.once
 

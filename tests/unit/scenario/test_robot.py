@@ -1,13 +1,11 @@
 """A scenario laid upon its robot: what changes, and what does not fit."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 from pathlib import Path
 from typing import Any
 
 import pytest
-from support.robots import write_plain_arm
 
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
@@ -15,6 +13,8 @@ from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
+from support.paths import ROOT
+from support.robots import write_plain_arm
 
 
 def block(joint, actuator, mode):

@@ -1,11 +1,9 @@
 """The JSON Schema and the documentation's tables follow from the declarations."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 import yaml
@@ -17,6 +15,7 @@ from asrsim.scenario import load_scenario, scenario_from_data
 from asrsim.scenario.keys import KEYS
 from asrsim.scenario.schema import json_schema
 from asrsim.signals import parse_signal
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.random_runs import RandomRun, random_run
-from support.tape import INSTALLED, Tape, assert_same
 
 import asrsim
 from asrsim.samples import concatenate
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.simulation import Simulation
+from support.random_runs import RandomRun, random_run
+from support.tape import Tape, assert_same
+from validation.models import INSTALLED
 
 Numbers = dict[str, dict[str, float]]
 

@@ -1,17 +1,14 @@
 """Where parts of the core meet: nothing depends on where a block, a chunk or a step begins."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import gc
 import weakref
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from support.hanging_chain import INERTIA, INSTALLED, MASS, REACH
 
 import asrsim
 from asrsim import make_scenario
@@ -29,8 +26,10 @@ from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
 from asrsim.simulation.wrenches import wrench_table
+from support.hanging_chain import INERTIA, MASS, REACH
+from support.paths import EXAMPLES
 from validation.conservation import motors
-from validation.models import Body, chain, column, run
+from validation.models import INSTALLED, Body, chain, column, run
 
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
 H = 1e-3

@@ -1,7 +1,6 @@
 """Small things of the core that must hold, each by a number that is known beforehand."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import math
 import re
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.hanging_chain import INERTIA, INSTALLED, MASS, NEVER, REACH, joint, links, plan, samples, truth
 
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
@@ -28,7 +26,9 @@ from asrsim.simulation.effects import through
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import COARSE, TARGET, UNSTABLE, _stiffer_than_foreseen, simulate
 from asrsim.simulation.simulation import Simulation
-from validation.models import Body, chain, column, run
+from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
+from support.paths import ROOT
+from validation.models import INSTALLED, Body, chain, column, run
 
 LIMITS = '<limit lower="{0}" upper="{1}" effort="{2}" velocity="100"/>'
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)

@@ -1,13 +1,9 @@
 """Small faults that slipped through once: a sign, a factor, a padding, an inertia that stays behind."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
-
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.tiny import Tiny
 
 from asrsim.learning.law import zero_phase
 from asrsim.learning.perturb import _heavier
@@ -15,7 +11,8 @@ from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from asrsim.simulation.certify import certify
 from asrsim.simulation.run import simulate
-
+from support.paths import EXAMPLES
+from support.tiny import Tiny
 
 
 @pytest.mark.parametrize("cutoff", [0.5, 2.0])

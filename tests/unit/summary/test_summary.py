@@ -1,7 +1,6 @@
 """The summary of a run: its numbers against the samples, its limits, its JSON."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES, ROOT
 
 import json
 import math
@@ -23,6 +22,7 @@ from asrsim.summary import Collector, collect
 from asrsim.summary.collect import Seen
 from asrsim.summary.make import make_summary
 from asrsim.summary.table import headline, joint_columns, limit_note, share
+from support.paths import EXAMPLES, ROOT
 
 pytestmark = pytest.mark.once
 
@@ -63,8 +63,6 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isnan(measures.overshoot)
     assert math.isnan(measures.settling)
     assert math.isfinite(measures.steady_state_error)
-
-
 
 
 @pytest.mark.parametrize("droop", [False, True])

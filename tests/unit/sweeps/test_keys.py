@@ -1,10 +1,8 @@
 """Every key that `--set` takes can be varied, and a row is what a run with that `--set` is; bad values are told in rows."""
 
 from __future__ import annotations
-from support.paths import EXAMPLES
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -15,6 +13,7 @@ from asrsim.scenario.keys import SCENARIO
 from asrsim.sweeps import make_study
 from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.runner import Runner
+from support.paths import EXAMPLES
 
 pytest.importorskip("pyarrow")
 

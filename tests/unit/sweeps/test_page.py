@@ -1,15 +1,10 @@
 """The page of a study in a real browser: it fits, says nothing on the console, and a line leads to its run."""
 
 from __future__ import annotations
-from support.paths import ROOT
-
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.browser import CHROMIUM, Browser
 from matplotlib.figure import Figure
-from support.overlaps import overlapping
 
 import asrsim
 from asrsim.errors import InputError
@@ -17,6 +12,9 @@ from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
 from asrsim.sweeps.page import write_page
 from asrsim.sweeps.pictures import _heat, draw_sweep, figures
+from support.browser import CHROMIUM, Browser
+from support.overlaps import overlapping
+from support.paths import ROOT
 
 pytestmark = pytest.mark.once
 

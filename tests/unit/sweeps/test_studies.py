@@ -1,7 +1,6 @@
 """Sweeps: points of a study, rows that do not depend on who did them, workers that die, resumption, pictures."""
 
 from __future__ import annotations
-from support.paths import ROOT
 
 import json
 import os
@@ -9,13 +8,9 @@ import pickle
 import random
 import shlex
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
-from support.tiny import PENDULUM
-from support.robots import write_plain_arm
-from support.edits import edits
 
 import asrsim
 from asrsim.errors import InputError, OutputError, SimulationError
@@ -32,6 +27,10 @@ from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study
 from asrsim.workers import Lost
 from asrsim.workers.local import Processes
+from support.edits import edits
+from support.paths import ROOT
+from support.robots import write_plain_arm
+from support.tiny import PENDULUM
 from validation.models import INSTALLED
 
 pa = pytest.importorskip("pyarrow")
