@@ -47,7 +47,8 @@ def compile_function(
 
     It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
     (functions of the loop, symbols of a library); version: of what they are; inline: modules whose functions become part of
-    their callers (with many arguments, calls cost more than what they do). Raises whatever Numba finds to say.
+    their callers (with many arguments, calls cost more than what they do). The code must not make arrays. Raises whatever
+    Numba finds to say.
     """
     import numba
 
@@ -55,7 +56,8 @@ def compile_function(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
         # Threads may run worlds side by side.
-        dispatcher: Any = numba.njit(signature, cache=cached, nogil=True)(copy)
+        options: dict[str, Any] = {"cache": cached, "nogil": True, "_nrt": False}
+        dispatcher: Any = numba.njit(signature, **options)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
         # The machine code itself: the dispatcher would check the types at every call. It owns that code, so it is kept alive.
@@ -223,41 +225,6 @@ def type_of(value: Any) -> Any:
     return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
 
 
-@cache
-def borrow() -> Any:
-    """What compiled code may call: arrays, in nested tuples, without their count of references.
-
-    Counting is most of what a short substep costs: each call counts every array of every tuple that it is given. The caller
-    holds the arrays meanwhile.
-    """
-    from numba import types
-    from numba.core import cgutils
-    from numba.extending import intrinsic
-
-    helpers: Any = cgutils
-
-    def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, value)
-            array.meminfo = helpers.get_null_value(array.meminfo.type)
-            array.parent = helpers.get_null_value(array.parent.type)
-            return array._getvalue()
-        if isinstance(kind, types.BaseTuple):
-            whole: Any = kind
-            members: Any = zip(tuple(whole), helpers.unpack_tuple(builder, value), strict=True)
-            parts = [uncounted(context, builder, part, member) for part, member in members]
-            return context.make_tuple(builder, kind, parts)
-        return value
-
-    def borrowed(typing: Any, values: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return uncounted(context, builder, signature.args[0], arguments[0])
-
-        return values(values), generate
-
-    return intrinsic(borrowed)
-
-
 def _through_cache(
     compiled: Callable[[types.FunctionType, bool], T],
     function: Any,
@@ -303,7 +270,10 @@ def _marked(
             return copy
         # Nobody calls it from Python, and wrappers for that would be half of the time that compiling takes.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        return numba.njit(copy, forceinline=copy.__module__ in inline, **options)
+        if inline:
+            # Counting references of arrays is most of what a short substep costs, and such code makes no arrays.
+            options |= {"forceinline": copy.__module__ in inline, "_nrt": False}
+        return numba.njit(copy, **options)
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:

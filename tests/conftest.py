@@ -46,11 +46,10 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> None:
     from asrsim.engines import ENGINES
     from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
-    from asrsim.reproduce import FIGURES
     from asrsim.signals import SIGNALS
     from asrsim.simulation.steppings import STEPPINGS
 
-    for registry in (ACTUATORS, ENGINES, MEASURES, FIGURES, SIGNALS, STEPPINGS, TRANSPORTS):
+    for registry in (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
 
 

@@ -53,7 +53,8 @@ def motor_kick(
     torque = friction = after = 0.0
     # The level of friction is that of the mean speed: in two rounds the kick is of second order where it falls with speed.
     for _ in range(2 if excess != 0.0 else 1):
-        slip = (level + excess * exp(-(mean * fade) * (mean * fade))) / stiffness
+        falling = excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else 0.0
+        slip = (level + falling) / stiffness
         stretch = position - anchor
         if abs(stretch) > slip:
             stretch = slip if stretch > 0.0 else -slip

@@ -57,7 +57,7 @@ def ilc(
     keep_logs: Annotated[
         KeepLogs | None, typer.Option(help="Trials whose logs are kept.", show_default="the scenario's")
     ] = None,
-    processes: Annotated[int, typer.Option(min=1, help="Processes for transfer and sets of plants.")] = 2,
+    processes: Annotated[int, typer.Option(min=1, help="Processes for the transfer.")] = 2,
     plugin: Plugins = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what another scenario learned there too.")] = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
@@ -208,7 +208,6 @@ def _learn(
         folder,
         on_start=None if silent else table.start,
         on_trial=None if silent else table.row,
-        on_foresight=None if silent else table.foresight,
         resume=resume,
         overwrite=overwrite,
         keep_logs=keep_logs.value if keep_logs else None,

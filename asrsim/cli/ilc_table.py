@@ -64,28 +64,16 @@ class TrialTable:
         from asrsim.cli.console import say
 
         unit = prepared.problem.unit
-        say(f"largest error of each joint and largest 2-norm in {unit}; ratio to the trial before, measured and predicted")
-        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "predicted", "s")
+        say(f"largest error of each joint and largest 2-norm in {unit}; its ratio to the trial before")
+        headings = ("trial", *prepared.plant.joints, "2-norm", "ratio", "s")
         self._widths = [max(len(heading), 7) for heading in headings]
         self._say(headings, "bold")
 
-    def foresight(self, prepared: Prepared, norms: list[float]) -> None:
-        """What the model foretells of a law of a fixed gain."""
-        from asrsim.cli.console import say
-        from asrsim.learning.prepared import turning
-
-        turn = turning(norms, prepared.settings.tolerance)
-        if turn is not None:
-            least = f"{norms[turn]:.3g} {prepared.problem.unit}"
-            say(
-                f"foretold: errors fall to a 2-norm of {least} in trial {turn} and then grow; law: auto does not turn", "yellow"
-            )
-
     def row(self, trial: Trial) -> None:
         """A trial."""
-        ratio, predicted = ("" if value is None else f"{value:.3f}" for value in (trial.ratio, trial.predicted))
+        ratio = "" if trial.ratio is None else f"{trial.ratio:.3f}"
         largest = [f"{value:.4f}" for value in trial.largest]
-        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, predicted, f"{trial.seconds:.2f}"))
+        self._say((str(trial.number), *largest, f"{trial.norm:.4f}", ratio, f"{trial.seconds:.2f}"))
 
     def _say(self, cells: tuple[str, ...], style: str = "") -> None:
         import sys
@@ -107,9 +95,7 @@ def report(session: Session, folder: Path, plugins: Sequence[Path], *, silent: b
         return data
     say(session.result.reason, "green" if session.result.converged else "red")
     if session.transfer is not None:
-        _say_transfer(session.transfer, "transfer")
-    if session.nominal_transfer is not None:
-        _say_transfer(session.nominal_transfer, "the same, learned on one plant only")
+        _say_transfer(session.transfer)
     if session.replaced is not None:
         say(str(session.replaced))
     say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
@@ -117,19 +103,12 @@ def report(session: Session, folder: Path, plugins: Sequence[Path], *, silent: b
     return data
 
 
-def _say_transfer(report: TransferReport, title: str) -> None:
+def _say_transfer(report: TransferReport) -> None:
     from asrsim.cli.console import say
 
     low, middle, high = (f"{value:.3g}" for value in report.quantiles((0.05, 0.5, 0.95)).values())
     least, most = (f"{100 * value:.0f}" for value in report.within_interval)
     say(
-        f"{title}: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} {report.unit} "
+        f"transfer: {100 * report.within:.0f} % of {len(report.draws)} plants stay within {report.tolerance:g} {report.unit} "
         f"(95 %: {least} to {most} %); largest error {low}, {middle}, {high} {report.unit} (5, 50, 95 %)"
     )
-    if report.influences:
-        strongest = ", ".join(
-            f"{item.factor} {item.rank_correlation:+.2f} ({item.interval[0]:+.2f} to {item.interval[1]:+.2f})"
-            for item in report.telling[:3]
-        )
-        none = f"none of {len(report.influences)} factors stands out of the noise of {len(report.draws)} plants"
-        say(f"  what matters most (rank correlation with the error, 95 %): {strongest or none}")

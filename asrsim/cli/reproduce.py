@@ -34,7 +34,7 @@ def reproduce(
     from asrsim.cli.console import json_errors, say, say_json
 
     with json_errors(json):
-        from asrsim.reproduce.session import reproduce as run
+        from asrsim.reproduce import reproduce as run
 
         outcome = run(
             figures or (), out, processes=processes, on_figure=None if json else lambda one: _report(one, quiet=quiet)

@@ -36,9 +36,6 @@ def sweep(
     design: Annotated[str, typer.Option(help="How draws are placed: random, lhs, sobol, saltelli.")] = "random",
     samples: Annotated[int | None, typer.Option(min=1, help="Draws.", show_default="100")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
-    correlate: Annotated[
-        list[str] | None, typer.Option(metavar="KEY,KEY=NUMBER", help="Correlation of two drawn keys; may be repeated.")
-    ] = None,
     fit: Annotated[
         Path | None, typer.Option(help="File with keys, mean and covariance: drawn together.", show_default=False)
     ] = None,
@@ -46,7 +43,6 @@ def sweep(
         list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-6, help="Hz, of kept signals.")] = 100.0,
-    logs: Annotated[bool, typer.Option("--logs", help="Keep a log of every run, too.")] = False,
     workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
@@ -81,8 +77,8 @@ def sweep(
 
     given: dict[str, Any] = {
         "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
-        "correlations": [_pair(text) for text in correlate or ()], "fit": fit, "signals": signal or [], "rate": rate,
-        "logs": logs, "plugins": plugin or [],
+        "fit": fit, "signals": signal or [], "rate": rate,
+        "plugins": plugin or [],
     }  # fmt: skip
     with json_errors(json):
         load_plugins(plugin)
@@ -99,19 +95,6 @@ def sweep(
             _show(table, result or [], plot=plot and not code, report=report and not code, quiet=quiet, json=json)
     if code:
         raise typer.Exit(code)
-
-
-def _pair(text: str) -> tuple[str, str, float]:
-    keys, _, number = text.rpartition("=")
-    first, comma, second = keys.partition(",")
-    try:
-        value = float(number)
-    except ValueError:
-        comma = ""
-        value = 0.0
-    if not comma:
-        raise typer.BadParameter(f"'{text}' is not KEY,KEY=NUMBER", param_hint="--correlate")
-    return first.strip(), second.strip(), value
 
 
 def _swept(

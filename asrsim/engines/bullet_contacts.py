@@ -20,7 +20,7 @@ from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, se
 from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
 from asrsim.engines.exact_friction import settle
-from asrsim.engines.rigid import make_room, plain
+from asrsim.engines.rigid import IMPLICITNESS, STEP, Calculation, make_room
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
@@ -38,6 +38,33 @@ REACH = 2.0
 """Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
 ARREST = 1e9
 """N m: more than any impact takes."""
+
+
+def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
+    """Into `push` the N m that Bullet is given; in it is the bias (v,) at the present velocity, which Bullet takes itself.
+
+    Given are the room's `matrix`, `bias`, `force`, `velocity`, and the joints' positions in `qpos`. Ordinary code, run as it
+    is or compiled.
+    """
+    step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
+    kick = fraction * step
+    for i in range(len(room.velocity)):
+        room.held[i] = 0
+        room.impulse[i] = step * room.force[i] - kick * room.bias[i]
+        push[i] = room.force[i] - fraction * (room.bias[i] - push[i])
+    for j in range(len(room.joint_v)):
+        i, position, damping = room.joint_v[j], room.qpos[j], exchange[j, DAMPING]
+        torque = fraction * exchange[j, TORQUE]
+        push[i] += torque
+        room.impulse[i] += step * torque - kick * damping * room.velocity[i]
+        room.matrix[i, i] += implicitness * kick * damping
+        room.bound[i] = kick * exchange[j, FRICTION]
+        room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
+        room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
+    settle(room)
+    for j in range(len(room.joint_v)):
+        i = room.joint_v[j]
+        push[i] -= fraction * exchange[j, DAMPING] * (room.velocity[i] + implicitness * room.change[i])
 
 
 class _Saved:
@@ -88,13 +115,15 @@ class BulletContacts:
         self._base = 0 if scenario.fixed_base else BASE
         self._world = BulletWorld(p, client, body, scenario.world, fixed=scenario.fixed_base)
         self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
-        self._before = np.zeros(self._base + len(self._indices))
-        self._frictions = [0.0] * len(self._indices)
-        rows = range(self._base, len(self._before))
+        count = len(self._indices)
+        self._before = np.zeros(self._base + count)
+        self._frictions: list[float | None] = [None] * count
+        """N m of the motors that are the joints' friction; None: not known."""
         self._room = make_room(
-            self.robot, np.zeros(4), qpos=np.zeros(0), qvel=self._before, joint_q=rows, joint_v=rows, free=bool(self._base)
-        )
-        self._plain = plain(self._room)
+            self.robot, np.zeros(4), qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
+            joint_v=range(self._base, self._base + count), free=bool(self._base),
+        )  # fmt: skip
+        self._torques = Calculation(find_torques, self._room)
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -103,7 +132,10 @@ class BulletContacts:
     ) -> tuple[Sequence[float], Sequence[float]]:
         """A run begins."""
         p, client, body = self._p, self._client, self._body
-        self._step, self._implicitness = step, implicitness
+        self._step = step
+        self._room.scheme[:] = step, 1.0, 0.0, implicitness
+        # Bullet keeps the impulses of motors, which follow from the step.
+        self._frictions = [None] * len(self._indices)
         self._lagging = staggered and len(self._before) > 1
         p.setTimeStep(step, physicsClientId=client)
         base, objects = self._home
@@ -113,21 +145,23 @@ class BulletContacts:
             p.resetJointState(body, index, float(position), float(velocity), physicsClientId=client)
         self._world.set_states(objects)
         self._read()
-        self._before[:] = self._velocity
+        self._before[:] = self._room.velocity
         return positions, velocities
 
     def _read(self) -> None:
         """Where the robot is, and how it moves."""
         p, client, body = self._p, self._client, self._body
         states = p.getJointStates(body, self._indices, client) if self._indices else ()
-        self._positions = np.array([state[0] for state in states])
+        self._positions = [state[0] for state in states]
         speeds = [state[1] for state in states]
         self._rotation: Array | None = None
         if self._base:
             self._rotation = inertial_frame(p, client, body, -1)[1]
             linear, angular = p.getBaseVelocity(body, client)
             speeds = [*linear, *(self._rotation.T @ angular), *speeds]
-        self._velocity = np.array(speeds)
+        self._velocities = speeds[self._base :]
+        self._room.qpos[:] = self._positions
+        self._room.velocity[:] = speeds
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
         """One step."""
@@ -148,54 +182,46 @@ class BulletContacts:
             p.applyExternalTorque(self._body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
         p.stepSimulation(client)
         for j in arrived:
-            self._set_motor(j, self._frictions[j])
-        before = self._velocity
+            self._frictions[j] = None
+        velocity = self._room.velocity
+        self._before[:] = velocity
         self._read()
-        # Before a first kick, as if it had been a whole one.
-        self._before[:] = before if fraction == 1.0 else 2.0 * before - self._velocity
+        if fraction != 1.0:
+            # Before a first kick, as if it had been a whole one.
+            self._before[:] = 2.0 * self._before - velocity
         exchange[:, POSITION] = self._positions
-        exchange[:, VELOCITY] = self._velocity[self._base :]
+        exchange[:, VELOCITY] = self._velocities
 
     def _push(self, exchange: Array, wrenches: Array, fraction: float) -> Array:
         """(v,) N m that Bullet is given, over the whole step."""
-        q, rotation, now, model, base = self._positions, self._rotation, self._velocity, self._model, self._base
-        force = np.zeros(len(now))
-        force[base:] = fraction * exchange[:, TORQUE]
+        room, rotation, model = self._room, self._rotation, self._model
+        q, now = room.qpos, room.velocity
         if len(wrenches):
-            force += model.push(self._scenario.wrenches, wrenches, q, rotation)
-        damping = np.zeros(len(now))
-        damping[base:] = exchange[:, DAMPING]
-        self._room.change[:] = 0.0
-        near = self._stops and self._near_stops()
-        if not near and not self._lagging and not damping.any() and fraction == 1.0:
-            return force
-        bias = model.bias_at(q, rotation, now)
-        whole = bias
-        if self._lagging and fraction == 1.0:
-            whole = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before)
-        if near or damping.any():
-            share = self._implicitness * fraction * self._step
-            room = self._room
-            room.matrix[:] = model.matrix_at(q, rotation) + np.diag(share * damping)
-            room.impulse[:] = self._step * (force - fraction * (whole + damping * now))
-            room.velocity[:] = now
-            room.bound[base:] = fraction * self._step * exchange[:, FRICTION]
-            room.slowest[base:] = np.minimum((room.lower - q) / self._step, 0.0)
-            room.fastest[base:] = np.maximum((room.upper - q) / self._step, 0.0)
-            room.held[:] = 0
-            settle(self._plain)
-            force -= fraction * damping * (now + self._implicitness * room.change)
-        # What Bullet takes itself: velocity torques with their whole impulse, gravity with its fraction.
-        force -= fraction * (whole - bias)
-        if fraction != 1.0:
-            force += (1.0 - fraction) * (bias - model.bias_at(q, rotation, np.zeros(len(now))))
-        return force
+            room.force[:] = model.push(self._scenario.wrenches, wrenches, q, rotation)
+        settled = self._near_stops() or bool(exchange[:, DAMPING].any())
+        if not settled:
+            room.change[:] = 0.0
+        if not settled and not self._lagging and fraction == 1.0:
+            push = room.force.copy()
+            push[self._base :] += exchange[:, TORQUE]
+            return push
+        push = model.bias_at(q, rotation, now)
+        # Gravity alone has an impulse of its own.
+        rest = (1.0 - fraction) * (push - model.bias_at(q, rotation, np.zeros(len(now)))) if fraction != 1.0 else 0.0
+        lagging = self._lagging and fraction == 1.0
+        room.bias[:] = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before) if lagging else push
+        if settled:
+            room.matrix[:] = model.matrix_at(q, rotation)
+            return self._torques(push, exchange, fraction) + rest
+        push = room.force + fraction * (push - room.bias) + rest
+        push[self._base :] += fraction * exchange[:, TORQUE]
+        return push
 
     def _set_friction(self, bounds: list[float]) -> None:
-        """Bullet keeps the impulse of these motors, so it is issued anew when the step changes, too."""
         for j, bound in enumerate(bounds):
-            self._set_motor(j, bound)
-        self._frictions = bounds
+            if bound != self._frictions[j]:
+                self._set_motor(j, bound)
+                self._frictions[j] = bound
 
     def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
         """A velocity motor at target 0: with force 0 it frees the joint, with a force it is its Coulomb friction."""
@@ -206,9 +232,11 @@ class BulletContacts:
 
     def _near_stops(self) -> bool:
         """Whether a joint may pass a stop in this step."""
-        room, q = self._room, self._positions
-        reach = REACH * self._step * (1.0 + np.abs(self._velocity[self._base :]))
-        return bool(((q + reach > room.upper) | (q - reach < room.lower)).any())
+        for j, lower, upper in self._stops:
+            position, reach = self._positions[j], REACH * self._step * (1.0 + abs(self._velocities[j]))
+            if position + reach > upper or position - reach < lower:
+                return True
+        return False
 
     def _reach_stops(self) -> list[int]:
         """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
@@ -216,10 +244,11 @@ class BulletContacts:
         Returns these joints, whose motors serve for it.
         """
         arrived = []
+        changes = self._room.change[self._base :].tolist()
         for j, lower, upper in self._stops:
-            position, velocity = self._positions[j], self._velocity[self._base + j]
+            position, velocity = self._positions[j], self._velocities[j]
             # Without contacts it ends the step with this velocity, which takes it to its stop at most.
-            settled = velocity + self._room.change[self._base + j]
+            settled = velocity + changes[j]
             for speed in (settled, velocity):
                 reach = ((upper if speed > 0.0 else lower) - position) / self._step
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
@@ -240,6 +269,7 @@ class BulletContacts:
         self._p.restoreState(saved.number, physicsClientId=self._client)
         self._before[:] = before
         self._read()
+        self._frictions = [None] * len(self._indices)
 
     # -- what is around ---------------------------------------------------------------------------------------------
 

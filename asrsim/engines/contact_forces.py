@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from asrsim.samples import Array
 
 GROUND, ROBOT = "ground", "robot"
+NOTHING = (0.0, 0.0, 0.0)
 
 
 def contact_forces(
@@ -19,11 +21,11 @@ def contact_forces(
     points: of all contacts the two bodies, and the force (3,) on the first.
     """
     others = [*objects, *([GROUND] if ground else []), ROBOT]
-    total = {f"{name}/{other}": np.zeros(3) for name in objects for other in others if other != name}
+    total: dict[str, Any] = {f"{name}/{other}": NOTHING for name in objects for other in others if other != name}
     if ground:
-        total[f"{ROBOT}/{GROUND}"] = np.zeros(3)
+        total[f"{ROBOT}/{GROUND}"] = NOTHING
     for first, second, force in points:
         for key, sign in ((f"{first}/{second}", 1.0), (f"{second}/{first}", -1.0)):
             if key in total:
-                total[key] += sign * force
+                total[key] = np.add(total[key], sign * force)
     return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}

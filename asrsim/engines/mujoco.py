@@ -62,6 +62,7 @@ class MujocoEngine(RigidEngine):
         self.model = MujocoModel(mujoco, self._m, joints=self.joints, home=home, places=self._places(merged))
         self._scheme = np.zeros(4)
         self._record = self._make_record(data)
+        self._call: Any = None
         super().__init__(self._record.room, home)
         self._words = pack(self._record)
         self._plain_step = partial(plain_step(), plain(self._record))

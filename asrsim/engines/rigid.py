@@ -9,7 +9,7 @@ rad/s about its own axes, joints), velocities before the last kick, and `held` o
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import cos, inf, sin, sqrt
 from typing import Any, NamedTuple
@@ -28,7 +28,9 @@ Numbers = NDArray[Any]
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Places in `Room.scheme`: s; weights of the last two velocities in that of the whole step; of damping."""
-INLINE = ("asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step")
+INLINE = (
+    "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet_contacts",
+)  # fmt: skip
 """Modules whose functions are compiled into their callers."""
 
 
@@ -169,13 +171,40 @@ def _sizes(room: Any) -> tuple[int, int, int]:
     return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), 0
 
 
-def _finish(room: Any, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    finish(room, state, exchange, fraction)
+def _calculate(room: Any, numbers: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+    _law(room, numbers, exchange, fraction)
+
+
+def _law(*arguments: Any) -> Any:
+    raise NotImplementedError("bound where it is compiled")
 
 
 @cache
-def _compiled_finish(kind: Any) -> Any:
-    return compiling.compile_packed(_finish, kind, _sizes, inline=INLINE)
+def _compiled(function: Callable[..., None], kind: Any) -> Any:
+    return compiling.compile_packed(_calculate, kind, _sizes, names={"_law": function}, inline=INLINE).call
+
+
+class Calculation:
+    """A function of a room, numbers (a state's, at most), an exchange and a fraction, which changes them.
+
+    It is compiled where Numba is in use in this process; the bits are the same.
+    """
+
+    def __init__(self, function: Callable[[Any, Any, Any, float], None], room: Room) -> None:
+        self._function, self._room = function, room
+        self._plain, self._packed = plain(room), pack(room)
+        self._at = self._packed.ctypes.data
+        self._call: Any = None
+
+    def __call__(self, numbers: Array, exchange: Array, fraction: float) -> Array:
+        """The numbers."""
+        if self._call is None and "numba" in sys.modules:
+            self._call = _compiled(self._function, compiling.type_of(self._room))
+        if self._call is None:
+            self._function(self._plain, numbers.data, exchange.data, fraction)
+        else:
+            self._call(self._at, numbers.ctypes.data, exchange.ctypes.data, 0, fraction)
+        return numbers
 
 
 class RigidEngine:
@@ -187,11 +216,10 @@ class RigidEngine:
     def __init__(self, room: Room, home: Array) -> None:
         """home: configuration (q,) at the start, but for the joints."""
         self._room, self._home = room, home
-        self._plain, self._packed = plain(room), pack(room)
+        self._plain = plain(room)
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
-        self._at = self._packed.ctypes.data, self._state.ctypes.data
-        self._call: Any = None
+        self._finish = Calculation(finish, room)
 
     def look(self, wrenches: Array) -> None:
         """Fill in the room's `matrix`, `bias` and `force` at its `qpos` and `qvel`."""
@@ -212,15 +240,10 @@ class RigidEngine:
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step. Where Numba is in use in this process, its last part is compiled; the bits are the same."""
+        """One step."""
         aim(self._plain, self._numbers, fraction)
         self.look(wrenches)
-        if self._call is None and "numba" in sys.modules:
-            self._call = _compiled_finish(compiling.type_of(self._room)).call
-        if self._call is None:
-            finish(self._plain, self._numbers, exchange.data, fraction)
-        else:
-            self._call(*self._at, exchange.ctypes.data, 0, fraction)
+        self._finish(self._state, exchange, fraction)
 
     @property
     def state(self) -> Array:

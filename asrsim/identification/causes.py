@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.identification.extensions import ASKED, Extended, Extension, Propose, extended, freed, least_moves
+from asrsim.identification.extensions import ASKED, Extended, Extension, Propose, extended, freed
 from asrsim.identification.keys import JUMP, LATEST, Parameter, parameters_of
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
@@ -42,12 +42,11 @@ BITES, RELEASES, REACHED = (0.75, 0.3, 0.1), 2.0, 0.999
 """Shares of what the motion reaches, and of a limit that it reaches, at which another limit is tried; share of a limit from
 which on the motion has run into it.
 """
-SIZES = {"max_torque": "torque", "max_velocity": "velocity", "max_current": "current", "max_voltage": "voltage"}
-"""Last part of a motor's limit -> the motor's quantity that it bounds on both sides."""
-PLACES = {"min_position": -1.0, "max_position": 1.0}
-"""The same of a motor's stop -> the side on which it bounds the position."""
-DEFLECTION = "max_deflection"
-"""A spring's limit."""
+LIMITS = {
+    "max_torque": ("torque", 0.0), "max_velocity": ("velocity", 0.0), "max_current": ("current", 0.0),
+    "max_voltage": ("voltage", 0.0), "min_position": ("position", -1.0), "max_position": ("position", 1.0),
+}  # fmt: skip
+"""Last part of a motor's limit -> the motor's quantity that it bounds, and on which side; 0: on both."""
 LAGS, TREND, PARTS = 0.3, 0.6, 12
 """Share of a torque's errors, squared, from which on they go with the direction of its change; rank correlation of a spring's
 estimates in so many parts of the record with the deflection, beyond which it depends on it.
@@ -81,32 +80,18 @@ def jumps_of(track: Track, held: frozenset[str]) -> Iterator[Parameter]:
             yield Parameter(key=f"{command.key}.{JUMP}{number}", unit="s", start=0.0, low=0.0, high=width, own=True)
 
 
-def with_early_jumps(problem: Problem, x: Array) -> Problem:
+def with_jumps_of_predicted(problem: Problem, x: Array, enough: Callable[[Problem, Array], bool]) -> Problem:
     """With jumps of recordings that are only predicted where these ask for them: when they came is nothing of the model's."""
-    playing = [*problem.playing]
-    for number in range(len(problem.fitted), len(problem.tracks)):
-        track = problem.tracks[number]
-        found, table = list(jumps_of(track, problem.held)), problem.layout.table(x, number)
-        tables = [table, *({**table, jump.key: 0.5 * jump.high} for jump in found)] if found else []
-        left = [
-            None if one is None
-            else np.concatenate([(a - c.values) / c.floor for a, c in zip(one, track.channels, strict=True)])
-            for one in track.predictions(tables, playing[number])
-        ]  # fmt: skip
-        if left and left[0] is not None and float(np.mean(left[0] ** 2)) > 1.0:
-            slopes = np.stack([0.0 * left[0] if one is None else one - left[0] for one in left[1:]], axis=1)
-            playing[number] = replace(playing[number], early=_early(found, left[0], slopes))
-    return replace(problem, playing=tuple(playing))
-
-
-def _early(found: Sequence[Parameter], base: Array, slopes: Array) -> dict[str, float]:
-    """s by which jumps come early that a recording asks for. base: (m,) errors; slopes: (m, k) of half an interval."""
-    shares = least_moves(slopes, base, np.zeros(len(found)), np.full(len(found), 2.0))
-    after = base + slopes @ shares
-    asked = shares**2 * np.sum(slopes**2, axis=0) > ASKED * max(float(np.mean(after**2)), 1.0)
-    if float(base @ base - after @ after) <= MUCH * (float(base @ base) - len(base)):
-        return {}
-    return {jump.key: 0.5 * jump.high * share for jump, share, one in zip(found, shares.tolist(), asked, strict=True) if one}
+    ends = tuple(track.data.duration if track.data.held else 0.0 for track in problem.tracks)
+    alone = replace(problem, ends=ends, layout=problem.layout.fixed_at(x))
+    if not alone.fitted:
+        return problem
+    found = extended(alone, np.zeros(0), jumps, most=1, enough=enough)
+    moved = [
+        {key: value for key, value in values.items() if f".{JUMP}" in key and number in alone.fitted}
+        for number, values in enumerate(found.problem.layout.fixed_at(found.x).fixed)
+    ]
+    return problem.under(replace(problem.layout, fixed=tuple(moved)))
 
 
 def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
@@ -151,11 +136,13 @@ def missing_causes(problem: Problem, x: Array, start: Array) -> list[str]:
     """For people. problem: weighted by the channels' noise; x: the estimate; start: where it began."""
     base = mean_square(problem, x)
 
-    def enough(found: Extended) -> bool:
-        return found.cost - 1.0 <= (1.0 - EXPLAINED) * (base - 1.0)
+    def enough(wider: Problem, there: Array) -> bool:
+        return mean_square(wider, there) - 1.0 <= (1.0 - EXPLAINED) * (base - 1.0)
 
     found = extended(problem, x, _causes, most=CAUSES, enough=enough, starts=[start], rounds=ROUNDS, tolerance=1e-3)
-    suspected = list(_suspected(found, base)) if found.chosen and enough(found) else list(_nobody_gave(problem))
+    suspected = (
+        list(_suspected(found, base)) if found.chosen and enough(found.problem, found.x) else list(_nobody_gave(problem))
+    )
     return [*suspected, *_amplitude(problem, x), *_hysteresis(problem, x)]
 
 
@@ -305,58 +292,44 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
 
 
 def limits(problem: Problem, x: Array) -> Iterator[tuple[str, Parameter, list[Tie]]]:
-    """Every limit that is not free, with a start that bites, where it would make a difference to the motion at x; those of a
+    """Every limit that is not free, with starts that bite, where it would make a difference to the motion at x; those of a
     joint's two motors, where they are the same number, together.
     """
-    track, playing, values = problem.tracks[0], problem.playing[0], problem.layout.table(x, 0)
+    track, values = problem.tracks[0], problem.layout.table(x, 0)
     known = parameters_of(track.door.robot, (), {})
     for j, drive in enumerate(track.door.drives):
-        tied: dict[str, str] = {}
-        for i in range(1, drive.dynamic_motors + 1):
-            for what in (*SIZES, *PLACES):
-                key, other = f"{drive.name}.motor_{i}_{what}", f"{drive.name}.motor_2_{what}"
-                if key not in known or key in values or key in tied:
-                    continue
-                found = track.series(values, playing, [(j, f"motor_{i}_{SIZES.get(what, 'position')}")])
-                same = i == 1 and other in known and other not in values and drive.dynamic_motors > 1
-                ties = [Tie(key=other, to=key)] if same and known[other].start == known[key].start else []
-                for start in _starts(known[key].start, None if found is None else _reached(found, what), PLACES.get(what)):
-                    tied.update((tie.key, key) for tie in ties)
-                    yield f"a limit of the motors of {drive.name}, {what}", _biting(known[key], start, what), ties
-        key = f"{drive.name}.{DEFLECTION}"
-        if key in known and key not in values and drive.actuator and drive.mode and drive.mode.spring:
-            places = [(j, f"motor_{i}_position") for i in range(1, drive.actuator.motors + 1)]
-            found = track.series(values, playing, [*places, (j, "link_position")])
-            most = 0.0 if found is None or not np.isfinite(found).all() else float(np.abs(found[:-1] - found[-1]).max())
-            for start in _starts(known[key].start, (0.0, most), None):
-                yield f"a limit of the deflection of {drive.name}", _biting(known[key], start, DEFLECTION), []
+        motors = [(i, what) for i in range(1, drive.dynamic_motors + 1) for what in LIMITS]
+        bounds = [(f"motor_{i}_{what}", f"motor_{i}_{LIMITS[what][0]}", LIMITS[what][1]) for i, what in motors]
+        if drive.actuator and drive.mode and drive.mode.spring:
+            bounds.append(("max_deflection", "deflection", 0.0))
+        tied: set[str] = set()
+        for name, quantity, side in bounds:
+            key, other = f"{drive.name}.{name}", f"{drive.name}.{name.replace('motor_1', 'motor_2')}"
+            if key not in known or key in values or key in tied:
+                continue
+            same = other != key and other in known and other not in values and known[other].start == known[key].start
+            ties = [Tie(key=other, to=key)] if same else []
+            found = track.series(values, problem.playing[0], [(j, quantity)])
+            for parameter in _biting(known[key], found, side):
+                tied.update(tie.key for tie in ties)
+                of = "the deflection" if name == "max_deflection" else f"the motors, {name[8:]},"
+                yield f"a limit of {of} of {drive.name}", parameter, ties
 
 
-def _reached(series: Array, what: str) -> tuple[float, float] | None:
-    """Least and largest value; of what has two sides, of its size."""
-    if not np.all(np.isfinite(series)):
-        return None
-    found = series if what in PLACES else np.abs(series)
-    return float(found.min()), float(found.max())
-
-
-def _starts(limit: float, reached: tuple[float, float] | None, side: float | None) -> list[float]:
-    """Where another limit is tried; nowhere, where there is nothing to limit."""
-    if reached is None or reached[0] == reached[1]:
-        return []
-    low, high = reached
+def _biting(limit: Parameter, found: Array | None, side: float) -> Iterator[Parameter]:
+    """Another limit, where it is tried; nowhere, where there is nothing to limit. found: (1, n) what it bounds."""
+    if found is None or not np.all(np.isfinite(found)) or np.ptp(found if side else np.abs(found)) == 0.0:
+        return
+    if side:
+        reach, extent = side * float(np.max(side * found)), float(np.ptp(found))
+        into = math.isfinite(limit.start) and side * (limit.start - reach) <= (1.0 - REACHED) * extent
+        starts = [limit.start + side * extent] * into + [reach - side * (1.0 - bite) * extent for bite in BITES]
+        yield from (replace(limit, start=one, low=-math.inf, high=math.inf, logarithmic=False) for one in starts)
+        return
     # Where a jump of the command reaches the limit for a moment, a lower one may be missing all the same.
-    if side is None:
-        return [*([RELEASES * limit] if high >= REACHED * limit else []), *(bite * high for bite in BITES)]
-    reach, extent = (high if side > 0.0 else low), high - low
-    into = math.isfinite(limit) and side * (limit - reach) <= (1.0 - REACHED) * extent
-    return [*([limit + side * extent] if into else []), *(reach - side * (1.0 - bite) * extent for bite in BITES)]
-
-
-def _biting(parameter: Parameter, start: float, what: str) -> Parameter:
-    if what in PLACES:
-        return replace(parameter, start=start, low=-math.inf, high=math.inf, logarithmic=False)
-    return replace(parameter, start=start, low=1e-3 * start, high=1e3 * start, logarithmic=True)
+    reach = float(np.max(np.abs(found)))
+    starts = [RELEASES * limit.start] * (reach >= REACHED * limit.start) + [bite * reach for bite in BITES]
+    yield from (replace(limit, start=one, low=1e-3 * one, high=1e3 * one, logarithmic=True) for one in starts)
 
 
 # -- laws that errors show to be missing -----------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.identification.layout import Entry
 from asrsim.identification.problem import Problem, residuals
@@ -14,10 +15,6 @@ from asrsim.identification.told import UNKNOWN, Told, percent
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
-NOTHING = 1.0
-"""The same from which on its estimate is noise."""
-CHANCE = 6.0
-"""Chi squared that noise alone gives to a few directions."""
 NICE, NICER = 1.5, 2e-3
 """How many times wider, and by how much more, the interval of a simpler form may be."""
 HIGHEST = 8.0
@@ -69,35 +66,48 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     return result
 
 
+Form = tuple[str, Array, Callable[[Array], float]]
+"""Its text, its relative change by those of the free entries (k,), and its value from theirs (k,)."""
+
+
 def _form(problem: Problem, told: Told, exponents: Array, places: Sequence[Array]) -> Combination | None:
     """A product of powers in its simplest form: a ratio to an inertia about its joint, a sum, or whole powers."""
     moving = np.flatnonzero(exponents)
     if len(moving) == 2:
         first, second = moving.tolist()
         power = float(exponents[second] / exponents[first])
-        special = _about_joint(problem, told, first, second, power, places) or _sum(told, first, second, power, places)
-        if special is not None:
-            return special
+        for form in (*_about_joint(problem, told, first, second, power), *_sum(told, first, second, power)):
+            if (special := _known(told, form, places)) is not None:
+                return special
     if np.any(told.values[told.free][moving] <= 0.0):
         return None
     best = None
     for powers in (exponents, *_whole(exponents)):
         # The same combination: margins are compared at one power of the same entry.
         size = float(np.abs(powers[moving]).min())
-        margin = float(np.hypot(told.margin(powers), _sway(told, powers, places)))
-        if margin < UNKNOWN and (best is None or margin / size < NICE * best[0] + NICER):
-            best = margin / size, margin, powers
-    if best is None or float(np.abs(best[2]).max()) > HIGHEST * float(np.abs(best[2][moving]).min()):
-        return None
-    _, margin, powers = best
+        one = _known(told, _product(told, powers, moving), places) if np.abs(powers).max() <= HIGHEST * size else None
+        if one is not None and (best is None or one.margin / size < NICE * best[0] + NICER):
+            best = one.margin / size, one
+    return None if best is None else best[1]
+
+
+def _known(told: Told, form: Form, places: Sequence[Array]) -> Combination | None:
+    """A form with its interval, which holds by how much it differs where others fit as well; None where it is wide."""
+    text, change, value = form
+    here, *moved = (value(values[told.free]) for values in (told.values, *places))
+    margin = float(np.hypot(told.margin(change), max((abs(one / here - 1.0) for one in moved), default=0.0)))
+    keys = tuple(told.free[i] for i in np.flatnonzero(change))
+    return Combination(text, here, margin, keys) if margin < UNKNOWN else None
+
+
+def _product(told: Told, exponents: Array, moving: NDArray[np.intp]) -> Form:
     # What has the least power is no divisor.
-    least = moving[int(np.argmin(np.abs(powers[moving]) - 1e-9 * (powers[moving] > 0.0)))]
-    powers = powers * np.sign(powers[least])
+    least = moving[int(np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0)))]
+    powers = exponents * np.sign(exponents[least])
     named = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in moving]
     text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
     text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
-    value = float(np.exp(np.sum(powers[moving] * np.log(told.values[told.free][moving]))))
-    return Combination(text, value, margin, tuple(told.free[i] for i in moving))
+    return text, powers, lambda values: float(np.prod(np.maximum(values[moving], 1e-300) ** powers[moving]))
 
 
 def _power(name: str, power: float) -> str:
@@ -124,34 +134,21 @@ def _swayed(told: Told, x: Array, left: Callable[[Array], Array]) -> list[Array]
     return found
 
 
-def _sway(told: Told, exponents: Array, places: Sequence[Array]) -> float:
-    """By how much a product of powers differs, at most, where others fit as well."""
-    moving = np.flatnonzero(exponents)
-    here = told.values[told.free][moving]
-    ratios = [there[told.free][moving] / here for there in places]
-    return max((abs(float(exponents[moving] @ np.log(r))) for r in ratios if np.all(r > 0.0)), default=0.0)
-
-
-def _about_joint(
-    problem: Problem, told: Told, first: int, second: int, power: float, places: Sequence[Array]
-) -> Combination | None:
+def _about_joint(problem: Problem, told: Told, first: int, second: int, power: float) -> Iterator[Form]:
     """k / (izz + m r^2): what a motion tells of an inertia is that about the joint. first * second^power is constant."""
     for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
-        entries = [problem.layout.entries[told.free[i]] for i in (other, inertia)]
-        beside = _beside(problem, entries[1])
+        names = [problem.layout.entries[told.free[i]].name for i in (other, inertia)]
+        beside = _beside(problem, problem.layout.entries[told.free[inertia]])
         size = float(told.values[told.free[inertia]])
-        if beside <= 0.0 or abs(exponent * (size + beside) / size + 1.0) > ABOUT:
-            continue
-        exponents = np.zeros(len(told.free))
-        exponents[other], exponents[inertia] = 1.0, -size / (size + beside)
-        value, *moved = (
-            float(there[told.free[other]] / (there[told.free[inertia]] + beside)) for there in (told.values, *places)
-        )
-        margin = float(np.hypot(told.margin(exponents), max((abs(one / value - 1.0) for one in moved), default=0.0)))
-        if margin < UNKNOWN:
-            text = f"{entries[0].name} / ({entries[1].name} + {beside:.3g} kg m^2, the inertia about the joint)"
-            return Combination(text, value, margin, (told.free[other], told.free[inertia]))
-    return None
+        if beside > 0.0 and abs(exponent * (size + beside) / size + 1.0) <= ABOUT:
+            change = np.zeros(len(told.free))
+            change[[other, inertia]] = 1.0, -size / (size + beside)
+            text = f"{names[0]} / ({names[1]} + {beside:.3g} kg m^2, the inertia about the joint)"
+            yield text, change, partial(_over, other, inertia, beside)
+
+
+def _over(other: int, inertia: int, beside: float, values: Array) -> float:
+    return float(values[other] / (values[inertia] + beside))
 
 
 def _beside(problem: Problem, entry: Entry) -> float:
@@ -169,7 +166,7 @@ def _beside(problem: Problem, entry: Entry) -> float:
     return body.mass * float(place @ place - (place @ np.array(joint.axis)) ** 2)
 
 
-def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Array]) -> Combination | None:
+def _sum(told: Told, other: int, pivot: int, power: float) -> Iterator[Form]:
     """other + n pivot, of one unit, n a small whole number, if that is known: its parts may change much while it stays."""
     first, second = (told.layout.entries[told.free[i]] for i in (other, pivot))
     a, b = (float(told.values[told.free[i]]) for i in (other, pivot))
@@ -179,34 +176,14 @@ def _sum(told: Told, other: int, pivot: int, power: float, places: Sequence[Arra
     if 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole):
         times = float(whole)
     elif not signed:
-        return None
+        return
     total = a + times * b
-    if first.parameter.unit != second.parameter.unit or not times or (total <= 0.0 and not signed):
-        return None
-    exponents = np.zeros(len(told.free))
-    exponents[other], exponents[pivot] = 1.0, times * b / a
-    moved = [float(there[told.free[other]] + times * there[told.free[pivot]]) / total - 1.0 for there in places]
-    margin = float(np.hypot(told.margin(exponents) * abs(a / total), max(map(abs, moved), default=0.0)))
-    if margin > UNKNOWN:
-        return None
-    size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
-    text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
-    return Combination(text, total, margin, (told.free[other], told.free[pivot]))
-
-
-def settled(problem: Problem, x: Array, start: Array, found: Uncertainty, free: Sequence[int]) -> Array:
-    """x with what its recordings do not tell as it was at the start, where noise alone has moved that, and the rest found anew;
-    x where that does not fit as well.
-    """
-    told = Told(problem.layout, x, found, free, NOTHING)
-    if not len(told.directions):
-        return x
-    away = (start - x)[told.free] / told.units
-    there = x.copy()
-    there[told.free] += told.directions.T @ (told.directions @ away) * told.units
-    there = told.fitted(there, np.zeros(len(found.jacobian)), partial(residuals, problem), 5)
-    worse = float(np.sum(residuals(problem, there) ** 2) - np.sum(residuals(problem, x) ** 2))
-    return x if worse > CHANCE * found.variance else there
+    if first.parameter.unit == second.parameter.unit and times and (total > 0.0 or signed):
+        change = np.zeros(len(told.free))
+        change[[other, pivot]] = a / total, times * b / total
+        size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
+        text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
+        yield text, change, lambda values: float(values[other] + times * values[pivot])
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:

@@ -30,13 +30,6 @@ def computed_columns(recording: Recording, columns: Sequence[Column]) -> dict[st
             early, late = late, early
         if _left(early.values, late.values) < COMPUTED:
             found[late.source] = f"'{early.source}'"
-    places = {(column.joint, str(column.quantity)): column for column in reversed(columns)}
-    for column in columns:
-        what = str(column.quantity)
-        place = places.get((column.joint, what.replace("velocity", "position"))) if what.endswith("velocity") else None
-        other = place if column.source not in found else None
-        if other is not None and len(other.time) == len(column.time) and _is_difference(other, column):
-            found[column.source] = f"'{other.source}', by differences"
     return found
 
 
@@ -45,9 +38,3 @@ def _left(source: Array, values: Array) -> float:
     centred, other = source - source.mean(), values - values.mean()
     left = other - centred * float(centred @ other / (centred @ centred))
     return float(np.linalg.norm(left) / np.linalg.norm(other))
-
-
-def _is_difference(place: Column, speed: Column) -> bool:
-    steps = np.diff(place.values) / np.diff(place.time)
-    ways = (speed.values[1:] - steps, speed.values[:-1] - steps, speed.values[1:-1] - 0.5 * (steps[1:] + steps[:-1]))
-    return any(float(np.median(np.abs(way))) < COMPUTED * float(np.std(speed.values)) for way in ways)

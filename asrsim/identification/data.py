@@ -25,6 +25,7 @@ from asrsim.scenario.starter_recording import Plan, make_plan
 from asrsim.signals.curve import Curve, curve_through
 
 CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
+PLACED = "drives compute velocities from their places, which are compared"
 PLAYED = 2
 """Mode in which motors stand at their references."""
 
@@ -221,6 +222,8 @@ def _channels(
         if wanted and key not in wanted:
             continue
         reason = None if key in wanted else _left_out(quantity, acting.get(joint), column.source in computed)
+        if quantity.endswith("velocity") and key.replace("velocity", "position") in possible and not wanted:
+            reason = PLACED
         if reason is not None:
             of = f" (of {computed[column.source]})" if reason == CIRCULAR else ""
             left_out.setdefault(reason, []).append(f"{key}{of}")

@@ -24,6 +24,8 @@ TRIED = 4
 """Extensions that are tried at a time, at most, those that promise most: of a model that is all wrong, nothing explains it."""
 LOOK = 1e-3
 """Of a difference along what is freed, in the vector's units."""
+ADOPTED = 4
+"""Extensions that a fit adopts, at most, at a time."""
 FAR_OFF = 4.0
 """Mean square, in the noise's, of a model that is wrong in more than a detail."""
 
@@ -145,14 +147,14 @@ Propose = Callable[[Problem, Array], Iterable[Extension]]
 
 
 def extended(
-    problem: Problem, x: Array, propose: Propose, *, loss: str = "linear", most: int, enough: Callable[[Extended], bool],
-    starts: Sequence[Array] = (), rounds: int = 60, tolerance: float = 1e-5,
+    problem: Problem, x: Array, propose: Propose, *, enough: Callable[[Problem, Array], bool], loss: str = "linear",
+    most: int = ADOPTED, starts: Sequence[Array] = (), rounds: int = 60, tolerance: float = 1e-5,
 ) -> Extended:  # fmt: skip
     """Add what explains most, one after the other, until it is enough or nothing is asked for. starts: other vectors from which
     the first is looked at, too.
     """
     found = Extended((), problem, x, cost_of(residuals(problem, x), loss))
-    while len(found.chosen) < most and not enough(found):
+    while len(found.chosen) < most and not enough(found.problem, found.x):
         places = [_Place.of(found.problem, place) for place in (found.x, *starts)]
         ordered = sorted(
             (one for extension in propose(found.problem, found.x) for place in places for one in promises(extension, place)),

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from asrsim.identification.noise import beyond_steps, is_nothing, lag_correlation, swings
+from asrsim.identification.problem import Problem, Weights, jacobian
 from asrsim.identification.search import WHITE, is_loud
 from asrsim.identification.track import Track
 from asrsim.samples import Array
 
 SMALL = 1e-2
-"""Part of a standard deviation by which estimates are moved to see what that does; correlations below it are not told."""
+"""Correlations below it are not told."""
 HELD_OUT = 1.3
 """Held-out error in training errors beyond which a model does not fit."""
 
@@ -122,24 +123,18 @@ def channel_fits(
     return found
 
 
-def with_unsure(
-    fits: Sequence[ChannelFit], tracks: Sequence[Track], ends: Sequence[float], predict: Callable[[Array, int], Any], x: Array,
-    covariance: Array,
-) -> list[ChannelFit]:  # fmt: skip
-    """The same with what a covariance (n, n) of x makes of the held-out part; predict: residuals of a vector, recording."""
+def with_unsure(fits: Sequence[ChannelFit], problem: Problem, x: Array, covariance: Array) -> list[ChannelFit]:
+    """The same with what a covariance (n, n) of x makes of the held-out part."""
     values, vectors = np.linalg.eigh(covariance)
-    moves = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    result, first = list(fits), 0
-    for i, (track, end) in enumerate(zip(tracks, ends, strict=True)):
-        here = predict(x, i)
-        # Small parts of deviations, so that slopes hold.
-        there = [predict(x + SMALL * move, i) for move in moves]
-        for c, channel in enumerate(track.channels):
-            held = channel.time > end + 1e-9 if not track.data.held else np.ones(len(channel.time), bool)
-            rows = [one[c][held] - here[c][held] for one in there if one is not None and here is not None]
-            unsure = float(np.sqrt(sum(_rms(row) ** 2 for row in rows))) / SMALL if held.any() else 0.0
-            result[first + c] = replace(fits[first + c], unsure=unsure)
-        first += len(track.channels)
+    ends = tuple(track.data.duration for track in problem.tracks)
+    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in problem.tracks)
+    everything = replace(problem, ends=ends, weights=weights)
+    moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    result = []
+    for one, part in zip(fits, everything.parts, strict=True):
+        held = part.channel.time > problem.ends[part.track] + 1e-9
+        size = np.linalg.norm(moves[part.rows][held]) / max(int(held.sum()), 1) ** 0.5
+        result.append(replace(one, unsure=float(size) * part.weights.noise))
     return result
 
 

@@ -194,23 +194,20 @@ def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]
 
 
 def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[Problem]:
-    targets = {tie.key: tie.to for tie in ties}
-    if len(targets) < len(ties):
-        seen: set[str] = set()
-        for tie in ties:
-            if tie.key in seen:
-                yield Problem("is tied twice", key=tie.key, code="tie")
-            seen.add(tie.key)
-    for key in targets:
-        way = [key]
-        while way[-1] in targets and len(way) <= len(targets):
-            way.append(targets[way[-1]])
-        if len(way) > len(targets) and way[-1] in targets:
-            yield Problem("is tied to itself over others", key=key, code="tie")
+    targets: dict[str, str] = {}
     for tie in ties:
-        if tie.to not in free and tie.to not in targets:
-            hint = f"Free it: --free {tie.to}"
-            yield Problem(f"is tied to {tie.to}, which is not free", key=tie.key, hint=hint, code="tie")
+        if tie.key in targets:
+            yield Problem("is tied twice", key=tie.key, code="tie")
+        targets[tie.key] = tie.to
+    for key, to in targets.items():
+        way = {key}
+        while to in targets and to not in way:
+            way.add(to)
+            to = targets[to]
+        if to in way:
+            yield Problem("is tied to itself over others", key=key, code="tie")
+        elif to not in free:
+            yield Problem(f"is tied to {to}, which is not free", key=key, hint=f"Free it: --free {to}", code="tie")
 
 
 def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:

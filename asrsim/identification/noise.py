@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from asrsim.identification.data import Channel
 
 ORDER = 12
 """Largest order of the autoregressive models."""
@@ -27,6 +30,8 @@ LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
 OUTLIER = 12.0
 """Deviations of its neighbourhood beyond which a single sample is a glitch."""
+BENT = 0.4
+"""Share of the change of a start's slope over its samples by which the slope may be off."""
 FIRST, LONG = 15, 10
 """Samples, at most, from which the start of a link is read, and of these, at least, whose mean says more than the first."""
 
@@ -185,31 +190,7 @@ def glitches(values: Array) -> NDArray[np.bool_]:
     return np.asarray((away > OUTLIER * scale) & (3.0 * bent > OUTLIER * scale))
 
 
-class Sampled(Protocol):
-    """A recorded series with its noise, as :class:`asrsim.identification.data.Channel` is."""
-
-    @property
-    def time(self) -> Array:
-        """s."""
-        ...
-
-    @property
-    def values(self) -> Array:
-        """SI."""
-        ...
-
-    @property
-    def noise(self) -> float:
-        """Its standard deviation."""
-        ...
-
-    @property
-    def quantum(self) -> float:
-        """Step of a quantised encoder; 0: none."""
-        ...
-
-
-def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, float] | None:
+def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:
     """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors; None where it begins later
     than `soon` s.
     """
@@ -219,11 +200,13 @@ def first_samples(channel: Sampled, soon: float) -> tuple[float, float, float, f
     time, values = channel.time[:count], channel.values[:count]
     inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
     errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-    place, slope, _ = inverse @ values
-    return float(place), float(slope), float(errors[0]), float(errors[1])
+    place, slope, bend = (inverse @ values).tolist()
+    # What is pushed at once is bent, and more with time: it begins elsewhere than a parabola.
+    off, extent = BENT * abs(bend), float(time[-1])
+    return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
-def at_rest(channel: Sampled) -> tuple[float, float]:
+def at_rest(channel: Channel) -> tuple[float, float]:
     """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)

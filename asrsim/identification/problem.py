@@ -24,6 +24,8 @@ FAR = 1e3
 """Deviations that a motion counts which is not sane."""
 REACH, ROUNDS = 0.3, 60
 """First steps of a search: a third of a parameter's size; its evaluations with derivatives, at most."""
+LINEAR = 0.3
+"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
 HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
 
@@ -90,9 +92,9 @@ class Problem:
     """Of each recording's training part that counts."""
 
     @property
-    def fitted(self) -> range:
+    def fitted(self) -> tuple[int, ...]:
         """Numbers of the recordings that are fitted."""
-        return range(sum(not track.data.held for track in self.tracks))
+        return tuple(number for number, end in enumerate(self.ends) if end > 0.0)
 
     @property
     def whole(self) -> Problem:
@@ -252,8 +254,23 @@ def solve(problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROU
         problem.meter.cost = min(problem.meter.cost, cost_of(found, "huber"))
         return found
 
+    def slopes(move: Array) -> Array:
+        there = left(move)
+        if known:
+            at, here, matrix, updates = known.pop()
+            step = move - at
+            foretold, surprise = matrix @ step, there - here - matrix @ step
+            # Where the last derivatives foretold a step, Broyden's update is as good as new ones.
+            if updates < max(2, len(x) // 2) and np.linalg.norm(surprise) < LINEAR * np.linalg.norm(foretold):
+                matrix = matrix + np.outer(surprise, step / float(step @ step))
+                known.append((move.copy(), there, matrix, updates + 1))
+                return matrix
+        known.append((move.copy(), there, jacobian(problem, inside + move, base=there), 0))
+        return known[-1][2]
+
+    known: list[tuple[Array, Array, Array, int]] = []
     found = least_squares(
-        left, np.zeros(len(x)), jac=lambda move: jacobian(problem, inside + move), bounds=(low - inside, high - inside),
+        left, np.zeros(len(x)), jac=slopes, bounds=(low - inside, high - inside),
         method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_early_jumps
-from asrsim.identification.combinations import settled
-from asrsim.identification.extensions import ASKED
+from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_jumps_of_predicted
+from asrsim.identification.extensions import ASKED, extended
 from asrsim.identification.judge import (
     HELD,
     ChannelFit,
@@ -31,7 +30,7 @@ from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import (
     Best,
     Stopped,
-    adopted,
+    fits_noise,
     is_explained,
     search,
     settle,
@@ -98,7 +97,7 @@ def identify(
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
         watch.ignore_stop = True
-        best.problem = with_early_jumps(best.problem, best.x)
+        best.problem = with_jumps_of_predicted(best.problem, best.x, fits_noise)
         start = np.append(start, np.zeros(len(best.x) - len(start)))
         return _judged(setup, best, start, before, status, watch, accept=accept)
 
@@ -112,8 +111,8 @@ def _searched(best: Best, setup: Setup, watch: Watch) -> str:
         settle(best, setup)
         watch.stage("bristles of the friction")
         # Even where what is left may be noise: they are told from it by many samples.
-        found = adopted(
-            best.problem, best.x, setup.task, lambda problem, _: bristles(problem, setup.robot), enough=is_explained
+        found = extended(
+            best.problem, best.x, lambda problem, _: bristles(problem, setup.robot), loss=setup.task.loss, enough=is_explained
         )
         if found.chosen:
             best.problem, best.x, best.cost = found.problem, found.x, found.cost
@@ -136,7 +135,7 @@ def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str,
     fits = _channels(problem, trained, before, after, unsure=complete)
     misfit = verdict(fits) if complete else []
     causes = _causes(problem, trained, start, fits, watch) if misfit else []
-    final, x, found, met, finer = _final(problem, trained, start, status)
+    final, x, found, met, finer = _final(problem, trained, status)
     whole = final.ends != problem.ends
     cut = any(0.0 < end < track.data.duration for track, end in zip(problem.tracks, problem.ends, strict=True))
     if complete and cut and not whole and not all(one.explained_whole for one in fits):
@@ -175,8 +174,7 @@ def _channels(problem: Problem, x: Array, before: Errors, after: Errors, *, unsu
     if not unsure or not any(HELD in text for text in verdict(fits)):
         return fits
     roughly = uncertainty(problem, x, bounds_met(problem.layout, x)).covariance
-    predict = lambda there, track: errors(problem, there, track, whole=True)  # noqa: E731
-    return with_unsure(fits, problem.tracks, problem.ends, predict, x, roughly)
+    return with_unsure(fits, problem, x, roughly)
 
 
 def _causes(problem: Problem, x: Array, start: Array, fits: Sequence[ChannelFit], watch: Watch) -> list[str]:
@@ -186,7 +184,7 @@ def _causes(problem: Problem, x: Array, start: Array, fits: Sequence[ChannelFit]
     return [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, x, start))]
 
 
-def _final(problem: Problem, trained: Array, start: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool], str]:
+def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool], str]:
     """The estimate of a complete fit from whole recordings, how sure it is, which entries are at bounds, and what is said of
     finer substeps; else what there is.
     """
@@ -198,10 +196,6 @@ def _final(problem: Problem, trained: Array, start: Array, status: str) -> tuple
     x = unbiased(problem, x)
     met = bounds_met(problem.layout, x)
     found = uncertainty(problem, x, met)
-    there = settled(problem, x, start, found, [i for i, one in enumerate(met) if not one])
-    if there is not x:
-        x, met = there, bounds_met(problem.layout, there)
-        found = uncertainty(problem, x, met)
     found, finer = with_substeps(problem, x, with_played(problem, x, found))
     return problem, x, found, met, finer
 
@@ -241,7 +235,7 @@ def _remarks(setup: Setup, best: Best, finer: str) -> Iterator[str]:
     for entry in entries:
         if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in setup.asked:
             yield f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-    if any(f".{JUMP}" in entry.parameter.key for entry in entries) or any(one.early for one in best.problem.playing):
+    if any(f".{JUMP}" in entry.parameter.key for entry in entries) or any(map(bool, best.problem.layout.fixed)):
         yield "jumps of commands are estimated, too: they came between samples, so long before those that show them"
     if held := best.problem.held:
         yield (

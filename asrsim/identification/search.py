@@ -4,7 +4,7 @@ substeps as the numbers found ask for, and weights of what is left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.identification.causes import jumps, jumps_or_bristles, stairs
 from asrsim.identification.data import Channel
-from asrsim.identification.extensions import Extended, Propose, extended
+from asrsim.identification.extensions import Extended, extended
 from asrsim.identification.noise import beyond_steps, independent_samples, is_nothing, lag_correlation, size_of, swings
 from asrsim.identification.problem import (
     ROUNDS,
@@ -45,8 +45,6 @@ ALIKE = 0.05
 """Of the mean square error, at most, that weights by correlated noise may cost: more, and what is correlated is the model's
 fault.
 """
-ADOPTED = 4
-"""Extensions that a fit adopts, at most, at a time."""
 
 
 class Stopped(Exception):  # noqa: N818 - no error: the user has seen enough
@@ -90,25 +88,17 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
             if last and task.loss != "linear" and _tails(residuals(here, x)):
                 x = solve(here, x, loss=task.loss, tolerance=1e-5)
         # Stairs first: jumps between samples explain a part of them.
-        best.offer(adopted(problem, x, task, *((stairs,) if number else (stairs, jumps_or_bristles(setup.robot)))), how)
-        if fits_noise(left_of(best.problem, best.x)):
+        found = extended(problem, x, stairs, loss=task.loss, enough=fits_noise)
+        if not number:
+            found = extended(found.problem, found.x, jumps_or_bristles(setup.robot), loss=task.loss, enough=fits_noise)
+        best.offer(found, how)
+        if fits_noise(best.problem, best.x):
             break
-
-
-def adopted(problem: Problem, x: Array, task: Task, *ways: Propose, enough: Callable[[Left], bool] | None = None) -> Extended:
-    """With what recordings ask for beside the parameters, of one way after the other, until what is left looks like noise."""
-    for way in ways:
-        found = extended(
-            problem, x, way, loss=task.loss, most=ADOPTED,
-            enough=lambda found: (enough or fits_noise)(left_of(found.problem, found.x)),
-        )  # fmt: skip
-        problem, x = found.problem, found.x
-    return found
 
 
 def with_jumps_of_whole_recordings(best: Best, task: Task) -> None:
     """Times of jumps in what is held out, too: when they came is nothing that a model could predict."""
-    found = adopted(best.problem.whole, best.x, task, jumps)
+    found = extended(best.problem.whole, best.x, jumps, loss=task.loss, enough=fits_noise)
     if found.chosen:
         best.problem = best.problem.under(found.problem.layout)
         best.x = np.append(best.x, found.x[len(best.x) :])
@@ -157,22 +147,18 @@ def _tails(values: Array) -> bool:
 
 # -- what is left ------------------------------------------------------------------------------------------------------------
 
-Left = Sequence[tuple[Channel, Array | None]]
-"""Channels with what is left of each; None where the motion is not sane."""
 
-
-def left_of(problem: Problem, x: Array) -> Left:
-    """What is left of each channel of each recording, up to the end of what counts."""
-    found: list[tuple[Channel, Array | None]] = []
+def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
+    """Channels with what is left of each, up to the end of what counts; None where the motion is not sane."""
     for number in problem.fitted:
         left = errors(problem, x, number)
-        found += [(channel, None if left is None else left[i]) for i, channel in enumerate(problem.tracks[number].channels)]
-    return found
+        channels = problem.tracks[number].channels
+        yield from zip(channels, [None] * len(channels) if left is None else left, strict=True)
 
 
-def fits_noise(found: Left) -> bool:
+def fits_noise(problem: Problem, x: Array) -> bool:
     """Whether what is left looks like noise in every channel of every recording, or nothing is left."""
-    for channel, left in found:
+    for channel, left in _left(problem, x):
         if left is None:
             return False
         # Steps of an encoder swing with the motion.
@@ -184,9 +170,9 @@ def fits_noise(found: Left) -> bool:
     return True
 
 
-def is_explained(found: Left) -> bool:
+def is_explained(problem: Problem, x: Array) -> bool:
     """Whether nothing is left of any channel, as of a simulation's own log."""
-    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in found)
+    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
 
 
 def is_loud(left: Array, noise: float) -> bool:

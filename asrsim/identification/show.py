@@ -85,7 +85,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
     if result.accepted:
         yield "  accepted: intervals are as wide as estimates from a tenth of the recording differ", "yellow"
     if not result.causes:
-        yield "  what is missing does not show; look at the residuals' picture", "red"
+        yield "  what is missing does not show; look at the residuals in its picture", "red"
 
 
 def advice(result: Result) -> Iterator[str]:

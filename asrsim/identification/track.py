@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,7 +26,11 @@ STILL = 4.5
 SOON = 0.05
 """s after 0 at which a channel must begin to tell of the start."""
 KEPT = 6
-"""Predictions that a track remembers."""
+"""Predictions, and ways to play commands, that a track remembers."""
+
+
+Settings = tuple[tuple[str, float], ...]
+"""Keys with their values."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +40,6 @@ class Playing:
     substeps: Substeps
     held: frozenset[str] = frozenset()
     """Keys of commands that are played as stairs: what gave them held each sample until the next."""
-    early: Mapping[str, float] = field(default_factory=dict)
-    """Key of a command's large jump -> s by which it comes before its sample, where no parameter says it."""
     draw: Draw | None = None
     """Noise that is added to the recorded inputs."""
 
@@ -51,8 +53,8 @@ class Track:
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
         self.wanted = [(self.door.joints.index(channel.joint), channel.quantity) for channel in data.channels]
-        self._references: dict[Any, Mapping[str, Mapping[str, Played]]] = {}
-        self._predictions: dict[Any, list[Array] | None] = {}
+        self._references = lru_cache(KEPT)(self._play)
+        self._predicted = lru_cache(KEPT)(self._predict)
         self.uncertain: tuple[str, ...] = ()
         """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
         self.positions, self.velocities = tuple(self.door.positions), tuple(self.door.velocities)
@@ -102,24 +104,7 @@ class Track:
                     # What rests on its motors begins with them.
                     positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
         self.positions, self.velocities, self.motors = tuple(positions), tuple(velocities), motors
-        for joint in self._explained_by_commands([key for key in uncertain if key.endswith("velocity")], home):
-            j = self.door.joints.index(joint)
-            positions[j], velocities[j] = home[0][j], home[1][j]
-            uncertain = [one for one in uncertain if one.rpartition(".")[0] != joint]
         self.positions, self.velocities, self.uncertain = tuple(positions), tuple(velocities), tuple(uncertain)
-
-    def _explained_by_commands(self, moving: Sequence[str], home: tuple[Sequence[float], ...]) -> Iterator[str]:
-        """Joints that only seem to move at 0, because their commands move them at once."""
-        names = [f"{joint}.initial_{what}" for what in ("position", "velocity") for joint in self.door.joints]
-        start = dict(zip(names, (*home[0], *home[1]), strict=True))
-        # A track of another kind is not made yet.
-        found = next(Track.predictions(self, [start], self.playing, SOON)) if moving else None
-        for channel, predicted in zip(self.channels, found or (), strict=bool(found)):
-            if channel.quantity == "link_position" and f"{channel.joint}.initial_velocity" in moving:
-                n = len(predicted)
-                first = first_samples(replace(channel, time=channel.time[:n], values=channel.values[:n] - predicted), SOON)
-                if first is not None and abs(first[0]) < STILL * first[2] and abs(first[1]) < STILL * first[3]:
-                    yield channel.joint
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
@@ -133,18 +118,16 @@ class Track:
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
         """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
-        mark = tuple(sorted(values.items())), playing.held, tuple(playing.early.items()), playing.draw, playing.substeps, until
-        if mark not in self._predictions:
-            if len(self._predictions) >= KEPT:
-                del self._predictions[next(iter(self._predictions))]
-            self._predictions[mark] = next(self.predictions([values], playing, until))
-        return self._predictions[mark]
+        return self._predicted(tuple(sorted(values.items())), playing, until)
+
+    def _predict(self, values: Settings, playing: Playing, until: float | None) -> list[Array] | None:
+        return next(self.predictions([dict(values)], playing, until))
 
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
         """The same of several sets of numbers: worlds of one rollout."""
-        steps = None if until is None else max(4, int(np.ceil((until + 0.3) / self.scenario.step)))
+        steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         found = self.simulated(self.wanted, [self._world(values, playing) for values in tables], steps, playing.substeps)
         for values, series in zip(tables, found, strict=True):
             yield None if series is None else self._sensed(values, series, until)
@@ -184,21 +167,19 @@ class Track:
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with the gains, offsets and delays among `values`; the same object where nothing of it changes."""
-        parts = {command.key: [values.get(f"{command.key}.{what}") for what in PARTS] for command in self.data.commands}
-        early = {**playing.early, **{key: value for key, value in values.items() if f".{JUMP}" in key}}
-        mark = str(parts), tuple(early.items()), playing.held, playing.draw, playing.substeps
-        if mark not in self._references:
-            table: dict[str, dict[str, Played]] = {}
-            for command in drawn(self.data.commands, playing.draw):
-                one = command.as_stairs if command.key in playing.held else command
-                moves = {n: early.get(f"{command.key}.{JUMP}{n + 1}", 0.0) for n in range(len(one.curve.large)) if early}
-                given = {what: value for what, value in zip(PARTS, parts[command.key], strict=True) if value is not None}
-                step = self.scenario.step / playing.substeps[0]
-                table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=moves, **given)
-            if len(self._references) >= KEPT:
-                del self._references[next(iter(self._references))]
-            self._references[mark] = table
-        return self._references[mark]
+        keys = {command.key for command in self.data.commands}
+        own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in keys)
+        return self._references(own, playing)
+
+    def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
+        table: dict[str, dict[str, Played]] = {}
+        for command in drawn(self.data.commands, playing.draw):
+            one = command.as_stairs if command.key in playing.held else command
+            own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
+            early = {int(name.removeprefix(JUMP)) - 1: own.pop(name) for name in [*own] if name.startswith(JUMP)}
+            step = self.scenario.step / playing.substeps[0]
+            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=early, **own)
+        return table
 
     @property
     def has_noisy_inputs(self) -> bool:
@@ -215,9 +196,6 @@ class Track:
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
-
-
-PARTS = ("gain", "offset", "delay")
 
 
 def _onset(channel: Channel) -> float:

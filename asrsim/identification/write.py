@@ -40,12 +40,7 @@ def as_dict(result: Result) -> dict[str, Any]:
     return {
         "generator": f"asrsim {__version__}",
         "format": 1,
-        "status": result.status,
-        "fits": result.fits,
-        "accepted": result.accepted,
-        "misfit": list(result.misfit),
-        "causes": list(result.causes),
-        "remarks": list(result.remarks),
+        **{name: getattr(result, name) for name in ("status", "fits", "accepted", "misfit", "causes", "remarks")},
         "scenario": str(result.task.scenario.absolute()),
         "experiments": [str(one.file.absolute()) for one in result.task.experiments],
         "estimates": [_finite(one.as_dict()) for one in result.estimates],
@@ -168,12 +163,12 @@ def _delays(result: Result, values: Mapping[str, float]) -> tuple[dict[str, floa
     alone: list[str] = []
     for block in result.robot.actuators:
         names = [f"{block.joint}.reference_{i}" for i in range(1, len(reference_names(block)) + 1)]
-        delays = {name: values.get(f"{name}.delay", 0.0) for name in names}
-        if len(set(delays.values())) == 1:
-            found[block.joint] = delays[names[0]]
+        late = [name for name in names if values.get(f"{name}.delay")]
+        if late and len({values.get(f"{name}.delay") for name in names}) == 1:
+            found[block.joint] = values[f"{names[0]}.delay"]
         else:
-            alone += [name for name, delay in delays.items() if delay]
-    return {joint: delay for joint, delay in found.items() if delay}, alone
+            alone += late
+    return found, alone
 
 
 def _is_mounted(result: Result, owner: str, key: str, mounted: set[str]) -> bool:
@@ -256,5 +251,5 @@ def begin_of(folder: Path) -> dict[str, float]:
     except FileNotFoundError:
         hint = "Without --resume the fit begins anew"
         raise InputError("there is no fit to go on with", file=path, hint=hint, code="no-fit") from None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
         raise InputError("is no fit of asrsim's", file=path, code="no-fit") from None

@@ -7,12 +7,11 @@ from asrsim.learning.iterate import learn
 from asrsim.learning.law import updated, zero_phase
 from asrsim.learning.linear import linearise_along
 from asrsim.learning.table import write_inputs
-from asrsim.learning.transfer import Spread, draw_plants, transfer
+from asrsim.learning.transfer import draw_plants, transfer
 from asrsim.learning.trial import LearningProblem
 
 __all__ = [
     "LearningProblem",
-    "Spread",
     "choose_gains",
     "draw_plants",
     "factors",

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
-from asrsim.samples import Array
 from asrsim.scenario.learning_keys import Learning
 
 if TYPE_CHECKING:
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 1000
 """Points of a curve that are drawn."""
-MOST_FACTORS = 8
-"""Factors of the transfer that are drawn."""
 
 
 def learning_figure(problem: LearningProblem, result: LearningResult, settings: Learning, title: str = "") -> Figure:
@@ -61,10 +58,6 @@ def _draw_errors(ax: Axes, problem: LearningProblem, result: LearningResult, set
     numbers = [trial.number for trial in result.trials]
     norms = np.array([trial.norm for trial in result.trials])
     ax.semilogy(numbers, norms, "o-", color=style.BLACK, label=r"largest $\|e\|_2$")
-    predicted = np.array([np.nan if trial.predicted is None else trial.predicted for trial in result.trials])
-    expected = np.array([np.nan, *norms[:-1]]) * predicted
-    if np.isfinite(expected).any():
-        ax.semilogy(numbers, expected, "+", ms=9, color=style.SKY, label="as the model predicted it", zorder=3)
     for column, joint in enumerate(problem.joints):
         largest = [trial.largest[column] for trial in result.trials]
         ax.semilogy(
@@ -115,55 +108,35 @@ def _draw_joint(
         ax.plot(time, wanted, "--", color=style.BLACK, linewidth=1.0, label="desired $q$")
 
 
-def transfer_figure(report: TransferReport, nominal: TransferReport | None = None) -> Figure:
-    """Left: how the largest error is distributed over the plants; right: which parameter matters most.
-
-    nominal: the same plants with an input that was learned on one plant only, to compare with.
-    """
+def transfer_figure(report: TransferReport) -> Figure:
+    """How the largest error is distributed over the plants, of all joints and of each."""
     from asrsim.plots import style
     from asrsim.plots.figures import new_figure
 
-    shown = report.telling[:MOST_FACTORS]
-    figure = new_figure(10.5 if shown else 5.5, 3.4)
-    axes = figure.subplots(1, 2 if shown else 1, squeeze=False)[0]
-    ax = axes[0]
-    _draw_distribution(ax, report.worst, style.BLACK, "all joints" if nominal is None else "learned on a set of plants")
-    if nominal is not None:
-        _draw_distribution(ax, nominal.worst, style.GREY, "learned on one plant")
-    else:
-        for column, joint in enumerate(report.joints):
-            _draw_distribution(ax, report.largest[:, column], style.variant_colour(column), style.plain(joint), line="--")
+    figure = new_figure(5.5, 3.4)
+    ax = figure.subplots()
+    shares = np.arange(len(report.draws) + 1) / len(report.draws)
+    curves = [("all joints", report.worst, style.BLACK, "-")]
+    for column, joint in enumerate(report.joints):
+        curves.append((style.plain(joint), report.largest[:, column], style.variant_colour(column), "--"))
+    for label, errors, colour, line in curves:
+        finite = np.sort(errors[np.isfinite(errors)])
+        ax.step(
+            [*finite[:1], *finite],
+            shares[: len(finite) + bool(len(finite))],
+            where="post",
+            color=colour,
+            linestyle=line,
+            label=label,
+        )
     ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
     ax.set(xlabel=f"largest error ({report.unit})", ylabel="share of plants within", ylim=(0.0, 1.02))
-    errors = np.concatenate([report.worst, [] if nominal is None else nominal.worst])
-    ax.set_xlim(0.0, 1.1 * max([report.tolerance, *errors[np.isfinite(errors)]]))
+    ax.set_xlim(0.0, 1.1 * max([report.tolerance, *report.worst[np.isfinite(report.worst)]]))
     ax.legend(loc="lower right")
     low, high = (f"{100 * value:.0f}" for value in report.within_interval)
     share = f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants"
     ax.set_title(f"{share} stay within {report.tolerance:g} {report.unit}", loc="left")
-    if shown:
-        bars = axes[1]
-        names = [item.factor.removeprefix("parameters.") for item in shown]
-        values = [item.rank_correlation for item in shown]
-        colours = [style.VERMILION if value > 0 else style.BLUE for value in values]
-        bars.barh(range(len(names)), values, color=colours, height=0.65)
-        ends = np.abs(np.array([item.interval for item in shown]).T - values)
-        bars.errorbar(values, range(len(names)), xerr=ends, fmt="none", ecolor=style.BLACK, elinewidth=0.9, capsize=2.5)
-        bars.set_yticks(range(len(names)), names)
-        bars.invert_yaxis()
-        bars.axvline(0.0, color=style.GREY, linewidth=0.7)
-        bars.set_xlim(-1.0, 1.0)
-        bars.grid(axis="y", visible=False)
-        bars.set_xlabel("rank correlation with the largest error, 95 %\n(right: more of it makes it worse)")
-        bars.set_title("what matters most", loc="left")
     return figure
-
-
-def _draw_distribution(ax: Axes, errors: Array, colour: str, label: str, line: Any = "-") -> None:
-    finite = np.sort(errors[np.isfinite(errors)])
-    shares = np.arange(1, len(finite) + 1) / len(errors)
-    ax.step([finite[0], *finite] if len(finite) else [], [0.0, *shares] if len(finite) else [], where="post", color=colour,
-            linestyle=line, label=label)  # fmt: skip
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
@@ -171,9 +144,9 @@ def write_figure(path: Path, problem: LearningProblem, result: LearningResult, s
     _write(path, lambda: learning_figure(problem, result, settings, title))
 
 
-def write_transfer_figure(path: Path, report: TransferReport, nominal: TransferReport | None = None) -> None:
+def write_transfer_figure(path: Path, report: TransferReport) -> None:
     """Write the picture of the transfer. Raises OutputError where it cannot be written."""
-    _write(path, lambda: transfer_figure(report, nominal))
+    _write(path, lambda: transfer_figure(report))
 
 
 def _write(path: Path, draw: Callable[[], Figure]) -> None:

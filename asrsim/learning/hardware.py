@@ -112,7 +112,7 @@ def next_input(
             played = trials.pop().inputs if again else _pending(folder, prepared, trials)
             found = recorded(recording, plant, lag)
             outputs = smoothed(found.outputs, prepared.problem.step)
-            trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None, expected=None))
+            trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None))
             ended = verdict(prepared.problem, trials, prepared.settings, prepared.law)
             twin, ratio = None, 0.0
             if ended is None:
@@ -150,11 +150,11 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
         return float(worst.max()) / best.worst if np.isfinite(worst).all() else np.inf
 
     if not isinstance(prepared.law, NormOptimal):
-        inputs = prepared.law.propose(trials).inputs
+        inputs = prepared.law.propose(trials)
         return inputs, twin, foretold(inputs)
     with learning_model(twin.plant) as model:
         lifted = Lifted(problem.time, model.linear(model.inverse(problem.reference)), model.delays)
-    change = rehearsed(problem, lifted, best, rho, answers[0]).inputs - best.inputs
+    change = rehearsed(problem, lifted, best, rho, answers[0]) - best.inputs
     for share in SHARES:
         inputs = best.inputs + share * change
         ratio = foretold(inputs)

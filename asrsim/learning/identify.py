@@ -1,6 +1,6 @@
 """A twin of the robot: the plant's masses, stiffnesses, losses and delay, fitted to the trials recorded so far.
 
-Gauss-Newton on simulations of the perturbed plant, with normal priors, since a trial excites little. The posterior's spread,
+Least squares on simulations of the perturbed plant, with normal priors, since a trial excites little. The posterior's spread,
 with the misfit of the fit as noise, says how far the twin's forecast of the next trial may be off.
 """
 
@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from asrsim.learning.optimal import Answer, averaged
-from asrsim.learning.perturb import perturbed
 from asrsim.learning.plant import Plant
-from asrsim.learning.transfer import Draw
+from asrsim.learning.transfer import Draw, perturbed
 from asrsim.learning.trial import Trial
 from asrsim.samples import Array
 
@@ -28,10 +27,14 @@ SAMPLES = 250
 """Times at which the motion is compared."""
 INDEPENDENT = 40
 """Misfits among those of a joint's samples that count as independent: what a model lacks lasts for some samples."""
-ROUNDS = 3
-"""Gauss-Newton steps at most."""
-NUDGES = (0.05, 0.005)
-"""Steps of the slopes: of the logarithms, and of the delay in s."""
+ROUNDS = 4
+"""Steps at most."""
+NUDGE = 0.2
+"""Step of the slopes, of the priors."""
+LITTLE = 0.1
+"""Share of the misfit whose gain ends the fit."""
+DIVERGED = 1e3
+"""rad, misfit where a plant diverged."""
 LIKELY = 6
 """Plants drawn from the posterior."""
 
@@ -67,74 +70,56 @@ def stiffness_parameters(plant: Plant, joint: str) -> tuple[str, ...]:
 
 def identify(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] | None = None) -> Twin:
     """The plant that gives the trials' outputs for their inputs; start: an earlier draw to begin with."""
+    from scipy.optimize import least_squares
+
     rows = np.linspace(0.0, float(plant.time[-1]), SAMPLES + 1)[1:]
-    measured = [averaged(plant.time, trial.outputs, rows) for trial in trials]
+    measured = np.concatenate([averaged(plant.time, trial.outputs, rows) for trial in trials])
     factors: list[tuple[str, ...]] = [(f"mass.{joint}",) for joint in plant.joints]
     factors += [tuple(f"parameters.{joint}.{name}" for name in stiffness_parameters(plant, joint)) for joint in plant.joints]
     springs = len(factors)
-    factors += [
-        (f"{loss}.{joint}",)
-        for joint in plant.joints for loss in ("friction", "damping") if getattr(plant.robot.joint(joint), loss) > 0.0
-    ]  # fmt: skip
+    losses = [(what, joint) for joint in plant.joints for what in ("friction", "damping")]
+    factors += [(f"{what}.{joint}",) for what, joint in losses if getattr(plant.robot.joint(joint), what) > 0.0]
     priors = np.array([SPREAD] * springs + [LOSSES] * (len(factors) - springs) + [DELAY])
-    nudges = np.array([NUDGES[0]] * len(factors) + [NUDGES[1]])
 
     def draw_of(x: Array) -> Draw:
         draw = {name: float(np.expm1(value)) for names, value in zip(factors, x, strict=False) for name in names}
         return draw | {"delay": max(float(x[-1]), 0.0)}
 
-    def residual(x: Array) -> Array:
+    def misfit(x: Array) -> Array:
         robot = perturbed(plant, draw_of(x))
-        found = [averaged(plant.time, robot.outputs(trial.inputs), rows) for trial in trials]
-        return np.concatenate([(one - seen).ravel() for one, seen in zip(found, measured, strict=True)])
+        found = np.concatenate([averaged(plant.time, robot.outputs(trial.inputs), rows) for trial in trials])
+        return np.asarray(np.nan_to_num(found - measured, nan=DIVERGED).ravel())
 
-    def noise(left: Array) -> float:
-        return max(NOISE, float(np.sqrt(np.mean(left**2)))) * float(np.sqrt(SAMPLES / INDEPENDENT))
+    def weighed(x: Array) -> Array:
+        return np.concatenate([misfit(x) / scale, x / priors])
 
-    x = np.zeros(len(priors))
-    left = residual(x)
-    before = float(np.sqrt(np.mean(left**2)))
+    def slopes(x: Array) -> Array:
+        here = weighed(x)
+        return np.column_stack([(weighed(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
+
+    def size(left: Array) -> float:
+        return float(np.sqrt(np.mean(left**2)))
+
+    begun = np.zeros(len(priors))
+    before = size(misfit(begun))
     if start is not None:
         begun = np.array([np.log1p(start.get(names[0], 0.0)) for names in factors] + [start.get("delay", 0.0)])
-        there = residual(begun)
-        if np.sum(there**2) < np.sum(left**2):
-            x, left = begun, there
-    normal = np.diag(priors**-2)
-    for _ in range(ROUNDS):
-        scale = max(NOISE, 0.1 * float(np.sqrt(np.mean(left**2)))) * np.sqrt(SAMPLES / INDEPENDENT)
-        slopes = np.column_stack(
-            [(residual(x + nudge) - left) / step for nudge, step in zip(np.diag(nudges), nudges, strict=True)]
-        )
-        if not np.isfinite(slopes).all():
-            break
-        normal = slopes.T @ slopes / scale**2 + np.diag(priors**-2)
-        move = np.clip(-np.linalg.solve(normal, slopes.T @ left / scale**2 + x / priors**2), -1.5 * priors, 1.5 * priors)
-
-        def cost(left: Array, x: Array, scale: float = scale) -> float:
-            value = float(np.sum((left / scale) ** 2) + np.sum((x / priors) ** 2))
-            return value if np.isfinite(value) else np.inf
-
-        first = cost(left, x)
-        for share in (1.0, 0.5, 0.25):
-            tried = x + share * move
-            tried[-1] = max(tried[-1], 0.0)
-            there = residual(tried)
-            if cost(there, tried) < first:
-                break
-        else:
-            break
-        gained = 1.0 - cost(there, tried) / first
-        normal = slopes.T @ slopes / noise(there) ** 2 + np.diag(priors**-2)
-        x, left = tried, there
-        if gained < 0.2:
-            break
-    root = np.linalg.inv(np.linalg.cholesky(normal))
-    steps = np.random.default_rng(0).standard_normal((LIKELY, len(x))) @ root
-    draw = draw_of(x)
+    # What a model lacks lasts for some samples, so that fewer of them count.
+    independent = np.sqrt(SAMPLES / INDEPENDENT)
+    scale = NOISE * independent
+    lowest = np.append(np.full(len(factors), -np.inf), -1e-9)
+    found = least_squares(
+        weighed, begun, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1
+    )  # fmt: skip
+    residual = size(misfit(found.x))
+    jacobian = found.jac[: measured.size] * (scale / (max(NOISE, residual) * independent))
+    root = np.linalg.inv(np.linalg.cholesky(np.asarray(jacobian.T @ jacobian + np.diag(priors**-2))))
+    steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
+    draw = draw_of(found.x)
     return Twin(
         plant=perturbed(plant, draw),
         draw=draw,
-        residual=float(np.sqrt(np.mean(left**2))),
+        residual=residual,
         before=before,
-        likely=tuple(perturbed(plant, draw_of(x + step)) for step in steps),
+        likely=tuple(perturbed(plant, draw_of(found.x + step)) for step in steps),
     )

@@ -15,7 +15,6 @@ from asrsim.learning.trial import (
     LearningProblem,
     LearningResult,
     Outcome,
-    Proposal,
     Simulate,
     Trial,
     trial_of,
@@ -46,13 +45,11 @@ def learn(
     trials: list[Trial] = load_state(state, digest) if resume and state is not None and state.exists() else []
     outcome = verdict(problem, trials, settings, law) if trials else None
     while outcome is None:
-        proposal = law.propose(trials) if trials else Proposal(inputs=problem.first_guess)
+        inputs = law.propose(trials) if trials else problem.first_guess
         started = clock.perf_counter()
-        outputs = np.asarray(simulate(proposal.inputs), dtype=float)
-        trial = trial_of(
-            problem, proposal.inputs, outputs, before=trials[-1] if trials else None, expected=proposal.outputs,
-            seconds=clock.perf_counter() - started,
-        )  # fmt: skip
+        outputs = np.asarray(simulate(inputs), dtype=float)
+        seconds = clock.perf_counter() - started
+        trial = trial_of(problem, inputs, outputs, before=trials[-1] if trials else None, seconds=seconds)
         trials.append(trial)
         if state is not None:
             save_state(state, digest, trials, origin=problem.origin)

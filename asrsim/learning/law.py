@@ -1,41 +1,32 @@
-"""The update of iterative learning control: paper equation 13 with derivative term, forgetting and zero-phase filter."""
+"""The update of iterative learning control: paper equation 13 with a zero-phase filter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from asrsim.learning.settings import gains_at
-from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Trial, worst, worst_place
 from asrsim.samples import Array
 from asrsim.scenario.learning_keys import Learning
 
-Expect = Callable[[Trial, Array], Array]
-"""A trial and the inputs (n, joints) after it -> the outputs (n, joints) that a model expects of them."""
 CREEP = 1.1
 """Growth of the error over the trials of `patience` below which learning goes on."""
 
 
 class FixedGain:
-    """Equation 13 and what the settings add to it; `expect` is the model's."""
+    """Equation 13 and what the settings add to it."""
 
-    def __init__(self, problem: LearningProblem, settings: Learning, expect: Expect | None = None) -> None:
+    def __init__(self, problem: LearningProblem, settings: Learning) -> None:
         self.problem = problem
         self.settings = settings
-        self.expect = expect
 
-    def propose(self, trials: Sequence[Trial]) -> Proposal:
+    def propose(self, trials: Sequence[Trial]) -> Array:
         """The last trial's input, corrected by its error."""
         last = trials[-1]
-        inputs = self.after(last.inputs, last.outputs, last.number)
-        return Proposal(inputs=inputs, outputs=None if self.expect is None else self.expect(last, inputs))
-
-    def after(self, inputs: Array, outputs: Array, update: int) -> Array:
-        """Inputs of the trial that follows one with `inputs` and `outputs`, (n, joints)."""
-        error = self.problem.reference - outputs
-        return updated(self.problem, inputs, error, update, self.settings)
+        return updated(self.problem, last.inputs, self.problem.reference - last.outputs, last.number, self.settings)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Gives up when a trial diverged, or the error has grown `patience` times in a row, by more than a creep."""
@@ -55,19 +46,11 @@ class FixedGain:
 
 
 def updated(problem: LearningProblem, inputs: Array, error: Array, update: int, settings: Learning) -> Array:
-    """Inputs of the next trial, (n, joints).
+    """Inputs of the next trial, (n, joints): u(n) = Q[u(n-1) + K exp(-n / decay) e(n-1)], n = `update` from 0.
 
-    u(n) = Q[(1 - f) u(n-1) + f u(0) + K(n) (e(n-1) + T de(n-1)/dt)], K(n) = K exp(-n / decay), n = `update` from 0.
     inputs, error: (n, joints) in rad.
     """
-    gain = np.array(gains_at(settings, problem.joints, update))
-    correction = error
-    if settings.derivative:
-        correction = error + settings.derivative * np.gradient(error, problem.step, axis=0)
-    # In this order, so that without the extras the numbers are those of equation 13 to the last bit.
-    learned = inputs + gain * correction
-    if settings.forgetting:
-        learned = learned + settings.forgetting * (problem.first_guess - inputs)
+    learned = inputs + np.array(gains_at(settings, problem.joints, update)) * error
     if settings.filter is not None:
         learned = zero_phase(learned, settings.filter.cutoff, settings.filter.order, problem.step)
     return learned

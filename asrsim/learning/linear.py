@@ -21,7 +21,6 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
 from asrsim.kinematics.model import DynamicModel
-from asrsim.learning.friction import Friction
 from asrsim.samples import Array
 
 POSTURES = 101
@@ -82,105 +81,62 @@ class Linearised:
 
     @cached_property
     def continuous(self) -> tuple[Array, Array]:
-        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions, velocities, then each motor's."""
-        n, m = len(self.time), len(self.drives)
-        motors = self._moving
-        integrals = [
-            (index, joint, motor) for index, (joint, motor) in enumerate(motors) if self.drives[joint].integral[motor] > 0.0
-        ]
-        size = 2 * m + 2 * len(motors) + len(integrals)
-        a, b = np.zeros((n, size, size)), np.zeros((n, size, m))
-        inverse = np.linalg.inv(self.mass)
-        load, drag = self.slopes.copy(), self.rates.copy()
-        diagonal = np.arange(m)
-        for joint, drive in enumerate(self.drives):
-            mode = drive.mode
-            load[:, joint, joint] += self.springs[:, joint].sum(axis=1) if mode.spring else drive.proportional[0]
-            drag[:, joint, joint] += 0.0 if mode.spring else drive.derivative[0]
-        a[:, diagonal, m + diagonal] = 1.0
-        a[:, m : 2 * m, :m] = -inverse @ load
-        a[:, m : 2 * m, m : 2 * m] = -inverse @ drag
-        for joint, drive in enumerate(self.drives):
+        """A (n, s, s) and B (n, s, m) of x' = A x + B u; x: positions of joints and motors, their velocities, integrals."""
+        n, m, motors = len(self.time), len(self.drives), self._moving
+        size = m + len(motors)
+        mass, rates, slopes = (np.zeros((n, size, size)) for _ in range(3))
+        mass[:, :m, :m], rates[:, :m, :m], slopes[:, :m, :m] = self.mass, self.rates, self.slopes
+        driven = np.zeros((n, size, m))
+        for j, drive in enumerate(self.drives):
             if not drive.mode.spring:
-                b[:, m : 2 * m, joint] = inverse[:, :, joint] * drive.proportional[0]
-            elif not drive.proportional:
-                driven = self.springs[:, joint] @ _rho(drive)
-                b[:, m : 2 * m, joint] = inverse[:, :, joint] * driven[:, None]
-        for index, (joint, motor) in enumerate(motors):
-            drive, row = self.drives[joint], 2 * m + 2 * index
-            k, inertia = self.springs[:, joint, motor], drive.motor_inertia[motor]
-            a[:, m : 2 * m, row] += inverse[:, :, joint] * k[:, None]
-            a[:, row, row + 1] = 1.0
-            a[:, row + 1, row] = -(drive.proportional[motor] + k) / inertia
-            a[:, row + 1, row + 1] = -(drive.motor_damping[motor] + drive.derivative[motor]) / inertia
-            a[:, row + 1, joint] = k / inertia
-            b[:, row + 1, joint] = drive.proportional[motor] * _rho(drive)[motor] / inertia
-        for index, (which, joint, motor) in enumerate(integrals):
-            drive, row, own = self.drives[joint], 2 * m + 2 * which, 2 * m + 2 * len(motors) + index
-            a[:, row + 1, own] = drive.integral[motor] / drive.motor_inertia[motor]
+                slopes[:, j, j] += drive.proportional[0]
+                rates[:, j, j] += drive.derivative[0]
+                driven[:, j, j] = drive.proportional[0]
+                continue
+            slopes[:, j, j] += self.springs[:, j].sum(axis=1)
+            if not drive.proportional:
+                driven[:, j, j] = self.springs[:, j] @ _rho(drive)
+        integrals = []
+        for row, (j, motor) in enumerate(motors, m):
+            drive, k = self.drives[j], self.springs[:, j, motor]
+            mass[:, row, row] = drive.motor_inertia[motor]
+            rates[:, row, row] = drive.motor_damping[motor] + drive.derivative[motor]
+            slopes[:, row, row] = drive.proportional[motor] + k
+            slopes[:, row, j] = slopes[:, j, row] = -k
+            driven[:, row, j] = drive.proportional[motor] * _rho(drive)[motor]
+            if drive.integral[motor] > 0.0:
+                integrals.append((row, j, motor))
+        a = np.zeros((n, 2 * size + len(integrals), 2 * size + len(integrals)))
+        b = np.zeros((*a.shape[:2], m))
+        a[:, :size, size : 2 * size] = np.eye(size)
+        found = np.linalg.solve(mass, np.concatenate([-slopes, -rates, driven], axis=2))
+        a[:, size : 2 * size, : 2 * size], b[:, size : 2 * size] = found[:, :, : 2 * size], found[:, :, 2 * size :]
+        for own, (row, j, motor) in enumerate(integrals, 2 * size):
+            a[:, size + row, own] = self.drives[j].integral[motor] / self.drives[j].motor_inertia[motor]
             a[:, own, row] = -1.0
-            b[:, own, joint] = _rho(drive)[motor]
+            b[:, own, j] = _rho(self.drives[j])[motor]
         return a, b
 
     @property
     def _moving(self) -> list[tuple[int, int]]:
         """(joint, motor) of the motors that have states, in their order."""
-        return [(joint, motor) for joint, drive in enumerate(self.drives) for motor in range(_moving_motors(drive))]
-
-    @cached_property
-    def pushed(self) -> Array:
-        """(n - 1, s, m): the states for torques on the links during each step."""
-        step, m = float(self.time[1] - self.time[0]), len(self.drives)
-        change = 0.5 * (self.continuous[0][1:] + self.continuous[0][:-1])
-        torques = np.zeros((*change.shape[:2], m))
-        torques[:, m : 2 * m] = np.linalg.inv(0.5 * (self.mass[1:] + self.mass[:-1]))
-        return np.asarray(np.linalg.solve(np.eye(change.shape[1]) - 0.5 * step * change, step * torques))
+        return [
+            (joint, motor)
+            for joint, drive in enumerate(self.drives) if drive.mode.controller and drive.mode.spring
+            for motor in range(len(drive.motor_inertia))
+        ]  # fmt: skip
 
     def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
         """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
         states, _ = self.steps
-        m = len(self.drives)
+        m, moving = len(self.drives), tuple(np.array(self._moving, dtype=int).reshape(-1, 2).T)
         start = np.zeros(states.shape[1])
-        start[:m], start[m : 2 * m] = positions, velocities
-        for index, (joint, motor) in enumerate(self._moving):
-            start[2 * m + 2 * index], start[2 * m + 2 * index + 1] = motors[joint, motor], rates[joint, motor]
-        return self._positions(start, lambda index, state: states[index] @ state)
-
-    def response(self, change: Array, friction: Friction | None = None) -> Array:
-        """(n, m) change of the positions for a change (n, m) of the inputs; with what friction makes of it."""
-        states, inputs = self.steps
-        pushes = np.einsum("nij,nj->ni", inputs, 0.5 * (change[1:] + change[:-1]))
-        rest = np.zeros(states.shape[1])
-        if friction is None or not friction.level.any():
-            return self._positions(rest, lambda index, state: states[index] @ state + pushes[index])
-        moving = slice(len(self.drives), 2 * len(self.drives))
-        effect = self.pushed
-        slips = 0.5 * effect[:, moving]
-        alone = (1.0 / np.diagonal(slips, axis1=1, axis2=2)).tolist()
-        rows, before = slips.tolist(), friction.torques.tolist()
-        force = before[0]
-
-        def held(index: int, state: Array) -> Array:
-            nonlocal force
-            free = states[index] @ state + pushes[index]
-            sliding = friction.velocities[index] + 0.5 * (state[moving] + free[moving])
-            force = friction.hold(sliding.tolist(), rows[index], alone[index], before[index], force)
-            return np.asarray(free - effect[index] @ (force - friction.torques[index]))
-
-        return self._positions(rest, held)
-
-    def _positions(self, state: Array, following: Callable[[int, Array], Array]) -> Array:
-        """(n, m) positions from a state (s,) on; `following` gives the state after each step."""
-        found = np.empty((len(self.time), len(self.drives)))
-        found[0] = state[: len(self.drives)]
-        for index in range(len(self.time) - 1):
-            state = following(index, state)
-            found[index + 1] = state[: len(self.drives)]
-        return found
-
-
-def _moving_motors(drive: Drive) -> int:
-    return len(drive.motor_inertia) if drive.mode.controller and drive.mode.spring else 0
+        moved = np.concatenate([positions, motors[moving], velocities, rates[moving]])
+        start[: len(moved)] = moved
+        found = [start]
+        for step in states:
+            found.append(step @ found[-1])
+        return np.array(found)[:, :m]
 
 
 def _rho(drive: Drive) -> Array:
@@ -237,25 +193,20 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
-def spring_slopes(drive: Drive, position: Array, motors: Array, limit: float = CLIP) -> Array:
+def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
     """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
 
-    limit: share of the deflection limit at which springs beyond it are taken, since at the limit they have no slope.
+    Springs beyond their deflection limit are taken just before it, since at the limit they have no slope.
     """
-    most = limit * drive.max_deflection
-    deflections = np.clip(motors - position[:, None], -most, most)
-    return chords(drive, position, motors, deflections - NUDGE, deflections + NUDGE)
-
-
-def chords(drive: Drive, position: Array, motors: Array, one: Array, other: Array) -> Array:
-    """(n, 2) N m/rad: mean slope of each spring between deflections `one` and `other` (n, 2), its other motor where it is."""
     law = over_arrays(drive.actuator.elastic_torques)
+    most = CLIP * drive.max_deflection
+    deflections = np.clip(motors - position[:, None], -most, most)
     found = np.zeros_like(motors)
     for motor in range(drive.actuator.motors):
         ends = []
-        for deflection in (one, other):
+        for nudge in (-NUDGE, NUDGE):
             at = motors.copy()
-            at[:, motor] = position + deflection[:, motor]
+            at[:, motor] = position + deflections[:, motor] + nudge
             ends.append(law(position, at[:, 0], at[:, 1], drive.elastic).sum(axis=0))
-        found[:, motor] = (ends[1] - ends[0]) / (other - one)[:, motor]
+        found[:, motor] = (ends[1] - ends[0]) / (2.0 * NUDGE)
     return found

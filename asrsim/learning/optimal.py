@@ -19,7 +19,7 @@ import numpy as np
 from asrsim.kinematics.desired import knot_distance
 from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import Linearised
-from asrsim.learning.trial import LearningProblem, Outcome, Proposal, Trial, worst, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Trial, worst, worst_place
 from asrsim.samples import Array
 
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
@@ -53,25 +53,20 @@ class Lifted:
         self._effort = np.kron(spline.T @ spline, np.eye(len(delays)))
         self._basis = self._band.at(time)
         self._normal = np.zeros_like(self._effort)
-        for index, (mass, stiffness) in enumerate(MODELS):
+        self._mean = np.zeros((len(self._rows) * len(delays), len(self._effort)))
+        for mass, stiffness in MODELS:
             lifted = lift(linear.scaled(mass, stiffness), self._band, delays)
             flat = lifted.reshape(-1, lifted.shape[2])
             self._normal += flat.T @ flat / len(MODELS)
-            if index == 0:
-                self._nominal, self._mean = flat, flat / len(MODELS)
-            else:
-                self._mean = self._mean + flat / len(MODELS)
+            self._mean += flat / len(MODELS)
 
-    def change(self, error: Array, rho: float) -> tuple[Array, Array]:
-        """(n, joints) change of the inputs for an error (n, joints), and of the outputs, as the nominal model expects it."""
+    def change(self, error: Array, rho: float) -> Array:
+        """(n, joints) change of the inputs for an error (n, joints)."""
         from scipy.linalg import solve
 
         seen = averaged(self._time, error, self._rows)
         found = solve(self._normal + rho * self._effort, self._mean.T @ seen.ravel(), assume_a="pos")
-        moved = (self._nominal @ found).reshape(seen.shape)
-        times = np.concatenate([[0.0], self._rows])
-        expected = [np.interp(self._time, times, np.concatenate([[0.0], column])) for column in moved.T]
-        return np.asarray(self._basis @ found.reshape(self._band.count, -1)), np.column_stack(expected)
+        return np.asarray(self._basis @ found.reshape(self._band.count, -1))
 
 
 @dataclass(frozen=True)
@@ -80,17 +75,11 @@ class NormOptimal:
 
     problem: LearningProblem
     lifted: Lifted
-    answers: Callable[[Trial], Answer] | None = None
-    """A trial -> what a model with friction expects of inputs after it."""
 
-    def propose(self, trials: Sequence[Trial]) -> Proposal:
+    def propose(self, trials: Sequence[Trial]) -> Array:
         """The best trial's input, corrected by its error."""
         best, rho, _ = standing(trials)
-        # The friction of a robot on which a trial failed may not be the model's.
-        if self.answers is not None and failures(trials) == 0:
-            return rehearsed(self.problem, self.lifted, best, rho, self.answers(best))
-        change, expected = self.lifted.change(self.problem.reference - best.outputs, rho)
-        return Proposal(inputs=best.inputs + change, outputs=best.outputs + expected)
+        return best.inputs + self.lifted.change(self.problem.reference - best.outputs, rho)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Gives up when more than `patience` trials in a row brought no progress."""
@@ -105,17 +94,17 @@ class NormOptimal:
         )
 
 
-def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, answer: Answer) -> Proposal:
+def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, answer: Answer) -> Array:
     """The best trial's input after some updates in a model that knows more than the lifted ones, such as friction."""
-    proposal = Proposal(inputs=best.inputs, outputs=best.outputs)
+    found, seen = best.inputs, best.outputs
     for number in range(1 + REHEARSALS):
-        left = problem.reference - np.asarray(proposal.outputs)
-        inputs = proposal.inputs + lifted.change(left, rho)[0]
+        left = problem.reference - seen
+        inputs = found + lifted.change(left, rho)
         outputs = answer(inputs)
         if number and not np.sum((problem.reference - outputs) ** 2) < np.sum(left**2):
             break
-        proposal = Proposal(inputs=inputs, outputs=outputs)
-    return proposal
+        found, seen = inputs, outputs
+    return found
 
 
 def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
@@ -127,12 +116,6 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
         rho = max(RHO, rho / RHO_DOWN) if better else RHO_UP * rho
         best = trial if better else best
     return best, rho, failed
-
-
-def failures(trials: Sequence[Trial]) -> int:
-    """Trials that were no better than the best before them."""
-    totals = np.array([trial.total for trial in trials])
-    return int(np.sum(~(totals[1:] < np.fmin.accumulate(totals)[:-1])))
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:

@@ -18,7 +18,6 @@ def trial_data(trial: Trial, joints: tuple[str, ...]) -> dict[str, Any]:
         "rms_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.rms, strict=True)},
         "largest_norm": finite_or_none(trial.norm),
         "ratio": trial.ratio,
-        "predicted_ratio": trial.predicted,
         "wall_time": trial.seconds,
     }
 
@@ -57,17 +56,6 @@ def transfer_data(report: TransferReport) -> dict[str, Any]:
         "within_tolerance": report.within,
         "within_tolerance_95": list(report.within_interval),
         "largest_error_quantiles": {f"{share:g}": finite_or_none(value) for share, value in report.quantiles().items()},
-        "influences": [
-            {
-                "factor": item.factor,
-                "rank_correlation": item.rank_correlation,
-                "rank_correlation_95": list(item.interval),
-                "tells": item.tells,
-                "regression_on_size": item.regression,
-                "regression": item.signed_regression,
-            }
-            for item in report.influences
-        ],
         "errors": [
             {"draw": dict(draw), "largest_error": [finite_or_none(float(value)) for value in row]}
             for draw, row in zip(report.draws, report.largest, strict=True)

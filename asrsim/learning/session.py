@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from asrsim.errors import OutputError
 from asrsim.learning.arm import learning_model
 from asrsim.learning.figure import write_figure, write_transfer_figure
@@ -29,19 +27,18 @@ from asrsim.learning.folder import (
     open_folder,
 )  # fmt: skip
 from asrsim.learning.iterate import learn
-from asrsim.learning.perturb import outputs_of
 from asrsim.learning.plant import Plant
 from asrsim.learning.playback import write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.report import demand_data, result_data, transfer_data
 from asrsim.learning.table import write_inputs
-from asrsim.learning.transfer import Spread, TransferReport, draw_plants, transfer
-from asrsim.learning.trial import LearningResult, Simulate, Trial, worst
+from asrsim.learning.transfer import TransferReport, draw_plants, outputs_of, transfer
+from asrsim.learning.trial import LearningResult, Trial, worst
 from asrsim.outfile import write_json
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import KeepLogs, PlantSet
-from asrsim.workers import Executor, executor
+from asrsim.scenario.learning_keys import KeepLogs
+from asrsim.workers import executor
 
 if TYPE_CHECKING:
     from asrsim.log import LogWriter
@@ -60,12 +57,8 @@ class Session:
     folder: Path
     """Where everything was written."""
     transfer: TransferReport | None = None
-    nominal_transfer: TransferReport | None = None
-    """Of inputs learned on the one nominal plant, to compare with, where several plants were learned at once."""
     replaced: Earlier | None = None
     """What the folder held of an earlier run, if anything."""
-    foreseen: tuple[float, ...] = ()
-    """rad: largest 2-norms of the trials, as foretold after trial 0; only of laws of a fixed gain."""
 
 
 def run_session(
@@ -74,7 +67,6 @@ def run_session(
     *,
     on_start: Callable[[Prepared], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
-    on_foresight: Callable[[Prepared, list[float]], None] | None = None,
     resume: bool = False,
     overwrite: bool = False,
     keep_logs: KeepLogs | None = None,
@@ -88,7 +80,7 @@ def run_session(
 
     resume: go on from the folder's state. overwrite: replace what another scenario left there; results of the same one are
     replaced anyway. keep_logs, draws: replace the scenario's. plugins: files with users' actuators, for the other processes.
-    on_start is told what the model says before the first trial, on_foresight what it foretells of the others after it.
+    on_start is told what the model says before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder):
@@ -101,7 +93,6 @@ def run_session(
             if on_start is not None:
                 on_start(prepared)
             logger = _Logger(folder, keep == "all")
-            foreseen: list[float] = []
 
             def ended(trial: Trial) -> None:
                 # This run's state is on disk now: the earlier run's files may go.
@@ -109,43 +100,38 @@ def run_session(
                     clear(earlier, but=(folder / STATE, *logger.written))
                 if on_trial is not None:
                     on_trial(trial)
-                if trial.number == 0 and prepared.settings.law != "auto":
-                    foreseen.extend(prepared.foresee(trial))
-                    if on_foresight is not None:
-                        on_foresight(prepared, foreseen)
 
-            simulate = _trials(plant, logger, workers)
             result = learn(
-                prepared.problem, simulate, prepared.settings, ended, law=prepared.law, state=folder / STATE, resume=resume
+                prepared.problem,
+                partial(logger.run, plant),
+                prepared.settings,
+                ended,
+                law=prepared.law,
+                state=folder / STATE,
+                resume=resume,
             )
             if keep == "last":
                 logger.write(plant, result.inputs, LOG)
-            report = nominal = None
+            report = None
             if with_transfer and learning.transfer is not None:
-                report = _transfer(plant, result, prepared, learning.transfer, draws, workers)
-                if learning.plants is not None:
-                    alone = learn(prepared.problem, plant.outputs, prepared.settings, law=prepared.law)
-                    nominal = _transfer(plant, alone, prepared, learning.transfer, draws, workers)
+                drawn = draw_plants(learning.transfer, plant.joints, draws)
+                report = transfer(
+                    plant.reference,
+                    drawn,
+                    outputs_of(plant, result.inputs, drawn, workers),
+                    joints=plant.joints,
+                    tolerance=prepared.settings.tolerance,
+                    unit=prepared.problem.unit,
+                )
         session = Session(
             prepared=prepared,
             result=result,
             folder=folder,
             transfer=report,
-            nominal_transfer=nominal,
             replaced=earlier if earlier.files else None,
-            foreseen=tuple(foreseen),
         )
         _write(session, folder, picture=picture)
         return session
-
-
-def _trials(plant: Plant, logger: _Logger, workers: Executor) -> Simulate:
-    """How a trial is made: by one run, or by one of each of the plants that are learned over."""
-    plants = plant.learning.plants
-    if plants is None:
-        return partial(logger.run, plant)
-    drawn = draw_plants(Spread.of(plants, plant.joints), plants.draws, plants.seed)
-    return lambda inputs: np.array(outputs_of(plant, inputs, drawn, workers))
 
 
 def session_data(session: Session) -> dict[str, Any]:
@@ -160,27 +146,9 @@ def session_data(session: Session) -> dict[str, Any]:
     data |= result_data(result, plant.joints)
     data["law"] = session.prepared.settings.law
     data["demands"] = [demand_data(demand) for demand in session.prepared.demands[:MOST_DEMANDS]]
-    if session.foreseen:
-        data["foreseen_norms"] = list(session.foreseen)
     if session.transfer is not None:
         data["transfer"] = transfer_data(session.transfer)
-    if session.nominal_transfer is not None:
-        data["transfer_of_one_plant"] = transfer_data(session.nominal_transfer)
     return data
-
-
-def _transfer(
-    plant: Plant, result: LearningResult, prepared: Prepared, others: PlantSet, draws: int | None, workers: Executor
-) -> TransferReport:
-    plants = draw_plants(Spread.of(others, plant.joints), draws or others.draws, others.seed)
-    return transfer(
-        plant.reference,
-        plants,
-        lambda chosen: outputs_of(plant, result.inputs, chosen, workers),
-        joints=plant.joints,
-        tolerance=prepared.settings.tolerance,
-        unit=prepared.problem.unit,
-    )
 
 
 def _write(session: Session, folder: Path, *, picture: bool) -> None:
@@ -195,7 +163,7 @@ def _write(session: Session, folder: Path, *, picture: bool) -> None:
     if picture:
         write_figure(folder / PICTURE, session.prepared.problem, result, settings, title=_title(session))
         if session.transfer is not None:
-            write_transfer_figure(folder / TRANSFER, session.transfer, session.nominal_transfer)
+            write_transfer_figure(folder / TRANSFER, session.transfer)
 
 
 def _title(session: Session) -> str:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.scenario.learning_keys import Learning
 
-FORMAT = "asrsim learning state 2"
-DECIDING = ("law", "joint_gains", "gain_decay", "derivative", "filter", "forgetting", "first_guess")
+FORMAT = "asrsim learning state 3"
+DECIDING = ("law", "joint_gains", "gain_decay", "filter", "first_guess")
 """Keys of `ilc:` that decide how trials follow each other; one may go on with a tighter tolerance or more iterations."""
 
 
@@ -48,7 +48,6 @@ def save_state(path: Path, digest: str, trials: list[Trial], *, origin: tuple[st
             "rms": trial.rms,
             "seconds": trial.seconds,
             "ratio": trial.ratio,
-            "predicted": trial.predicted,
         }
         for trial in trials
     ]

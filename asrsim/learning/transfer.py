@@ -1,69 +1,38 @@
-"""Will the learned input work on the hardware? The stand-in: many plants that differ from the learned one.
+"""Will the learned input work on the hardware? The stand-in: plants that differ from the learned one, by stated amounts.
 
-Each draw perturbs named factors (spring parameters, masses, damping, friction, delay) by stated amounts; the learned
-input is played to it, feed-forward. Out come how often the tolerance holds, how the error is distributed, and which
-factor matters most.
+A draw names what differs: spring parameters, masses, damping and friction of joints, the delay of the commands. The learned
+input is played to each drawn plant, feed-forward.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import Problem, ScenarioError
+from asrsim.learning.plant import Plant
+from asrsim.robot.model import INERTIAS
+from asrsim.robot.tags import parameter_name
+from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import Distribution, PlantSet
+from asrsim.scenario.data import Effects, for_joint
+from asrsim.scenario.learning_keys import PlantSet
+from asrsim.workers import Executor, in_order
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
 
 ADDED = ("delay", "added_friction", "added_damping")
 """Factors that are added, from 0 on, and do not scale: s, N m, N m s/rad."""
 CONFIDENCE = 0.95
-"""Probability that an interval of a correlation holds it."""
+"""Of the interval of a share."""
 Draw = Mapping[str, float]
-"""Factor -> relative change (0.1: a tenth more) or, for `delay`, seconds."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spread:
-    """How far the factors vary: half-widths of uniform, or standard deviations of normal distributions."""
-
-    factors: Mapping[str, float]
-    """Factor -> relative spread; those of :data:`ADDED`: the most that is added, in SI, drawn from 0 on."""
-    distribution: Distribution = "uniform"
-
-    @classmethod
-    def of(cls, plants: PlantSet, joints: Sequence[str]) -> Spread:
-        """That of a scenario's `transfer:` or `plants:`.
-
-        Actuator parameters vary independently in each joint, as `parameters.<joint>.<name>`; mass, damping, friction, and what
-        is added to the latter, in each joint too, as `<what>.<joint>`; the delay is common to all.
-        """
-        spread = plants.spread
-        factors: dict[str, float] = {}
-        for joint in joints:
-            for name, amount in spread.parameters.items():
-                factors[f"parameters.{joint}.{name}"] = amount
-            for what in ("mass", "damping", "friction", *ADDED[1:]):
-                factors[f"{what}.{joint}"] = getattr(spread, what)
-        factors["delay"] = spread.delay
-        return cls(factors={name: amount for name, amount in factors.items() if amount > 0.0}, distribution=plants.distribution)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Influence:
-    """How much one factor decides the error."""
-
-    factor: str
-    rank_correlation: float
-    """Spearman's, of the factor with the largest error: sign and strength of a monotone influence."""
-    interval: tuple[float, float]
-    """95 % of it (Fisher's transformation with the variance of Bonett and Wright 2000)."""
-    tells: bool
-    """Whether the correlation differs from 0 where so many factors are looked at (Bonferroni)."""
-    regression: float
-    """Standardised regression coefficient, all factors together, of the largest error on the size of the change."""
-    signed_regression: float
-    """The same on the signed change."""
+"""Factor -> relative change (0.1: a tenth more); those of :data:`ADDED`: what is added, in SI."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +43,8 @@ class TransferReport:
     """In `unit`."""
     draws: tuple[Draw, ...]
     largest: Array = field(repr=False)
-    """(draws, joints) rad, largest absolute error of each joint."""
+    """(draws, joints) rad, largest absolute error of each joint; infinite where a plant diverged."""
     joints: tuple[str, ...]
-    influences: tuple[Influence, ...]
-    """Highest rank correlation first."""
     unit: str = "rad"
     """Of errors; `rad or m` where joints are of both kinds."""
 
@@ -100,28 +67,30 @@ class TransferReport:
         low, high = binomtest(within, len(self.worst)).proportion_ci(CONFIDENCE)
         return float(low), float(high)
 
-    @property
-    def telling(self) -> tuple[Influence, ...]:
-        """Influences that are no noise."""
-        return tuple(item for item in self.influences if item.tells)
-
     def quantiles(self, shares: Sequence[float] = (0.05, 0.25, 0.5, 0.75, 0.95)) -> dict[float, float]:
         """Quantiles of the largest error in rad; diverged draws count as infinite."""
         return {share: float(np.quantile(self.worst, share, method="inverted_cdf")) for share in shares}
 
 
-def draw_plants(spread: Spread, count: int, seed: int) -> tuple[Draw, ...]:
-    """`count` plants; the same seed gives the same plants, and more draws only add to them."""
-    names = sorted(spread.factors)
+def draw_plants(others: PlantSet, joints: Sequence[str], count: int | None = None) -> tuple[Draw, ...]:
+    """`count` plants (None: as many as the scenario says); the same seed gives the same plants, more draws only add to them.
+
+    Every joint varies on its own; the delay is common to all.
+    """
+    spread = others.spread
+    factors: dict[str, float] = {"delay": spread.delay}
+    for joint in joints:
+        factors |= {f"parameters.{joint}.{name}": amount for name, amount in spread.parameters.items()}
+        factors |= {f"{what}.{joint}": getattr(spread, what) for what in ("mass", "damping", "friction", *ADDED[1:])}
     draws = []
-    for index in range(count):
-        generator = np.random.default_rng([seed, index])
+    for index in range(count or others.draws):
+        generator = np.random.default_rng([others.seed, index])
         draw = {}
-        for name in names:
-            amount = spread.factors[name]
-            if name.split(".")[0] in ADDED:
+        for name in sorted(name for name, amount in factors.items() if amount > 0.0):
+            amount = factors[name]
+            if name.partition(".")[0] in ADDED:
                 draw[name] = float(generator.uniform(0.0, amount))
-            elif spread.distribution == "uniform":
+            elif others.distribution == "uniform":
                 draw[name] = float(generator.uniform(-amount, amount))
             else:
                 # Three standard deviations at most, and never a negative mass.
@@ -133,77 +102,82 @@ def draw_plants(spread: Spread, count: int, seed: int) -> tuple[Draw, ...]:
 def transfer(
     reference: Array,
     draws: Sequence[Draw],
-    outputs_of: Callable[[Sequence[Draw]], Sequence[Array]],
+    outputs: Sequence[Array],
     *,
     joints: tuple[str, ...],
     tolerance: float,
     unit: str = "rad",
 ) -> TransferReport:
-    """Play the learned input to every drawn plant and report.
-
-    outputs_of: draws -> link positions (n, joints) of each (so that the caller may share the work among processes);
-    reference: (n, joints) rad.
-    """
-    largest = np.array([np.abs(reference - output).max(axis=0) for output in outputs_of(draws)])
+    """What the draws' link positions `outputs`, (n, joints) each, make of the motion `reference` (n, joints) in rad."""
+    largest = np.array([np.abs(reference - output).max(axis=0) for output in outputs])
     largest = np.where(np.isfinite(largest), largest, np.inf)
-    return TransferReport(
-        tolerance=tolerance,
-        draws=tuple(draws),
-        largest=largest,
-        joints=joints,
-        unit=unit,
-        influences=influences(draws, largest.max(axis=1)),
-    )
+    return TransferReport(tolerance=tolerance, draws=tuple(draws), largest=largest, joints=joints, unit=unit)
 
 
-def influences(draws: Sequence[Draw], worst: Array) -> tuple[Influence, ...]:
-    """Which factor decides the error, highest rank correlation first; empty with fewer finite draws than twice the factors."""
-    finite = np.isfinite(worst)
-    names = sorted(draws[0]) if draws else []
-    if not names or finite.sum() < 2 * len(names) + 2:
-        return ()
-    from scipy.stats import spearmanr
-
-    values = np.array([[draw[name] for name in names] for draw in draws])[finite]
-    errors = worst[finite]
-    found = []
-    signed, unsigned = _standardised(values, errors), _standardised(np.abs(values), errors)
-    for column, name in enumerate(names):
-        varied = np.ptp(values[:, column]) > 0.0 and np.ptp(errors) > 0.0
-        correlation = float(spearmanr(values[:, column], errors).statistic) if varied else 0.0
-        found.append(
-            Influence(
-                factor=name,
-                rank_correlation=correlation,
-                interval=correlation_interval(correlation, len(errors), CONFIDENCE),
-                tells=not _holds_zero(correlation_interval(correlation, len(errors), 1.0 - (1.0 - CONFIDENCE) / len(names))),
-                regression=float(unsigned[column]),
-                signed_regression=float(signed[column]),
-            )
-        )
-    return tuple(sorted(found, key=lambda item: -abs(item.rank_correlation)))
+def outputs_of(plant: Plant, inputs: Array, draws: Sequence[Draw], workers: Executor) -> list[Array]:
+    """Link positions (n, joints) in rad of each drawn plant with these inputs, in the order of the draws; NaN where a plant
+    diverged. Raises ScenarioError for parameters that the plant does not have."""
+    return in_order(workers, partial(_one, plant, inputs), draws)
 
 
-def correlation_interval(correlation: float, count: int, confidence: float) -> tuple[float, float]:
-    """Interval of a rank correlation over `count` pairs."""
-    from math import atanh, sqrt, tanh
-
-    from scipy.stats import norm
-
-    if count < 5 or abs(correlation) >= 1.0:
-        return (-1.0, 1.0) if count < 5 else (correlation, correlation)
-    half = float(norm.ppf(0.5 + 0.5 * confidence)) * sqrt((1.0 + 0.5 * correlation**2) / (count - 3))
-    return tanh(atanh(correlation) - half), tanh(atanh(correlation) + half)
+def _one(plant: Plant, inputs: Array, draw: Draw) -> Array:
+    return perturbed(plant, draw).outputs(inputs)
 
 
-def _holds_zero(interval: tuple[float, float]) -> bool:
-    return interval[0] <= 0.0 <= interval[1]
+def perturbed(plant: Plant, draw: Draw) -> Plant:
+    """The plant with a draw's changes.
+
+    A mass goes with its inertia, and that of the links that are fixed to it; friction is that of joint and motors; what is
+    added to friction and damping is the joint's. Raises ScenarioError for parameters that the plant does not have.
+    """
+    from asrsim.scenario import apply_to_robot
+
+    blocks = {block.joint: block for block in apply_to_robot(plant.scenario, plant.robot).actuators}
+    parameters = {joint: dict(values) for joint, values in plant.scenario.parameters.items()}
+    numbers: dict[str, dict[str, float]] = {}
+    problems = []
+    for factor, change in draw.items():
+        what, _, rest = factor.partition(".")
+        joint, _, name = rest.partition(".")
+        scaled = [name] if what == "parameters" else []
+        if what == "mass":
+            numbers |= _heavier(plant.robot, joint, 1.0 + change)
+        elif what in ("friction", "damping", *ADDED[1:]):
+            loss = what.removeprefix("added_")
+            own = numbers.setdefault(joint, {})
+            before = own.get(loss, getattr(plant.robot.joint(joint), loss))
+            own[loss] = before + change if what in ADDED else before * (1.0 + change)
+        if what == "friction":
+            scaled = [name for name in blocks[joint].parameters if name.endswith("_friction_torque")]
+        for name in scaled:
+            known = parameter_name(ACTUATORS.get(blocks[joint].actuator), name)
+            if known is None:
+                choices = tuple(blocks[joint].parameters)
+                message = f"the {blocks[joint].actuator} has no such parameter"
+                problems.append(Problem(message, key=f"spread.parameters.{name}", choices=choices, code="unknown-parameter"))
+                continue
+            given = parameters.setdefault(joint, {})
+            given.pop(name, None)
+            given[known] = blocks[joint].parameters[known].value * (1.0 + change)
+    if problems:
+        raise ScenarioError(list(dict.fromkeys(problems)))
+    effects = dict(plant.scenario.command_effects)
+    for joint in plant.joints if draw.get("delay") else ():
+        effect = for_joint(plant.scenario.command_effects, joint, Effects())
+        effects[joint] = replace(effect, delay=effect.delay + draw["delay"])
+    scenario = replace(plant.scenario, parameters=parameters, command_effects=effects)
+    return replace(plant, scenario=scenario, robot=varied_robot(plant.robot, numbers))
 
 
-def _standardised(values: Array, errors: Array) -> Array:
-    """Coefficients of a linear regression in units of standard deviations."""
-    spread = values.std(axis=0)
-    scaled = (values - values.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0)
-    deviation = float(errors.std())
-    target = (errors - errors.mean()) / (deviation if deviation > 0.0 else 1.0)
-    return np.asarray(np.linalg.lstsq(scaled, target, rcond=None)[0])
+def _heavier(robot: Robot, joint: str, factor: float) -> dict[str, dict[str, float]]:
+    """Masses and inertias, by link, of what the joint moves as one body, heavier by a factor."""
+    body, waiting = {robot.joint(joint).child}, [robot.joint(joint).child]
+    while waiting:
+        fixed = [item.child for item in robot.carried.get(waiting.pop(), ()) if item.kind == "fixed"]
+        body.update(fixed)
+        waiting += fixed
+    return {
+        link.name: {"mass": link.mass * factor} | dict(zip(INERTIAS, (factor * value for value in link.inertia), strict=True))
+        for link in robot.links
+        if link.name in body and link.mass is not None and link.inertia is not None
+    }

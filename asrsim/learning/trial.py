@@ -1,4 +1,4 @@
-"""What learning is about, as data: the problem, a trial, the result, and what a law proposes next."""
+"""What learning is about, as data: the problem, a trial, the result, and a law."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.samples import Array
 
 Simulate = Callable[[Array], Array]
-"""Inputs (n, joints) -> link positions (n, joints), or (plants, n, joints) when several plants are tried at once."""
+"""Inputs (n, joints) -> link positions (n, joints)."""
 Outcome = Literal["converged", "growing", "stalled", "exhausted"]
 
 
@@ -50,21 +50,19 @@ class Trial:
 
     number: int
     largest: tuple[float, ...]
-    """rad, largest absolute error of each joint (over all plants)."""
+    """rad, largest absolute error of each joint."""
     norm: float
     """rad, largest 2-norm of the joints' error over time (paper figure 15)."""
     rms: tuple[float, ...]
-    """rad, root mean square error of each joint (over all plants)."""
+    """rad, root mean square error of each joint."""
     seconds: float
     """Wall-clock time of the simulation."""
     ratio: float | None = None
     """Measured: `norm` over the trial's before; None for the first."""
-    predicted: float | None = None
-    """The same ratio as the model predicted it before the trial; None without a model."""
     inputs: Array = field(repr=False)
     """(n, joints) rad."""
     outputs: Array = field(repr=False)
-    """(n, joints) rad, mean over the plants."""
+    """(n, joints) rad."""
 
     @property
     def total(self) -> float:
@@ -77,21 +75,11 @@ class Trial:
         return max(self.largest)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Proposal:
-    """What a law would try next."""
-
-    inputs: Array
-    """(n, joints) rad."""
-    outputs: Array | None = None
-    """(n, joints) rad that the model expects; None without a model."""
-
-
 class Law(Protocol):
     """How learning goes on: a function of the trials so far, so that a resumed run goes on exactly where it was."""
 
-    def propose(self, trials: Sequence[Trial]) -> Proposal:
-        """The next inputs."""
+    def propose(self, trials: Sequence[Trial]) -> Array:
+        """(n, joints) rad, the next inputs."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Why this law would give up after the last trial, or None to go on."""
@@ -135,24 +123,20 @@ def trial_of(
     outputs: Array,
     *,
     before: Trial | None,
-    expected: Array | None,
     seconds: float = 0.0,
 ) -> Trial:
-    """The trial in which `inputs` gave `outputs`, (n, joints) or (plants, n, joints); `expected`: as foretold."""
-    error = problem.reference - outputs.reshape(-1, *problem.reference.shape)
-    norm = float(np.linalg.norm(error, axis=2).max())
-    expected_norm = None if expected is None else float(np.linalg.norm(problem.reference - expected, axis=1).max())
-    fresh = before is None or before.norm == 0.0
+    """The trial in which `inputs` gave `outputs`, (n, joints) each."""
+    error = problem.reference - outputs
+    norm = float(np.linalg.norm(error, axis=1).max())
     return Trial(
         number=0 if before is None else before.number + 1,
-        largest=tuple(float(value) for value in np.abs(error).max(axis=(0, 1))),
+        largest=tuple(float(value) for value in np.abs(error).max(axis=0)),
         norm=norm,
-        rms=tuple(float(value) for value in np.sqrt(np.mean(error**2, axis=(0, 1)))),
+        rms=tuple(float(value) for value in np.sqrt(np.mean(error**2, axis=0))),
         seconds=seconds,
-        ratio=None if before is None or fresh else norm / before.norm,
-        predicted=None if before is None or fresh or expected_norm is None else expected_norm / before.norm,
+        ratio=None if before is None or before.norm == 0.0 else norm / before.norm,
         inputs=inputs,
-        outputs=problem.reference - error.mean(axis=0) if len(error) > 1 else outputs.reshape(problem.reference.shape),
+        outputs=outputs,
     )
 
 
@@ -163,7 +147,7 @@ def worst(problem: LearningProblem, trial: Trial) -> str:
 
 
 def worst_place(problem: LearningProblem, trial: Trial) -> str:
-    """Joint and time of the largest error; of several plants, in their mean."""
+    """Joint and time of the largest error."""
     column = int(np.argmax(trial.largest))
     error = np.abs(problem.reference - trial.outputs)[:, column]
     return f"{problem.joints[column]} at {int(np.argmax(error)) * problem.step:.3g} s"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from typing import Any
 from weakref import ref
 
@@ -23,6 +24,8 @@ class BoundEngine:
         self._exchange = np.zeros((len(engine.joints), 5))
         self._world: int | None = None
         """Whose state the engine has."""
+        self.watch: Callable[[], None] | None = None
+        """Called before each step."""
 
     @property
     def step(self) -> Any:
@@ -37,6 +40,8 @@ class BoundEngine:
         """The call is over. Raises what the engine raised where nothing could be raised."""
 
     def _step(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
+        if self.watch is not None:
+            self.watch()
         self.engine.step(self._exchange, wrenches, fraction)
 
     def leave(self, states: Any, world: int | None) -> None:
@@ -93,7 +98,7 @@ class CalledEngine(BoundEngine):
                 row = self._wrenches
                 if len(row):
                     row = np.array((ctypes.c_double * row.size).from_address(wrenches)).reshape(row.shape)
-                self.engine.step(self._exchange, row, fraction)
+                self._step(None, None, row, fraction)
                 return
         except BaseException as error:
             self._raised = error
@@ -147,9 +152,11 @@ class NativeEngine(BoundEngine):
         return states[world].copy()
 
 
-def bind_engine(engine: Engine, *, compiled: bool) -> BoundEngine:
-    """The engine for plain or compiled runs."""
-    if not compiled:
-        return BoundEngine(engine)
-    native = engine.native
-    return CalledEngine(engine) if native is None else NativeEngine(engine, native)
+def bind_engine(engine: Engine, *, compiled: bool, watch: Callable[[], None] | None = None) -> BoundEngine:
+    """The engine for plain or compiled runs; watch: called before each step, which then goes through Python."""
+    native = engine.native if compiled else None
+    if native is not None and watch is None:
+        return NativeEngine(engine, native)
+    bound = CalledEngine(engine) if compiled else BoundEngine(engine)
+    bound.watch = watch
+    return bound

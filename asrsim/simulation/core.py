@@ -72,9 +72,18 @@ def given_by(block: Block, begin: int, end: int) -> Given:
 class Core:
     """N worlds of one robot. They share an engine; a world whose links have other inertias has one of its own."""
 
-    def __init__(self, prepared: Prepared, engine: Engine, *, worlds: int = 1, compiled: bool = False) -> None:
-        """Raises SimulationError where compiled code is asked for and cannot be had."""
-        self.compiled = compiled
+    def __init__(
+        self,
+        prepared: Prepared,
+        engine: Engine,
+        *,
+        worlds: int = 1,
+        compiled: bool = False,
+        watch: Callable[[], None] | None = None,
+    ) -> None:
+        """watch: called before each step of the engine, which has the state then. Raises SimulationError where compiled code
+        is asked for and cannot be had."""
+        self.compiled, self._watch = compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
         self._sensors, self.stepping = prepared.sensors, stepping
         self.shape: Shape = shape_of(drives, prepared.sensors)
@@ -119,7 +128,7 @@ class Core:
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
         """Its native code is that of a run that has started."""
         self._start_engine(engine, prepared.initial_positions, prepared.initial_velocities)
-        return bind_engine(engine, compiled=self.compiled)
+        return bind_engine(engine, compiled=self.compiled, watch=self._watch)
 
     def _start_engine(self, engine: Engine, positions: Sequence[float], velocities: Sequence[float]) -> Any:
         return engine.start(

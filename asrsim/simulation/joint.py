@@ -273,6 +273,8 @@ def find_state(s: Any, p: Any, k: Any) -> None:
 def friction_of(s: Any, p: Any, v: float) -> float:
     """Bound of the joint's friction in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with the actuator's torque on the link.
     A standing joint has all of it. Whatever the level, friction only takes energy."""
-    ratio = v * p[P_FADE]
-    applied = s[APPLIED] - s[BRAKE] * v
-    return p[P_COULOMB] + p[P_SHARE] * abs(applied) + p[P_STRIBECK] * exp(-ratio * ratio)  # type: ignore[no-any-return]
+    bound: float = p[P_COULOMB] + p[P_SHARE] * abs(s[APPLIED] - s[BRAKE] * v)
+    if p[P_STRIBECK] > 0.0:
+        ratio = v * p[P_FADE]
+        bound += p[P_STRIBECK] * exp(-ratio * ratio)
+    return bound

@@ -70,7 +70,7 @@ def run(
     """Advance worlds by `count` substeps.
 
     which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
-    watched: 1 if they have the energies and the stiffness of the springs;
+    watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
     (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
@@ -132,8 +132,9 @@ def run(
                 _feel_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
-                settle_accounts(s, p, k, z, substep == 0, jumped, asked and watched != 0)
-                count_limits(s, p, k)
+                if watched:
+                    settle_accounts(s, p, k, z, substep == 0, jumped, asked)
+                    count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
                         out[place, row, j, c] = s[columns[c]]

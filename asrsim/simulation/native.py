@@ -23,24 +23,7 @@ def compiled_run() -> Any:
         whole[2], 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
         floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
     )  # fmt: skip
-    names = {**_pointers(), "borrow": compiling.borrow(), "run": kernel.run}
-    return compiling.compile_function(_run, example, names=names, inline=INLINE)
-
-
-def _run(
-    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
-    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
-    engine: int, record: int, columns: Any, out: Any,
-) -> None:  # fmt: skip
-    """The kernel on arrays whose references are not counted."""
-    a = borrow((
-        which, done, fault, states, constants, kinds, z, engine_states, inputs, wrenches, cuts, fractions, on_time, pieces,
-        exchange, columns, out,
-    ))  # fmt: skip
-    run(
-        a[0], count, every, watched, a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14],
-        engine, record, a[15], a[16],
-    )  # fmt: skip
+    return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
 def compiled_laws(actuator: Any, motors: int) -> tuple[compiling.Callback, compiling.Callback]:
@@ -96,7 +79,7 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("bound where it is compiled")
 
 
-torques = stiffness = energy = positions = parameters = row = whole_row = own_step = borrow = run = _unbound
+torques = stiffness = energy = positions = parameters = row = whole_row = own_step = _unbound
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
-from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, MOTOR, OWN, PER_MOTOR
+from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, LINK_WORK, MOTOR, OWN, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
-OF_SPRINGS = ("stiffness", "spring_energy", "energy_residual")
-"""Quantities that are worked out at recorded rows only."""
+WATCHED = frozenset(column.quantity for column in JOINT[LINK_WORK:] if column.quantity)
+"""Quantities of worlds that are watched: energies, and the stiffness of springs."""
 
 
 def columns_of(motors: int) -> dict[str, int]:
@@ -74,9 +74,10 @@ class Selection:
         places, given = columns_of(motors), inputs_of(motors)
         known = dict.fromkeys(name for own in recorded for name in own)
         self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
-        self._stated = [name for name in self.names if name in places]
-        self.columns: NDArray[np.int64] = np.array([places[name] for name in self._stated], dtype=np.int64)
+        stated = [name for name in self.names if name in places]
+        self.columns: NDArray[np.int64] = np.array([places[name] for name in stated], dtype=np.int64)
         """Of S."""
+        self._stated = {name: place for place, name in enumerate(stated)}
         self._given = {name: given[name] for name in self.names if name in given}
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
         """Joints that do not record a quantity."""
@@ -100,12 +101,16 @@ class Selection:
         if problems:
             raise InputError(problems)
 
-    def values(self, out: Array, references: Array) -> Mapping[str, Array]:
-        """Quantity -> (rows, joints), NaN where a joint does not record it. out: (rows, joints, columns); references: (input
-        columns, joints, rows)."""
-        found = {name: out[:, :, place].copy() for place, name in enumerate(self._stated)}
-        found |= {name: references[column].T.copy() for name, column in self._given.items()}
-        for name, lacking in self.lacking.items():
-            if lacking:
-                found[name][:, lacking] = np.nan
-        return {name: found[name] for name in self.names}
+    def values(self, out: Array, references: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
+        """Quantities (rows, joints) by name, all or those named; NaN where a joint does not record one. They may be views of
+        out: (rows, joints, columns), and references: (input columns, joints, rows)."""
+        wanted = self.names if names is None else names
+        return {name: self._values_of(name, out, references) for name in wanted}
+
+    def _values_of(self, name: str, out: Array, references: Array) -> Array:
+        found = references[self._given[name]].T if name in self._given else out[:, :, self._stated[name]]
+        if not self.lacking[name]:
+            return found
+        kept = found.copy()
+        kept[:, self.lacking[name]] = np.nan
+        return kept

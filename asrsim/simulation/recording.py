@@ -89,8 +89,8 @@ class Recording:
         nowhere."""
         if self._rows:
             first = self._rows[0][0]
-            rows, references = (np.concatenate(parts, axis=axis) for parts, axis in zip(
-                list(zip(*self._rows, strict=True))[1:], (0, 2), strict=True))  # fmt: skip
+            _, *parts = zip(*self._rows, strict=True)
+            rows, references = (_joined(part, axis) for part, axis in zip(parts, (0, 2), strict=True))
             self._rows = []
             step = self._prepared.scenario.step
             self._hand_on(first, Samples(
@@ -166,6 +166,11 @@ class Recording:
             self._rows = list(rows)
             self._world.put_back(world)
             self.kept = None if kept is None else list(kept)
+
+
+def _joined(parts: Sequence[Array], axis: int) -> Array:
+    """Arrays one after the other; a single one is not copied."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
 
 
 def _thinned(samples: Samples, rows: slice) -> Samples:

@@ -28,6 +28,7 @@ from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink
+from asrsim.simulation.rows import shape_of
 
 ONE = np.zeros((1, 2), dtype=np.int64)
 """The only world, and the only set of inputs."""
@@ -82,9 +83,13 @@ class Simulation:
         self.last = prepared.last_substep(duration)
         """Substep at which the scenario's duration ends, and of the last sample."""
         self.total = self.last + 1
-        self._core, self.slow_because = make_core(prepared, engine, compiled=compiled, substeps=expected or self.last)
-        motors = self._core.shape.motors
+        motors = shape_of(prepared.drives, prepared.sensors).motors
         self.recording = Recording(prepared, engine, motors=motors, last=self.last, sinks=sinks, keep=record)
+        self._peeking = False
+        watch = self._watch if self.recording.watch is not None else None
+        self._core, self.slow_because = make_core(
+            prepared, engine, compiled=compiled, substeps=expected or self.last, watch=watch
+        )
         self._inputs = inputs_of(prepared)
         self._chunk = longest_chunk(len(prepared.drives), chunk)
         self._row: tuple[Array, Array] | None = None
@@ -146,20 +151,14 @@ class Simulation:
         self._first = self._first or self._inputs.block(0, length)
         return self._first
 
-    def _run(self, block: Block, start: int, stop: int) -> None:
-        """Rows of the block; where the world is looked at, in pieces that end there."""
-        watch, every = self.recording.watch, self.recording.look_every
-        while start < stop:
-            end = stop
-            if watch is not None:
-                if self.substep % every == 0:
-                    self._core.look(0)
-                    watch(self.substep)
-                end = min(stop, start + every - self.substep % every)
-            self._run_piece(block, start, end)
-            start = end
+    def _watch(self) -> None:
+        """Before a substep of the engine: where the world is looked at."""
+        watch = self.recording.watch
+        if watch is not None and not self._peeking and self.substep % self.recording.look_every == 0:
+            watch(self.substep)
 
-    def _run_piece(self, block: Block, start: int, stop: int) -> None:
+    def _run(self, block: Block, start: int, stop: int) -> None:
+        """Rows of the block."""
         first, every, columns = self.substep, self.recording.every, self.recording.selection.columns
         rows: Sequence[int] = range(first + (-first) % every, first + stop - start, every)
         out = np.empty((1, len(rows), len(self.joints), len(columns)))
@@ -239,14 +238,18 @@ class Simulation:
         self._check_open()
         self.recording.selection.check(names)
         rows, references = self._row or self._first_row()
-        values = self.recording.selection.values(rows[None], references[:, :, None])
-        return {name: values[name][0] for name in names}
+        values = self.recording.selection.values(rows[None], references[:, :, None], names)
+        return {name: found[0].copy() for name, found in values.items()}
 
     def _first_row(self) -> tuple[Array, Array]:
         """What the next step would record; nothing moves."""
         state, block = self._core.state(0), self._inputs.block(self.substep, 1)
         out = np.empty((1, 1, len(self.joints), len(self.recording.selection.columns)))
-        self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self.recording.selection.columns)
+        self._peeking = True
+        try:
+            self._core.run(ONE, given_by(block, 0, 1), out, every=1, columns=self.recording.selection.columns)
+        finally:
+            self._peeking = False
         self._core.put(0, state)
         return out[0, 0], block.references[:, :, 0]
 
@@ -348,23 +351,26 @@ def inputs_of(prepared: Prepared) -> Inputs:
     return Inputs(prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors)
 
 
-def make_core(prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1) -> tuple[Core, str]:
+def make_core(
+    prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1,
+    watch: Callable[[], None] | None = None,
+) -> tuple[Core, str]:  # fmt: skip
     """The core, and why it is the plain one where compiled code would pay; empty where it would not.
 
     compiled: whether it is; None: the scenario's choice, else where it pays in a run of so many substeps. Raises
-    SimulationError where it cannot be had and is asked for.
+    SimulationError where it cannot be had and is asked for. worlds, watch: as of :class:`Core`.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
     if wanted or (wanted is None and pays(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)):
         try:
             if not available():
                 raise SimulationError("Numba is not installed")
-            return Core(prepared, engine, worlds=worlds, compiled=True), ""
+            return Core(prepared, engine, worlds=worlds, compiled=True, watch=watch), ""
         except SimulationError as error:
             if wanted:
                 raise
             slow_because = str(error)
-    return Core(prepared, engine, worlds=worlds), slow_because
+    return Core(prepared, engine, worlds=worlds, watch=watch), slow_because
 
 
 def fastest_joint(velocities: Array) -> int:

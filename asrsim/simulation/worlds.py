@@ -31,7 +31,7 @@ from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import EXTERNAL_TORQUE, OF_SPRINGS, Selection
+from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
 from asrsim.simulation.simulation import inputs_of, make_core
 
 Numbers = Mapping[str, Mapping[str, float]]
@@ -96,8 +96,8 @@ class Worlds:
         threads: int = 1,
     ) -> None:
         """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
-        scenario's joints record; watched: energies are kept at each step, and `sane` can tell of those from nowhere; without
-        it runs are faster; compiled, expected_substeps (of one
+        scenario's joints record; watched: energies and limits are found at each step, as :meth:`counts` and :meth:`sane` need
+        them; without it runs are a fifth faster; compiled, expected_substeps (of one
         world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
         has native code."""
         if index(count) < 1 or index(threads) < 1:
@@ -125,7 +125,7 @@ class Worlds:
         self.selection = Selection(prepared.drives, self._core.shape.motors, names)
         self._other: dict[int, Selection] = {}
         """Of worlds in which other joints record what is selected."""
-        self._watched = watched or any(name in OF_SPRINGS for name in self.selection.names)
+        self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
         self._home_inputs = inputs_of(prepared)
         self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
         """Those that worlds had last, and what they are as inputs."""
@@ -175,17 +175,17 @@ class Worlds:
             length = min(LONGEST if keep else SHORTEST, count - ran)
             before = done[numbers].copy()
             given, sets, references = self._inputs_for(numbers, length)
-            out = np.full((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)), np.nan)
+            out = np.empty((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)))
             self._in_threads(np.column_stack([numbers, sets]), given, out)
-            for place, world in enumerate(numbers.tolist()):
-                first = int(before[place])
-                at = range(first + (-first) % every, int(done[world]), every)
-                if len(at) == 0:
-                    continue
-                self._rows[world] = out[place, len(at) - 1]
-                self._given[world] = references[sets[place]][:, :, at[-1] - first]
-                if keep:
-                    kept[place, at[0] // every : at[0] // every + len(at)] = out[place, : len(at)]
+            first, last = before + (-before) % every, (done[numbers] - 1) // every * every
+            # Of the worlds that came by a whole step.
+            places = np.flatnonzero(last >= first)
+            self._rows[numbers[places]] = out[places, (last - first)[places] // every]
+            given_then = [references[sets[place]][:, :, last[place] - before[place]] for place in places]
+            self._given[numbers[places]] = np.reshape(given_then, (len(places), *self._given.shape[1:]))
+            for place in places.tolist() if keep else ():
+                begin, end = first[place] // every, last[place] // every + 1
+                kept[place, begin:end] = out[place, : end - begin]
             ran += length
         return kept
 
@@ -283,12 +283,11 @@ class Worlds:
             self._rows, self._given = before
             for world, state in zip(fresh.tolist(), states, strict=True):
                 self._core.put(world, state)
-        values = self.selection.values(rows, given.transpose(1, 2, 0))
+        values = {name: found.copy() for name, found in self.selection.values(rows, given.transpose(1, 2, 0), names).items()}
         for world, selection in self._other.items():
-            own = selection.values(rows[world][None], given[world][:, :, None])
-            for name in names:
-                values[name][world] = own[name][0]
-        return {name: values[name] for name in names}
+            for name, own in selection.values(rows[world][None], given[world][:, :, None], names).items():
+                values[name][world] = own[0]
+        return values
 
     @property
     def model(self) -> Model | None:
@@ -296,7 +295,8 @@ class Worlds:
         return self._engines[-1].model
 
     def counts(self, world: int) -> Counts:
-        """Limits that a world met since its start."""
+        """Limits that a world met since its start. Raises SimulationError where worlds are not watched."""
+        self._check_watched()
         return counts_of(self._core.S[world], int(self._core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshots:
@@ -436,9 +436,9 @@ class Worlds:
         found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
         substeps = np.arange(kept.shape[1]) * self.substeps
         for place, world in enumerate(numbers.tolist()):
-            values = self._other.get(world, self.selection).values(kept[place], self._sampled(world, substeps))
-            for name in names:
-                found[name][place] = values[name]
+            selection = self._other.get(world, self.selection)
+            for name, values in selection.values(kept[place], self._sampled(world, substeps), names).items():
+                found[name][place] = values
         return found
 
     def _sampled(self, world: int, substeps: NDArray[np.int64]) -> Array:
@@ -449,7 +449,9 @@ class Worlds:
         return np.where(np.isnan(held)[:, :, None], sampled, held[:, :, None])
 
     def sane(self, world: int) -> bool:
-        """Whether the world's motion is finite, and no energy came from nowhere since its start."""
+        """Whether the world's motion is finite, and no energy came from nowhere since its start. Raises SimulationError where
+        worlds are not watched."""
+        self._check_watched()
         prepared, model, state = self._own[world], self._core.look(world).model, self._core.S[world]
         if not self.healthy[world]:
             return False
@@ -483,6 +485,10 @@ class Worlds:
             message = f"are numbers from 0 to {self.count - 1}, or a mask of {self.count}"
             raise InputError(message, key="worlds", value=worlds, code="worlds")
         return numbers
+
+    def _check_watched(self) -> None:
+        if not self._watched:
+            raise SimulationError("energies and limits are known of worlds that are watched only: Worlds(..., watched=True)")
 
     def _check_open(self) -> None:
         if not self._engines:

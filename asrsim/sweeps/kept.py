@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from asrsim.confined import MEMORY, ConfinedError, run_confined
 from asrsim.errors import InputError, Problem
 from asrsim.extras import library
-from asrsim.plain import misfit
 
 MANIFEST = "study.json"
-SHAPE = {
-    "generator": str, "scenario": str, "name": str, "digest": str, "inputs": str, "versions": {"*": object}, "runs": int,
-    "variants": [str], "keys": [str], "design": str, "samples": int, "seed": int, "grid": [int], "listed": [[str]],
-    "drawn": [[str]], "overrides": [str], "plugins": [str], "columns": [[str]], "units": {"*": str}, "joints": [str],
-    "claims": {"*": [str]}, "substeps": {"*": {"*": (int, str)}}, "settings": {"*": {"*": str}}, "rate": float,
-}  # fmt: skip
-"""Of the manifest."""
 SECONDS, RATIO = 300.0, 16
 """Of wall clock that reading a study's rows may take, and bytes of memory for each of its files beside what all may take."""
-FIRST = {"run": "int", "variant": "text", "status": "text"}
-"""Columns that every study has."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 
 
@@ -34,35 +25,19 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         raise InputError(f"holds no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study") from None
-    if found := misfit(data, SHAPE) or _inconsistent(data):
-        raise InputError(f"is no study as asrsim writes them: {found}", file=path, hint=NEW_STUDY, code="no-study")
-    return dict(data)
+    if not isinstance(data, dict) or data.pop("seal", None) != _seal(data):
+        raise InputError("is no study as asrsim wrote it: its seal is another", file=path, hint=NEW_STUDY, code="no-study")
+    return data
 
 
-def _inconsistent(data: dict[str, Any]) -> str:
-    """What of a manifest of the right shape does not fit the rest."""
-    if any(len(column) != 2 for column in data["columns"]):
-        return "a column is no pair of name and kind"
-    columns = dict(data["columns"])
-    if len(columns) < len(data["columns"]):
-        return "two columns have one name"
-    kinds = set(arrow_kinds())
-    if unknown := next((kind for kind in columns.values() if kind not in kinds), None):
-        return f"a column is of the kind {ascii(unknown)[:40]}"
-    if missing := [name for name in (*FIRST, *data["keys"]) if name not in columns]:
-        return f"it has no column {ascii(missing[0])[:60]}"
-    if other := [name for name, kind in FIRST.items() if columns[name] != kind]:
-        return f"its column {other[0]} is not of the kind {FIRST[other[0]]}"
-    named = {"claims", "substeps", "settings"}
-    if missing := [key for key in sorted(named) if set(data[key]) != set(data["variants"])]:
-        return f"{missing[0]} are not those of its variants"
-    if not data["variants"] or not 0.0 < data["rate"] < float("inf"):
-        return "rate is out of range" if data["variants"] else "it has no variants"
-    groups = [key for group in (*data["listed"], *data["drawn"]) for key in group[:1] or ("",)]
-    if missing := [key for key in groups if key not in columns]:
-        return f"it has no column {ascii(missing[0])[:60]}"
-    claims = max(len(claims) for claims in data["claims"].values())
-    return "" if all(f"claim_{i}" in columns for i in range(claims)) else "claims have no columns"
+def sealed(manifest: Mapping[str, Any]) -> str:
+    """A manifest as text, with the seal by which an edited one is known."""
+    data = json.loads(json.dumps(manifest, default=str))
+    return json.dumps({**data, "seal": _seal(data)}, indent=1) + "\n"
+
+
+def _seal(data: Mapping[str, Any]) -> str:
+    return sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def arrow_kinds() -> dict[str, Any]:

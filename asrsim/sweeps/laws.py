@@ -57,18 +57,9 @@ class Distribution:
             return self.first + (self.second - self.first) * share
         if self.name == "loguniform":
             return np.asarray(self.first * (self.second / self.first) ** share)
-        scores = ndtri(share)
-        return self.from_scores(scores)
-
-    def from_scores(self, scores: Array) -> Array:
-        """Values (n,) at standard normal scores (n,): how correlated draws come."""
-        from scipy.special import ndtr
-
         if self.name == "normal":
-            return np.asarray(self.first + self.second * scores)
-        if self.name == "lognormal":
-            return np.asarray(self.first * np.exp(self.second * scores))
-        return self.quantile(ndtr(scores))
+            return np.asarray(self.first + self.second * ndtri(share))
+        return np.asarray(self.first * np.exp(self.second * ndtri(share)))
 
 
 def law_of(value: Any, key: str) -> Values | Distribution:

@@ -1,8 +1,7 @@
-"""A study as one HTML page with everything in it: table, pictures, parallel coordinates; small whatever the study's size."""
+"""A study as one HTML page with everything in it: tables and pictures; small whatever the study's size."""
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -11,24 +10,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asrsim.actuators.user import plugin_options
 from asrsim.outfile import write_text
 from asrsim.plots.output import styled
-from asrsim.report.html import bullets, data_address, document, number, script_json, section, table
-from asrsim.samples import Array
+from asrsim.report.html import bullets, data_address, document, number, section, table
 from asrsim.sweeps.pictures import chosen_results, figures
-from asrsim.sweeps.sensitivity import influences, notes, numeric_keys
-from asrsim.sweeps.show import varying
+from asrsim.sweeps.sensitivity import Index, influences, notes
+from asrsim.sweeps.show import HEADS, result_rows
 from asrsim.sweeps.table import Table, shares
 
-LINES = 4000
-"""Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
-AXES = 12
-"""Axes of the parallel coordinates, at most."""
-LINE_WIDTH = 90
-"""Pixels of an axis, below which the picture is wider than a telephone and is moved."""
 DPI = 110
 """Dots per inch of the page's pictures."""
 
@@ -42,31 +32,18 @@ def write_page(study: Table, path: Path | None = None, results: Sequence[str] = 
 
 def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
     """The page as text; drawn: results in its pictures, if not the first."""
-    results = varying(study)
+    rows = result_rows(study)
     shown = chosen_results(study, drawn)
     with styled(mathematics=False):
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
     title = f"{study.manifest['name']}: {len(study)} runs"
     css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")
-    script = files("asrsim.sweeps").joinpath("assets/sweep.js").read_text(encoding="utf-8")
     body = f"<h1>{escape(title)}</h1>{_head(study)}"
-    body += section("Results", _results(study, results))
+    body += section("Results", table(HEADS, rows) if rows else "<p>No result differs between the runs.</p>")
     if study.claims():
         body += section("Claims", bullets(f"{100 * share:.1f} % meet {title}" for title, share in study.claims().items()))
-    keys = numeric_keys(study)
-    axes = [*keys, *shown][:AXES]
-    if len(axes) > 1:
-        body += section("Runs", _lines(study, axes))
     body += section("What moves the results", _influences(study, shown)) + section("Pictures", pictures)
-    scripts = []
-    if len(axes) > 1:
-        data = script_json(_data(study, axes))
-        scripts = [f'<script id="data" type="application/json">{data}</script>', f"<script>{script}</script>"]
-    css += (
-        " canvas {width: 100%; height: 420px; cursor: crosshair} #wide {overflow-x: auto}"
-        f" #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}} pre {{white-space: pre-wrap}} img {{max-width: 100%}}"
-    )
-    return document(title, css, body, scripts=scripts)
+    return document(title, css + " pre {white-space: pre-wrap} img {max-width: 100%}", body)
 
 
 def _head(study: Table) -> str:
@@ -76,34 +53,16 @@ def _head(study: Table) -> str:
         f"varied: {', '.join(study.keys)}; design {manifest['design']}, seed {manifest['seed']}",
         f"{statuses.get('complete', 0)} runs complete" + (f", {shares(statuses)}" if shares(statuses) else ""),
     ]
+    again = shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(study.manifest["plugins"]), "--run"])
+    items.append(f"a run again, with its log: {again} N")
     if study.missing:
         items.append(f"{study.missing} runs are missing: asrsim sweep --resume does them")
     return bullets(items)
 
 
-def _results(study: Table, results: list[str]) -> str:
-    rows = []
-    for name in results:
-        found = study.quantiles(name)
-        if found is not None:
-            numbers = (found.least, found.low, found.median, found.high, found.largest)
-            rows.append(
-                (
-                    name,
-                    study.unit(name),
-                    found.count,
-                    *map(number, numbers),
-                    f"run {found.least_run}",
-                    f"run {found.largest_run}",
-                )
-            )
-    heads = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
-    return table(heads, rows) if rows else "<p>No result differs between the runs.</p>"
-
-
 def _influences(study: Table, results: list[str]) -> str:
     rows = [
-        (name, one.key, number(one.rank), number(one.low), number(one.high), number(one.first), number(one.total))
+        (name, one.key, number(one.rank), number(one.low), number(one.high), *_shares(one.sobol))
         for name in results
         for one in influences(study, name)[:8]
     ]
@@ -112,49 +71,11 @@ def _influences(study: Table, results: list[str]) -> str:
     return (table(heads, rows) if rows else "<p>Too few runs to say.</p>") + (bullets(said) if said else "")
 
 
-def _lines(study: Table, axes: list[str]) -> str:
-    drawn = len(_picked(study, axes))
-    left = "" if drawn == len(study) else f" {drawn} of {len(study)} runs are drawn: evenly picked, and extremes."
-    return (
-        f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
-        f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
-        '<div id="wide"><canvas id="lines"></canvas></div><div id="chosen"></div>'
-    )
-
-
-def _picked(study: Table, axes: list[str]) -> Any:
-    if len(study) <= LINES:
-        return np.arange(len(study))
-    picked = [np.linspace(0, len(study) - 1, LINES - 4 * len(axes)).astype(int)]
-    for name in axes:
-        order = np.argsort(study[name], kind="stable")
-        order = order[: int(np.isfinite(study[name]).sum())]
-        picked += [order[:2], order[-2:]]
-    return np.unique(np.concatenate(picked))
-
-
-def _data(study: Table, axes: list[str]) -> dict[str, Any]:
-    picked = _picked(study, axes)
-    manifest = study.manifest
-    data: dict[str, Any] = {
-        "axes": [{"name": name, "values": _packed(study[name][picked])} for name in axes],
-        "runs": _packed(study["run"][picked]),
-        "again": shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(manifest["plugins"])]),
-        "command": "",
-    }
-    variants, kinds = manifest["variants"], study.kinds
-    texts = manifest["settings"][variants[0]]
-    if len(variants) == 1 and set(texts) == set(study.keys) and all(kinds[key] == "float" for key in study.keys):
-        command = ["asrsim", "run", manifest["scenario"], "--variant", variants[0]]
-        fixed = [*manifest["overrides"], *(f"{name}={value}" for name, value in manifest["substeps"][variants[0]].items())]
-        data["command"] = shlex.join([*command, *plugin_options(manifest["plugins"])])
-        data["settings"] = [{"key": texts[key], "values": _packed(study[key][picked])} for key in study.keys]
-        data["rest"] = shlex.join([word for setting in fixed for word in ("--set", setting)])
-    return data
-
-
-def _packed(values: Array) -> str:
-    return base64.b64encode(np.asarray(values, "<f8").tobytes()).decode()
+def _shares(index: Index | None) -> tuple[str, str]:
+    """Sobol indices with their intervals."""
+    if index is None:
+        return "", ""
+    return f"{index.first:.3f} ± {index.first_error:.3f}", f"{index.total:.3f} ± {index.total_error:.3f}"
 
 
 def _picture(figure: Any) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.file import read_document, read_file
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
+from asrsim.document.kinds import Choice, File, Integer, Kind, Number, Optional, Schema, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
@@ -68,17 +68,12 @@ class StudyFile:
     design: str = declare(Choice(DESIGNS), default="random", doc="how draws are placed")
     samples: int | None = declare(Optional(Integer(minimum=1)), default=None, shown=str(SAMPLES), doc="draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="of the draws")
-    correlations: tuple[tuple[Any, ...], ...] = declare(
-        ListOf(of=ListOf(of=AnyValue(), length=3, names=("key", "key", "correlation"))), default=(),
-        doc="rank correlations of drawn keys (Gaussian copula)",
-    )  # fmt: skip
     fit: Path | None = declare(
         Optional(File(noun="fit")), default=None,
         doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
     )  # fmt: skip
     signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
     rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
-    logs: bool = declare(Boolean(), default=False, doc="a log of every run")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),
@@ -99,22 +94,8 @@ def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
     found = read_file(STUDY, path)
     check_named(found.plugins, plugins, file=path)
     try:
-        return make_study(
-            found.scenario,
-            found.over,
-            variants=found.variants,
-            overrides=found.overrides,
-            design=found.design,
-            samples=found.samples,
-            seed=found.seed,
-            correlations=[(str(a), str(b), c) for a, b, c in found.correlations],
-            fit=found.fit,
-            signals=found.signals,
-            rate=found.rate,
-            logs=found.logs,
-            plugins=plugins or found.plugins,
-            name=path.stem,
-        )
+        given = {field.name: getattr(found, field.name) for field in fields(found)}
+        return make_study(**{**given, "plugins": plugins or found.plugins, "name": path.stem})
     except InputError as error:
         raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
 
@@ -128,11 +109,9 @@ def make_study(
     design: str = "random",
     samples: int | None = None,
     seed: int = 0,
-    correlations: Iterable[tuple[str, str, Any]] = (),
     fit: str | Path | Mapping[str, Any] | None = None,
     signals: Sequence[str] = (),
     rate: float = 100.0,
-    logs: bool = False,
     plugins: Sequence[str | Path] = (),
     name: str | None = None,
 ) -> Study:
@@ -143,7 +122,6 @@ def make_study(
     axes, problems = _axes(over)
     joint, faults = _joint(fit)
     problems += faults
-    pairs, faults_of_pairs = _correlations(correlations)
     drawn = joint is not None or any(isinstance(axis.law, Distribution) for axis in axes)
     # A key that could not be read may well have been meant to be drawn.
     drawable = drawn or bool(problems)
@@ -151,15 +129,14 @@ def make_study(
         problems.append(Problem(f"there is no design '{design}'", key="design", choices=DESIGNS, code="choice"))
     groups = [*(axis.keys for axis in axes), *(joint.groups if joint else ())]
     problems += _twice([key for group in groups for key in group])
-    problems += faults_of_pairs
     if not over and fit is None:
         hint = "Give --over KEY=VALUES, or `over:` in a study file"
         problems.append(Problem("nothing is varied", key="over", hint=hint, code="sweep-empty"))
     if samples is not None and (samples < 1 or not drawable):
         message = "must be at least 1" if samples < 1 else "has a number, but no key is drawn from a distribution"
         problems.append(Problem(message, key="samples", value=samples, code="sweep-samples"))
-    if design == "saltelli" and (pairs or faults_of_pairs or joint):
-        message = "Sobol indices are of independent numbers: the design saltelli goes without correlations and fit"
+    if design == "saltelli" and joint:
+        message = "Sobol indices are of independent numbers: the design saltelli goes without a fit"
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
@@ -174,17 +151,13 @@ def make_study(
         design=design,
         samples=_draws(samples or SAMPLES, design) if drawn else 0,
         seed=seed,
-        correlations=pairs,
         signals=one_or_more(signals),
         rate=rate,
-        logs=logs,
         plugins=tuple(Path(path) for path in one_or_more(plugins)),
         name=name or Path(scenario).stem,
     )
     if len(study) > MOST_RUNS:
         raise InputError(f"the study has {len(study)} runs; at most {MOST_RUNS} are possible", code="range")
-    if pairs:
-        _ = study.correlation_root
     return study
 
 
@@ -206,20 +179,6 @@ def _joint(fit: str | Path | Mapping[str, Any] | None) -> tuple[Joint | None, Se
         return None if fit is None else read_fit(fit), ()
     except InputError as error:
         return None, error.problems
-
-
-def _correlations(
-    triples: Iterable[tuple[str, str, Any]],
-) -> tuple[tuple[tuple[str, str, float], ...], list[Problem]]:
-    """Pairs of keys with their rank correlation, and which of these is no number between -1 and 1."""
-    pairs: list[tuple[str, str, float]] = []
-    problems: list[Problem] = []
-    for first, second, value in triples:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not -1.0 < value < 1.0:
-            problems.append(Problem("must lie between -1 and 1", key="correlations", value=value, code="range"))
-        else:
-            pairs.append((first, second, float(value)))
-    return tuple(pairs), problems
 
 
 def _draws(samples: int, design: str) -> int:

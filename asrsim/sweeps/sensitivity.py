@@ -4,16 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from asrsim.errors import listed
+from asrsim.samples import Array
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
 """Runs below which nothing is said."""
+RESAMPLES = 200
+"""Of a bootstrap."""
 FEWEST_SAMPLES = 16
 """Base samples below which Sobol indices say nothing."""
+
+
+class Index(NamedTuple):
+    """Sobol's indices of a key, each with half the width of its 95 % interval by bootstrap over the base samples."""
+
+    first: float
+    """Share of the variance that the key has alone."""
+    total: float
+    """Share with all its interactions."""
+    first_error: float
+    total_error: float
+
+    def __str__(self) -> str:
+        return f"S = {self.first:z.2f} ± {self.first_error:.2f}, total {self.total:z.2f}"
 
 
 @dataclass(frozen=True)
@@ -27,10 +46,8 @@ class Influence:
     """Mean of the result over the fifth of the runs in which the key is least."""
     high: float
     """Over the fifth in which it is largest."""
-    first: float = float("nan")
-    """Sobol's first-order index: the share of the variance that the key has alone."""
-    total: float = float("nan")
-    """Sobol's total index: with all its interactions."""
+    sobol: Index | None = None
+    """None where the design is not for it."""
 
 
 def numeric_keys(table: Table) -> list[str]:
@@ -58,15 +75,13 @@ def influences(table: Table, result: str) -> list[Influence]:
         if np.ptp(numbers) == 0.0:
             continue
         low, high = np.quantile(numbers, (0.2, 0.8))
-        first, total = indices.get(key, (float("nan"), float("nan")))
         found.append(
             Influence(
                 key=key,
                 rank=float(np.corrcoef(rankdata(numbers), ranks)[0, 1]),
                 low=float(values[there][numbers <= low].mean()),
                 high=float(values[there][numbers >= high].mean()),
-                first=first,
-                total=total,
+                sobol=indices.get(key),
             )
         )
     return sorted(found, key=lambda one: -abs(one.high - one.low))
@@ -76,8 +91,8 @@ def influences(table: Table, result: str) -> list[Influence]:
 class SobolIndices:
     """Of all drawn keys on one result."""
 
-    indices: dict[str, tuple[float, float]]
-    """Key -> first-order and total index; of several variants the mean of theirs."""
+    indices: dict[str, Index]
+    """By key; of several variants the mean of theirs."""
     samples: int
     """Base samples of all variants."""
     left_out: int
@@ -91,6 +106,7 @@ class SobolIndices:
         return f"Sobol indices without {self.left_out} of {self.samples} base samples: a run of each has no value"
 
 
+@lru_cache(maxsize=16)
 def sobol(table: Table, result: str) -> SobolIndices | None:
     """Sobol indices of a result; None where the design is not for them.
 
@@ -113,15 +129,24 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
             reason = f"{complete.sum()} of {n} base samples have a value in all their {d + 2} runs, {FEWEST_SAMPLES} are needed"
             return SobolIndices({}, **counts, reason=reason)
         used = block[:, complete]
-        both = used[:2]
-        if not np.ptp(both):
+        if not np.ptp(used[:2]):
             return SobolIndices({}, **counts, reason="the result is the same in all runs")
-        used, variance = used - both.mean(), both.var()
-        first = np.mean(used[1] * (used[2:] - used[0]), axis=1) / variance
-        total = 0.5 * np.mean((used[0] - used[2:]) ** 2, axis=1) / variance
-        found.append((first, total))
-    first, total = np.mean(found, axis=0).tolist()
-    return SobolIndices(dict(zip(keys, zip(first, total, strict=True), strict=True)), **counts)
+        drawn = np.random.default_rng(0).integers(used.shape[1], size=(RESAMPLES, used.shape[1]))
+        spread = np.std([_estimates(used[:, places]) for places in drawn], axis=0)
+        found.append(np.concatenate([_estimates(used), 1.96 * spread]))
+    indices = np.mean(found, axis=0)
+    # The errors of several variants are independent.
+    indices[2:] /= np.sqrt(len(found))
+    return SobolIndices({key: Index(*column) for key, column in zip(keys, indices.T.tolist(), strict=True)}, **counts)
+
+
+def _estimates(blocks: Array) -> Array:
+    """(2, keys): first-order and total indices of values (2 + keys, samples)."""
+    both = blocks[:2]
+    blocks, variance = blocks - both.mean(), both.var()
+    first = np.mean(blocks[1] * (blocks[2:] - blocks[0]), axis=1) / variance
+    total = 0.5 * np.mean((blocks[0] - blocks[2:]) ** 2, axis=1) / variance
+    return np.stack([first, total])
 
 
 def notes(table: Table, results: Sequence[str]) -> list[str]:

@@ -21,13 +21,7 @@ def say_summary(table: Table) -> Iterator[str]:
     yield f"{table.manifest['name']}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete" + (
         f", {bad}" if bad else ""
     )
-    rows: list[tuple[str, ...]] = [HEADS]
-    for name in varying(table):
-        found = table.quantiles(name)
-        if found is not None:
-            numbers = (found.least, found.low, found.median, found.high, found.largest)
-            ends = (f"run {found.least_run}", f"run {found.largest_run}")
-            rows.append((name, table.unit(name), str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
+    rows = [HEADS, *result_rows(table)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
     if len(rows) > 1:
         for row in rows:
@@ -42,6 +36,18 @@ def say_summary(table: Table) -> Iterator[str]:
             places = (status == name).nonzero()[0]
             if len(places):
                 yield f"  {name}, run {runs[places[0]]}: {reason[places[0]]}"
+
+
+def result_rows(table: Table) -> list[tuple[str, ...]]:
+    """What stands under :data:`HEADS`: of each result that differs its unit, count, quantiles, and runs at both ends."""
+    rows = []
+    for name in varying(table):
+        found = table.quantiles(name)
+        if found is not None:
+            numbers = (found.least, found.low, found.median, found.high, found.largest)
+            ends = (f"run {found.least_run}", f"run {found.largest_run}")
+            rows.append((name, table.unit(name), str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
+    return rows
 
 
 def varying(table: Table) -> list[str]:

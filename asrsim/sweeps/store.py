@@ -18,7 +18,7 @@ import numpy as np
 from asrsim.errors import InputError, OutputError, Problem
 from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.samples import Array
-from asrsim.sweeps.kept import MANIFEST, check_rows, read_manifest, read_rows, schema_of
+from asrsim.sweeps.kept import MANIFEST, check_rows, read_manifest, read_rows, schema_of, sealed
 from asrsim.sweeps.rows import Row
 
 ROWS = "rows.parquet"
@@ -162,7 +162,7 @@ def open_store(
         left.unlink(missing_ok=True)
     store = Store(folder, columns, total)
     if not (held and resume):
-        write_text(known, json.dumps(manifest, indent=1, default=str) + "\n", "json")
+        write_text(known, sealed(manifest), "json")
     return store
 
 

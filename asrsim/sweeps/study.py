@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.sweeps.fitted import Joint
 from asrsim.sweeps.laws import Distribution, Values, law_of
@@ -62,12 +61,10 @@ class Study:
     design: str = "random"
     samples: int = 0
     seed: int = 0
-    correlations: tuple[tuple[str, str, float], ...] = ()
     signals: tuple[str, ...] = ()
     """joint.quantity that are kept of every run."""
     rate: float = 100.0
     """Hz of the kept signals."""
-    logs: bool = False
     plugins: tuple[Path, ...] = ()
     name: str = "sweep"
 
@@ -133,43 +130,22 @@ class Study:
         return self.from_unit(unit_points(self.design, self.samples, self.dimensions, self.seed))
 
     def from_unit(self, unit: Array) -> Array:
-        """Draws (n, dimensions) of points (n, dimensions) in the unit cube: correlated, then through each axis's law."""
+        """Draws (n, dimensions) of points (n, dimensions) in the unit cube, through each axis's law."""
         from scipy.special import ndtri
 
         # A sequence's first point may stand on the border, where a normal distribution has no value.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
-        count = len(self.drawn)
-        columns = []
-        scores = ndtri(unit[:, :count]) @ self.correlation_root.T if self.correlations else None
-        for j, axis in enumerate(self.drawn):
-            if isinstance(axis.law, Distribution):
-                columns.append(axis.law.quantile(unit[:, j]) if scores is None else axis.law.from_scores(scores[:, j]))
+        laws = [axis.law for axis in self.drawn]
+        columns = [law.quantile(column) for law, column in zip(laws, unit.T, strict=False) if isinstance(law, Distribution)]
         if self.joint:
-            columns += list(self.joint.from_scores(ndtri(unit[:, count:])).T)
+            columns += list(self.joint.from_scores(ndtri(unit[:, len(laws) :])).T)
         return np.column_stack(columns)
-
-    @cached_property
-    def correlation_root(self) -> Array:
-        """Lower root of the correlations of the drawn axes' normal scores. Raises InputError where there is none."""
-        place = {key: j for j, axis in enumerate(self.drawn) for key in (*axis.keys, axis.name)}
-        matrix = np.eye(len(self.drawn))
-        for first, second, value in self.correlations:
-            unknown = [key for key in (first, second) if key not in place]
-            if unknown:
-                message = f"'{unknown[0]}' is not drawn from a distribution"
-                raise InputError(message, key="correlations", choices=tuple(place), code="sweep-correlation")
-            matrix[place[first], place[second]] = matrix[place[second], place[first]] = value
-        try:
-            return np.asarray(np.linalg.cholesky(matrix))
-        except np.linalg.LinAlgError:
-            message = "no numbers have these correlations with each other (the matrix is not positive definite)"
-            raise InputError(message, key="correlations", code="sweep-correlation") from None
 
     @cached_property
     def digest(self) -> str:
         """What the rows follow from, but for the files: two studies with equal digests have equal points."""
-        parts = [self.variants, self.overrides, self.design, self.samples, self.seed, self.correlations]
-        parts += [self.signals, self.rate if self.signals else 0, self.logs, [path.name for path in self.plugins]]
+        parts = [self.variants, self.overrides, self.design, self.samples, self.seed]
+        parts += [self.signals, self.rate if self.signals else 0, [path.name for path in self.plugins]]
         laws = [(axis.keys, repr(axis.law)) for axis in self.axes]
         fit = repr(self.joint)
         return sha256(json.dumps([parts, laws, fit], default=str).encode()).hexdigest()[:16]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.user import plugin_options
 from asrsim.errors import InputError, did_you_mean
 from asrsim.extras import library
 from asrsim.samples import Array
@@ -157,30 +155,8 @@ class Table:
                     found[f"{variant}: {title}" if several else title] = sum(held) / len(held)
         return found
 
-    def repeat_command(self, run: int) -> str:
-        """The command that does a run again, with a log: `asrsim run` where `--set` can say it."""
-        position = int(np.searchsorted(self["run"], run))
-        if position >= len(self) or self["run"][position] != run:
-            raise InputError(f"there is no row of run {run}", file=self.folder, code="no-run")
-        variant = str(self["variant"][position])
-        plugins = plugin_options(self.manifest["plugins"])
-        texts: Mapping[str, str] = self.manifest["settings"][variant]
-        if set(texts) != set(self.keys):
-            return shlex.join(["asrsim", "sweep", str(self.folder), "--run", str(run), *plugins])
-        settings = [*self.manifest["overrides"]]
-        settings += [f"{texts[key]}={_shown(self[key][position])}" for key in self.keys]
-        settings += [f"{name}={value}" for name, value in self.manifest["substeps"][variant].items()]
-        words = ["asrsim", "run", self.manifest["scenario"], "--variant", variant, *plugins]
-        for setting in settings:
-            words += ["--set", setting]
-        return shlex.join(words)
-
     def __repr__(self) -> str:
         return f"Table({self.folder}: {len(self)} of {self.manifest['runs']} runs, {', '.join(self.keys)})"
-
-
-def _shown(value: Any) -> str:
-    return repr(float(value)) if isinstance(value, float | np.floating) else str(value)
 
 
 def shares(statuses: Mapping[str, int], names: Sequence[str] = ("diverged", "failed", "crashed")) -> str:

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import pickle
 import sys
-import threading
-import time as clock
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import AsrsimError, InputError, SimulationError, listed
+from asrsim.errors import InputError, SimulationError, listed
 from asrsim.extras import library
 from asrsim.versions import numeric_versions
-from asrsim.workers import DEATHS, Lost, Pace, Task, close, pickled, several
+from asrsim.workers import Pool, Task, do_items
 
 PATIENCE = 10.0
 """s that a scheduler, and the first worker, have to answer."""
@@ -31,8 +26,10 @@ COMPARED = ("python", "asrsim", "numpy", "mujoco", "pybullet")
 JOBS = ("slurm", "pbs", "sge", "lsf", "htcondor", "oar", "moab", "local")
 
 
-class Cluster:
-    """The workers of a Dask scheduler: an :class:`asrsim.workers.Executor`."""
+class Cluster(Pool):
+    """The workers of a Dask scheduler."""
+
+    again = (CancelledError,)
 
     def __init__(self, target: str | Path, plugins: Sequence[Path] = ()) -> None:
         """target: address of a scheduler, or a YAML file for dask-jobqueue; plugins: sent along, and loaded first.
@@ -40,11 +37,13 @@ class Cluster:
         Raises SimulationError, OSError, or InputError without Dask.
         """
         distributed = library("distributed", "cluster")
+        super().__init__((path.name, path.read_bytes()) for path in plugins)
+        self.died = (distributed.KilledWorker,)
         self._target = str(target)
-        self._plugins = tuple((path.name, path.read_bytes()) for path in plugins)
         self._distributed = distributed
         self._jobs: Any = None
         self._client: Any = None
+        self._data: Any = None
 
     def __enter__(self) -> Cluster:
         try:
@@ -61,9 +60,6 @@ class Cluster:
                 with suppress(Exception):
                     one.close()
         self._client = self._jobs = None
-
-    def _scatter(self, sent: bytes) -> Any:
-        return self._client.scatter(sent, broadcast=True, hash=False)
 
     def _connect(self) -> None:
         address: Any = self._target
@@ -96,90 +92,38 @@ class Cluster:
         if faults:
             raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
+    def slots(self, sent: bytes) -> int:
+        """See :class:`Pool`."""
+        threads = sum(self._client.nthreads().values())
+        self._seconds = max(PIECE, SHARE * threads)
+        if self._data is None and threads:
+            with suppress(OSError):
+                self._data = self._client.scatter(sent, broadcast=True, hash=False)
+        return 0 if self._data is None else AHEAD * threads
+
+    def submit(self, sent: bytes, items: list[tuple[int, Any]]) -> Any:
+        """See :class:`Pool`."""
+        return self._client.submit(do_items, self._data, items, self._seconds, pure=False, retries=0)
+
+    def abandon(self, futures: Sequence[Any]) -> None:
+        """See :class:`Pool`."""
+        with suppress(Exception):
+            self._client.cancel(list(futures))
+
+    def renew(self) -> None:
+        """Pieces are cancelled where the scheduler forgot them, and where all workers are lost that had them or the task."""
+        self._data = None
+
     def results(
         self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
     ) -> Iterator[list[tuple[int, Any]]]:
-        """See :class:`asrsim.workers.Executor`; a piece whose workers die is cut into single items."""
-        waiting, alone, pace = deque(range(len(items))), set[int](), Pace(PIECE)
-        sent = pickle.dumps((self._plugins, pickled(task)))
-        data: Any = self._scatter(sent)
-        pieces: dict[Any, tuple[list[int], Any]] = {}
-        done = self._distributed.as_completed(loop=self._client.loop)
-
+        """See :class:`Pool`."""
+        self._data = None
         try:
-            while True:
-                threads = sum(self._client.nthreads().values())
-                if data is None and threads:
-                    with suppress(OSError):
-                        data = self._scatter(sent)
-                slots, pace.wanted = AHEAD * max(1, threads), max(PIECE, SHARE * threads)
-                while data is not None and waiting and len(pieces) < slots:
-                    size = 1 if waiting[0] in alone else pace.size(len(waiting), 2 * slots)
-                    numbers = [waiting.popleft() for _ in range(size)]
-                    future = self._client.submit(do_items, data, [(n, items[n]) for n in numbers], pure=False, retries=0)
-                    pieces[future] = numbers, data
-                    done.add(future)
-                if not (pieces or waiting) or (stop is not None and stop()):
-                    return
-                if not done.has_ready():
-                    threading.Event().wait(0.02)
-                    continue
-                future = next(done)
-                mine, given = pieces.pop(future)
-                try:
-                    found, seconds = future.result()
-                except self._distributed.KilledWorker:
-                    if len(mine) == 1:
-                        yield [(mine[0], Lost(f"{DEATHS} workers died in this run"))]
-                    else:
-                        waiting.extendleft(reversed(mine))
-                        alone.update(mine)
-                except CancelledError:
-                    # Lost with the scheduler's memory of it, or with all the workers that had it or the task: done again.
-                    waiting.extendleft(reversed(mine))
-                    data = None if given is data else data
-                except AsrsimError:
-                    raise
-                except Exception as fault:
-                    raise SimulationError(f"a worker failed: {fault}") from fault
-                else:
-                    pace.took(seconds, len(found))
-                    future.release()
-                    yield found
+            yield from super().results(task, items, stop=stop)
         except OSError as error:
             message = f"the scheduler at {self._target} has gone; what has come is kept, go on by --resume"
             raise SimulationError(message) from error
-        finally:
-            with suppress(Exception):
-                self._client.cancel(list(pieces))
-
-
-_OWN = threading.local()
-_LOADED: dict[tuple[str, bytes], TemporaryDirectory[str]] = {}
-
-
-def do_items(sent: bytes, items: list[tuple[int, Any]]) -> tuple[list[tuple[int, Any]], float]:
-    """On a worker: results of items, and the seconds they took; what the task made ready is kept for its next piece."""
-    if getattr(_OWN, "sent", b"") != sent:
-        close(getattr(_OWN, "task", None))
-        plugins, task = pickle.loads(sent)
-        for plugin in plugins:
-            _load(plugin)
-        _OWN.task, _OWN.sent = pickle.loads(task), sent
-    began = clock.perf_counter()
-    return list(several(_OWN.task, items)), clock.perf_counter() - began
-
-
-def _load(plugin: tuple[str, bytes]) -> None:
-    """A file with users' actuators, once a process."""
-    from asrsim.actuators.user import load_plugin_file
-
-    if plugin not in _LOADED:
-        folder = TemporaryDirectory(prefix="asrsim-plugin-")
-        place = Path(folder.name) / plugin[0]
-        place.write_bytes(plugin[1])
-        load_plugin_file(place)
-        _LOADED[plugin] = folder
 
 
 def _job_queue(path: Path) -> Any:

@@ -157,7 +157,7 @@ def _trials() -> list[Any]:
     numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
     return [
         iterate.Trial(
-            number=0, largest=(0.1, 0.2), norm=0.3, rms=(0.1, 0.1), seconds=1.0, ratio=None, predicted=None,
+            number=0, largest=(0.1, 0.2), norm=0.3, rms=(0.1, 0.1), seconds=1.0, ratio=None,
             inputs=numbers, outputs=numbers,
         )
     ]  # fmt: skip

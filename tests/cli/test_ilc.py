@@ -1,4 +1,4 @@
-"""`asrsim ilc` from end to end: its folder, sets of plants, transfer, interruption, and playing what was learned."""
+"""`asrsim ilc` from end to end: its folder, transfer, interruption, and playing what was learned."""
 
 from __future__ import annotations
 
@@ -74,30 +74,13 @@ def test_results_of_another_scenario_are_kept(asrsim_command, lift, tmp_path):
     assert asrsim_command("ilc", other, "--out", "here", "--no-plot", "--overwrite").code == 0
 
 
-def test_transfer_is_printed_written_and_ranked(asrsim_command, lift, tmp_path):
+def test_transfer_is_printed_and_written(asrsim_command, lift, tmp_path):
     said = asrsim_command("ilc", lift, "--out", "here", "--transfer", "--processes", "1", "--no-plot")
     assert "of 24 plants stay within 0.05 rad" in said.out
-    assert "what matters most" in said.out
     data = json.loads((tmp_path / "here" / "ilc.json").read_text())["transfer"]
     errors = [max(row["largest_error"]) for row in data["errors"]]
     assert data["within_tolerance"] == pytest.approx(np.mean(np.array(errors) <= 0.05))
     assert data["largest_error_quantiles"]["0.5"] == pytest.approx(np.quantile(errors, 0.5, method="inverted_cdf"))
-    # Twice as many springs as masses: a weaker spring 1 hangs lower, and so does a heavier link.
-    signs = {item["factor"]: item["rank_correlation"] for item in data["influences"]}
-    assert signs["mass.joint_1"] > 0.3
-    assert signs["parameters.joint_1.spring_k_1"] < 0.0
-
-
-def test_learning_over_a_set_of_plants_is_compared_with_one_plant(asrsim_command, lift, tmp_path):
-    plants = "ilc.plants={draws: 4, seed: 2, spread: {mass: 0.2}}"
-    said = asrsim_command("ilc", lift, "--out", "here", "--set", plants, "--transfer", "--processes", "1", "--no-plot")
-    assert "learned on one plant only" in said.out
-    data = json.loads((tmp_path / "here" / "ilc.json").read_text())
-    assert data["converged"]
-    # The tolerance counts for all plants: the worst of the set and not their mean.
-    assert data["trials"][-1]["largest_error"]["joint_1"] <= 0.05
-    assert len(data["transfer"]["errors"]) == len(data["transfer_of_one_plant"]["errors"]) == 24
-    assert data["transfer"]["within_tolerance"] >= data["transfer_of_one_plant"]["within_tolerance"]
 
 
 def trials_in(state):

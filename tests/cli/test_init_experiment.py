@@ -208,7 +208,7 @@ def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: i
     ("header", "played"),
     [
         ("time,q1,motor_1_torque,current", "motor_1_torque"),
-        ("time,q1,tau_m1 [N m],current", "tau_m1 [N m]"),
+        ("time,q1,motor_torque1 [N m],current", "motor_torque1 [N m]"),
         ("time,q1,q1_ref,motor1_torque", "motor1_torque"),
         ("time,q1,q1_ref [N m],motor1_torque", "q1_ref [N m]"),
     ],
@@ -281,7 +281,7 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
 
 
 def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
-    lab(tmp_path, header="time,q1,motor1,current")
+    lab(tmp_path, header="time,q1,motor_pos1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")
     assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
     lab(tmp_path, header="time,q1,foo,current")
@@ -415,6 +415,6 @@ def test_springs_of_given_actuators_hold_the_arm_where_the_recorded_commands_beg
 
 
 def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
-    lab(tmp_path, header="time,q1,motor1,current")
+    lab(tmp_path, header="time,q1,motor_pos1,current")
     _, scenario = make(tmp_path, tmp_path / "lab.csv")
     assert scenario.modes == {"joint_1": 2}

@@ -223,11 +223,10 @@ def test_a_reader_that_goes_ends_the_run(place: Path) -> None:
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     code = (
         "import sys, time\nsys.path.insert(0, '.')\nfrom asrsim.workers.local import Processes\n"
+        "from asrsim.workers import in_order\n"
         "with Processes(1) as workers:\n"
-        "    def said():\n"
-        "        if workers.pids and not told: print(told.append(1) or workers.pids[0], flush=True)\n"
-        "    told = []\n"
-        "    list(workers.results(time.sleep, [600], stop=said))\n"
+        "    print(in_order(workers, eval, ['__import__(\\'os\\').getpid()'])[0], flush=True)\n"
+        "    in_order(workers, time.sleep, [600])\n"
     )
     (tmp_path / "parent.py").write_text(code)
     parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, stdout=subprocess.PIPE, text=True)

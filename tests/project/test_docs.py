@@ -16,7 +16,6 @@ from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
 from asrsim.live.transport import TRANSPORTS
 from asrsim.metrics import MEASURES
-from asrsim.reproduce.figure import FIGURES
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from asrsim.scenario.keys import KEYS
@@ -122,7 +121,7 @@ def test_commands_in_the_documentation_exist(page):
 def test_names_of_the_library_in_the_pages_exist(tiny):
     """Every `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` of the text can be asked for."""
     # What other packages register under has names that look alike.
-    registries = (ACTUATORS, ENGINES, FIGURES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
+    registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
     with asrsim.Simulation(tiny.scenario, record=True) as simulation:

@@ -14,14 +14,14 @@ import pytest
 from asrsim import run
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.reproduce import FIGURES, chain, motors, newton
-from asrsim.reproduce.chain import five_links
-from asrsim.reproduce.lab import Lab
-from asrsim.reproduce.motors import departure
-from asrsim.reproduce.newton import ALTEREGO, hanging, level, read_motion
+from asrsim.reproduce import Lab, figures
 from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import load_scenario
+from paper import chain, motors, newton
+from paper.chain import five_links
+from paper.motors import departure
+from paper.newton import ALTEREGO, hanging, level, read_motion
 from support.paths import ROOT
 
 SCENARIOS = ROOT / "examples" / "scenarios"
@@ -109,10 +109,9 @@ def failing(
         return original(self, name, variant, robot=robot, overrides=overrides, **keywords)
 
     monkeypatch.setattr(Lab, "run", run)
-    for module in ("steps", "chirp", "arm_steps", "arm_sine", "box"):
-        monkeypatch.setattr(f"asrsim.reproduce.{module}.picture", lambda *_, **__: None)
-    monkeypatch.setattr("asrsim.reproduce.box.films", lambda *_, **__: ())
-    parts = FIGURES.get(figure).parts(Lab(folder=folder))
+    monkeypatch.setattr(f"paper.figure_{figure}.picture", lambda *_, **__: None)
+    monkeypatch.setattr("paper.figure_14.films", lambda *_, **__: ())
+    parts = figures()[figure].parts(Lab(folder=folder))
     return [claim.text for part in parts for claim in part.claims if not claim.holds]
 
 

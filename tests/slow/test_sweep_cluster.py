@@ -17,7 +17,7 @@ from asrsim import versions
 from asrsim.errors import InputError, SimulationError
 from asrsim.sweeps import make_study
 from asrsim.sweeps.run import Progress
-from asrsim.workers import cluster
+from asrsim.workers import cluster, do_items
 from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
@@ -210,6 +210,5 @@ class Tripled:
 
 def test_a_worker_does_the_task_that_it_is_sent() -> None:
     for factor in (3, 3, 5, 3):
-        found, seconds = cluster.do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [(7, 2), (4, 10)])
+        found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [(7, 2), (4, 10)], 1.0)
         assert found == [(7, 2 * factor), (4, 10 * factor)]
-        assert seconds >= 0.0

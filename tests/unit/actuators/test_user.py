@@ -10,12 +10,17 @@ from types import SimpleNamespace
 
 import pytest
 
+import asrsim
 from asrsim.actuators import ACTUATORS, Actuator, Parameter
 from asrsim.actuators.checker import check_actuator
 from asrsim.actuators.user import load_plugin_file
-from asrsim.errors import ActuatorError
+from asrsim.errors import ActuatorError, RobotError
+from asrsim.identification.door import Door
+from asrsim.kinematics.soft_arm import SoftArm
+from asrsim.log.derived import equilibrium_position
 from asrsim.robot import load_robot
 from asrsim.robot.values import has_spring
+from asrsim.scenario.data import Scenario
 from support.paths import ROOT
 
 EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
@@ -53,6 +58,40 @@ def write(tmp_path: Path, text: str, name: str = "mine.py") -> Path:
     path = tmp_path / name
     path.write_text(textwrap.dedent(text))
     return path
+
+
+THREE = """
+from asrsim.actuators import Actuator, Parameter, saturate, max_deflection
+
+
+class Three(Actuator):
+    name = "three"
+    title = "three springs side by side"
+    source = "this test"
+    motors = 3
+    parameters = (Parameter(name="k", default=5.0, unit="N m/rad", doc="of each spring"), max_deflection(0.6))
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, theta_3, parameters):
+        k, most = parameters
+        return k * saturate(theta_1 - q, most), k * saturate(theta_2 - q, most), k * saturate(theta_3 - q, most)
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, theta_3, parameters):
+        return 3.0 * parameters[0]
+
+    @staticmethod
+    def elastic_energy(q, theta_1, theta_2, theta_3, parameters):
+        return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_3 - q) ** 2)
+
+    @staticmethod
+    def motor_references(equilibrium, preset):
+        return equilibrium + preset, equilibrium, equilibrium - preset
+
+    @staticmethod
+    def equilibrium_position(theta_1, theta_2, theta_3):
+        return (theta_1 + theta_2 + theta_3) / 3.0
+"""
 
 
 def failure(path: Path) -> ActuatorError:
@@ -355,3 +394,44 @@ def test_no_parameter_takes_a_name_that_every_actuator_has(tmp_path: Path) -> No
             with pytest.raises(ActuatorError, match="this parameter name is taken") as fault:
                 load_plugin_file(write(tmp_path, text))
             assert fault.value.problems[0].key == f"Mine.parameters.{taken}"
+
+
+def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
+    load_plugin_file(write(tmp_path, THREE))
+    urdf = tmp_path / "arm.urdf"
+    text = (EXAMPLE.parents[1] / "urdf" / "dof1_qbmove.urdf").read_text()
+    urdf.write_text(re.sub(r"<spring_.*>", "", text.replace("libqbmove_plugin", "libthree_plugin")))
+    return asrsim.make_scenario(
+        urdf, duration=1.0, engine="mujoco", gravity=[0, 0, 0], modes=mode, references={"*": references}
+    )
+
+
+def test_laws_of_three_motors_pass_every_check(tmp_path: Path) -> None:
+    (actuator,) = load_plugin_file(write(tmp_path, THREE))
+    report = check_actuator(actuator)
+    assert [check.name for check in report.checks if not check.passed] == []
+
+
+def test_a_law_of_three_motors_names_the_positions_that_it_must_take(tmp_path: Path) -> None:
+    missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
+    assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
+
+
+@pytest.mark.parametrize("mode", [2, 5])
+def test_a_log_of_three_motors_tells_where_all_of_them_hold_the_link(tmp_path: Path, mode: int) -> None:
+    """Springs of one stiffness rest at the mean of the motors: .3, .25 and .05 rad."""
+    scenario = three_motor_arm(tmp_path, mode, reference_1=0.3, reference_2=0.25, reference_3=0.05)
+    samples = asrsim.run(scenario).run.samples
+    assert samples is not None
+    joints = asrsim.prepare(scenario).info.joints
+    assert equilibrium_position(samples, joints)[-1, 0] == pytest.approx(0.2, abs=1e-3)
+    assert samples.values["link_position"][-1, 0] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_what_knows_two_motors_only_refuses_three(tmp_path: Path) -> None:
+    scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
+    prepared = asrsim.prepare(scenario)
+    with pytest.raises(RobotError, match="three has 3"):
+        SoftArm(scenario=prepared.scenario, robot=prepared.robot, model=None)  # type: ignore[arg-type]
+    with pytest.raises(RobotError, match="three has 3"):
+        Door(prepared.scenario, prepared.robot)

@@ -37,6 +37,7 @@ from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
 from asrsim.scenario.starter_recording import make_plan
+from asrsim.sweeps.again import run_again
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 pytestmark = pytest.mark.once
@@ -393,7 +394,6 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
         "lab.urdf",
         "scenario.yaml",
         "overlay.png",
-        "residuals.png",
         "report.html",
     } <= names
     data = json.loads((tmp_path / "fit/fit.json").read_text())
@@ -437,7 +437,8 @@ def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_
     files, _ = write_robot(tied, tmp_path, everything=True)
     sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
     moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
-    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", logs=True, overrides=moves)
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", overrides=moves)
+    run_again(table, 0, tmp_path / "s" / "again")
     drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
     assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
     moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
@@ -769,10 +770,9 @@ def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: floa
 
 
 def test_a_motion_that_is_not_sane_fits_nothing():
-    channel = SimpleNamespace(quantum=0.0, floor=1.0, noise=1.0, values=np.zeros(2000))
     white = np.random.default_rng(0).normal(size=2000)
-    assert fits_noise([(channel, white)])
-    assert not fits_noise([(channel, white), (channel, None)])
+    for sane in (True, False):
+        assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 2.9, 3.0, 3.1, 40.0])

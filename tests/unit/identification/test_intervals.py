@@ -174,12 +174,12 @@ def test_an_extension_promises_what_it_would_explain(seed: int) -> None:
     begin = 9.0 * matrix[:, 3] + 0.1 * generator.normal(size=40)
     wider = modelled(lambda x: matrix @ x + begin, 4, 40)
     problem = modelled(lambda x: matrix[:, :3] @ x + begin, 3, 40)
-    found = extended(problem, x, lambda *_: [Extension(problem=wider)], most=1, enough=lambda _: False)
+    found = extended(problem, x, lambda *_: [Extension(problem=wider)], most=1, enough=lambda *_: False)
     assert [one.problem for one in found.chosen] == [wider]
     np.testing.assert_allclose(found.x, np.linalg.lstsq(matrix, -begin, rcond=None)[0], atol=1e-4)
     # What explains nothing is not adopted.
     noise = modelled(lambda x: matrix[:, :3] @ x[:3] + begin, 4, 40)
-    assert extended(problem, x, lambda *_: [Extension(problem=noise)], most=1, enough=lambda _: False).chosen == ()
+    assert extended(problem, x, lambda *_: [Extension(problem=noise)], most=1, enough=lambda *_: False).chosen == ()
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.98])
@@ -190,7 +190,7 @@ def test_noise_however_coloured_asks_for_no_extension(memory: float) -> None:
         left = lfilter([1.0], [1.0, -memory], generator.normal(size=2500))[500:]
         problem, wider = linear(slopes[:, :3], left), linear(slopes, left)
         propose = partial(lambda *_, wider: [Extension(problem=wider)], wider=wider)
-        assert extended(problem, np.zeros(3), propose, most=1, enough=lambda _: False).chosen == ()
+        assert extended(problem, np.zeros(3), propose, most=1, enough=lambda *_: False).chosen == ()
 
 
 @pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.2, True), (3.0, False)])

@@ -282,9 +282,9 @@ def test_the_swing_that_is_foretold_is_the_one_of_the_simulation(tmp_path):
     for one in found:
         largest = np.abs(result[one.block.joint].link_position[2:] - 0.02).max()
         assert one.deflection == pytest.approx(largest, rel=0.05)
-    assert [one.block.joint for one in found if one.thrown] == ["joint_3"]
+    assert [one.block.joint for one in found if one.shaken] == ["joint_3"]
     held = swings(scenario, with_overrides(robot, parameters=steadying(scenario, robot)))
-    assert not any(one.thrown for one in held)
+    assert not any(one.shaken for one in held)
 
 
 def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from asrsim.errors import InputError, ScenarioError
+from asrsim.errors import InputError
 from asrsim.learning import LearningProblem, learn, updated, write_inputs, zero_phase
 from asrsim.learning.law import FixedGain
-from asrsim.learning.settings import decided, gains_at
+from asrsim.learning.settings import gains_at
 from asrsim.learning.trial import Trial
 from asrsim.scenario.learning_keys import Filter, Learning
 from asrsim.signals import parse_signal
@@ -102,26 +101,6 @@ def test_learning_ends_after_the_largest_number_of_iterations():
     assert result.best == 3
 
 
-def test_a_forgetful_learner_keeps_a_known_error():
-    """u = (1 - f) u + K e has its fixed point at e = f r / (f + K S)."""
-    result = learn(problem(), static_plant, settings(forgetting=0.1, max_iterations=200, patience=500))
-    expected = 0.1 * 0.8 / (0.1 + 0.5 * SHARE[0])
-    assert result.trials[-1].largest[0] == pytest.approx(expected, rel=1e-6)
-
-
-def test_forgetting_pulls_towards_the_first_guess():
-    zero = np.zeros_like(reference())
-    following = updated(problem(first_guess=1.0), zero, zero, 0, settings(forgetting=0.2))
-    assert following == pytest.approx(0.2 + zero)
-
-
-def test_the_derivative_term_looks_ahead():
-    """e(t) + T de/dt is e(t + T) to first order."""
-    error = np.sin(2 * TIME)[:, None] * np.ones(2)
-    following = updated(problem(), 0 * error, error, 0, settings(gains=(1.0, 1.0), derivative=0.02))
-    assert following[100:-100, 0] == pytest.approx(np.sin(2 * (TIME[100:-100] + 0.02)), abs=1e-3)
-
-
 def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
     time = np.arange(20001) * STEP
     for frequency, amplitude in ((0.5, 1.0), (5.0, 0.5), (50.0, 0.0)):
@@ -143,18 +122,6 @@ def test_a_filter_keeps_noise_out_of_what_is_learned():
     assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.1 * np.abs(np.diff(rough, 2, axis=0)).max()
 
 
-def test_one_input_is_learned_for_several_plants_at_once():
-    """The mean error is learned; the tolerance counts for every plant."""
-
-    def plants(inputs):
-        return np.array([inputs * SHARE * factor for factor in (0.9, 1.1)])
-
-    result = learn(problem(), plants, settings(tolerance=0.05, max_iterations=60, patience=60))
-    assert result.outcome == "exhausted"
-    assert result.inputs == pytest.approx(reference() / SHARE, abs=1e-4)
-    assert result.trials[-1].largest[0] == pytest.approx(0.08, abs=1e-4)
-
-
 class PowerCutError(Exception):
     """The machine stops in the middle of a trial."""
 
@@ -162,9 +129,7 @@ class PowerCutError(Exception):
 @pytest.mark.parametrize("after", [1, 4])
 def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
     state = tmp_path / "state.npz"
-    rich = settings(
-        gains=(0.45, 0.3), gain_decay=7.0, derivative=0.01, filter=Filter(cutoff=20.0), forgetting=0.01, max_iterations=9
-    )
+    rich = settings(gains=(0.45, 0.3), gain_decay=7.0, filter=Filter(cutoff=20.0), max_iterations=9)
     whole = learn(problem(), static_plant, rich)
     calls = []
 
@@ -223,17 +188,6 @@ def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
     assert np.array_equal(signal.values(TIME), inputs[:, 1])
 
 
-def test_settings_come_from_the_scenario_s_block():
-    learning = Learning(
-        trajectory={"one": Constant(value=0.1)}, law="paper", gain=0.4, joint_gains={"two": "model"}, gain_decay=None,
-        filter=Filter(cutoff=5.0, order=3), tolerance=0.05, first_guess="gravity", keep_logs="none",
-    )  # fmt: skip
-    assert decided(learning, ("one", "two"), (9.0, 0.7)) == replace(learning, joint_gains={"one": 0.4, "two": 0.7})
-    assert decided(replace(learning, first_guess=None), ("one", "two"), (9.0, 0.7)).first_guess == "zero"
-    with pytest.raises(ScenarioError, match="does not learn"):
-        decided(replace(learning, joint_gains={"three": 1.0}), ("one", "two"))
-
-
 def test_a_creeping_error_is_no_reason_to_stop():
     """One percent a trial, as friction makes it: learning goes on; ten percent in all, and it stops."""
 
@@ -284,7 +238,7 @@ def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(wor
     problem = SimpleNamespace(reference=np.zeros((2, 1)), joints=("one",), units=(), step=1.0, times=np.arange(2.0))
     trials = [
         Trial(number=number, largest=(error,), norm=error, rms=(error,), seconds=0.0, inputs=np.zeros((2, 1)),
-              outputs=np.full((2, 1), error), ratio=None, predicted=None)
+              outputs=np.full((2, 1), error), ratio=None)
         for number, error in enumerate(worst)
     ]  # fmt: skip
     found = FixedGain(problem, settings()).verdict(trials, 2)

@@ -15,7 +15,7 @@ from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
 from asrsim.learning.arm import learning_model
 from asrsim.learning.contraction import FREQUENCIES, responses, rows_of, zero_phase_amplitude
-from asrsim.learning.friction import Friction
+from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import spring_slopes
 from asrsim.learning.plant import make_plant
 from support.random_arms import random_arm
@@ -105,20 +105,10 @@ def test_the_step_response_in_time_is_that_of_the_pendulum():
     stiffness = 2.0 + MASS * GRAVITY * LENGTH
     omega, decay = math.sqrt(stiffness / INERTIA), 0.01 / INERTIA
     damped = math.sqrt(omega**2 - decay**2)
-    time = linear.time
+    time = linear.time[EVERY::EVERY]
     expected = 2.0 / stiffness * (1 - np.exp(-decay * time) * (np.cos(damped * time) + decay / damped * np.sin(damped * time)))
-    assert linear.response(np.ones((len(time), 1)))[:, 0] == pytest.approx(expected, abs=3e-3)
-
-
-def test_friction_holds_a_joint_until_its_level_is_passed():
-    linear = linear_at(sea(), damping=0.02, count=2001, end=4.0)
-    still = np.zeros((2000, 1))
-    held = Friction(level=np.array([0.1]), velocities=still, torques=still)
-    ramp = linear.time[:, None] * 0.05
-    moved = linear.response(ramp, held)[:, 0]
-    # The spring of 2 N m/rad passes 0.1 N m at 0.05 rad, after 1 s.
-    assert np.abs(moved[linear.time < 0.99]).max() < 1e-9
-    assert moved[-1] == pytest.approx((2.0 * 0.2 - 0.1) / (2.0 + MASS * GRAVITY * LENGTH), rel=0.05)
+    # The splines of an input sum to 1.
+    assert lift(linear, Band.over(2.0, 0.0), [0.0])[:, 0].sum(axis=1) == pytest.approx(expected, abs=3e-3)
 
 
 def test_the_chosen_gain_levels_the_slowest_errors():
@@ -180,9 +170,12 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
     with learning_model(plant) as model:
         inverse = model.inverse(plant.reference)
-        expected = model.expected(model.linear(inverse), bump)
+        linear, band = model.linear(inverse), Band.over(plant.time[-1], 0.0)
+        splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
+        expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
+        rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
         inputs = inverse.inputs_at(plant.time)
-    moved = plant.outputs(inputs + bump) - plant.outputs(inputs)
+    moved = (plant.outputs(inputs + bump) - plant.outputs(inputs))[rows]
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()
 
 

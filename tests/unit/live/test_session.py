@@ -62,7 +62,7 @@ class Script:
 def run_live(folder, script, scenario=EXAMPLES / "scenarios" / "step_2dof.yaml", *, duration=0.4, changes=None, **settings):
     TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
     (one,) = asrsim.load_scenario(scenario, variant="soft" if "2dof" in str(scenario) else None, overrides=changes or {})
-    settings = Settings(speed=math.inf, duration=duration, transports=["script"], **settings)
+    settings = Settings(duration=duration, transports=["script"], **{"speed": math.inf, **settings})
     session = Session(one, folder, settings)
     summary = session.run(stop=lambda: False)
     return session, summary
@@ -93,6 +93,22 @@ def test_a_live_run_is_repeated_from_its_log_bit_for_bit(tmp_path, seed):
     assert found.identical
     assert found.samples == 401
     assert not found.missing
+
+
+@pytest.mark.slow
+def test_a_run_whose_topics_cost_too_much_keeps_real_time_at_a_lower_rate(tmp_path):
+    class Slow(Script):
+        def publish(self, time_, messages):
+            super().publish(time_, messages)
+            time.sleep(3e-3)
+
+    script = Slow([])
+    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=6.0, speed=1.0)
+    rate = summary.live["rate"]
+    assert 31.25 <= rate <= 250.0
+    last = [at for at, _ in script.heard][-5:]
+    np.testing.assert_allclose(np.diff(last), 1e9 / rate)
+    assert summary.wall_time < 8.0
 
 
 def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):

@@ -13,7 +13,7 @@ import asrsim
 from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
-from asrsim.reproduce.lab import Lab
+from asrsim.reproduce import Lab
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario
@@ -51,8 +51,8 @@ def as_learned(folder: Path) -> list[Path]:
 
 def as_transferred(folder: Path) -> list[Path]:
     """A drawn plant: another mass, damping, friction, stiffness and delay."""
-    from asrsim.learning.perturb import perturbed
     from asrsim.learning.plant import make_plant
+    from asrsim.learning.transfer import perturbed
 
     (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=["duration=0.3"])
     plant = make_plant(scenario)

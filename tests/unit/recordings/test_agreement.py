@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from asrsim.recordings import read_recording
 from support.lab_files import table
@@ -71,10 +72,10 @@ def test_what_can_be_true_together_is_not(tmp_path: Path, kind: str) -> None:
 
 
 def test_columns_on_times_of_their_own_are_held_against_each_other(tmp_path: Path) -> None:
-    rows = [f"{t:.3f},{a:.6f},{t + 0.002:.3f},{b:.6f}" for t, a, b in zip(TIME, Q, V * DEGREES, strict=True)]
-    (tmp_path / "lab.csv").write_text("t,q1,t_2,dq1\n" + "\n".join(rows), encoding="utf-8")
-    recording = read_recording(tmp_path / "lab.csv", joints=("joint_1",))
-    assert [one.key for one in recording.findings if one.code == "suspected-unit"] == ["dq1"]
+    structs = {"a": {"t": TIME, "q1": Q}, "b": {"t": TIME + 0.002, "dq1": V * DEGREES}}
+    savemat(tmp_path / "lab.mat", structs)
+    recording = read_recording(tmp_path / "lab.mat", joints=("joint_1",))
+    assert [one.key for one in recording.findings if one.code == "suspected-unit"] == ["b.dq1"]
 
 
 def test_a_spring_is_an_elastic_torque_only_beside_a_torque(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from asrsim import run
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce.statics import rest
+from paper.statics import rest
 from support.paths import ROOT
 
 SCENARIOS = ROOT / "examples" / "scenarios"

@@ -14,6 +14,7 @@ import asrsim
 from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
@@ -298,6 +299,24 @@ def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
         found = worlds.rollout(tuple(samples.values))
     for name, values in samples.values.items():
         np.testing.assert_array_equal(found[name][0], values, err_msg=name)
+
+
+def test_worlds_that_nobody_watches_move_like_those_that_somebody_does() -> None:
+    """Energies and counts follow from the motion, so what is not asked for changes no bit of it; counts are refused."""
+    scenario = make_scenario(
+        EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.05, engine="mujoco", compiled=False, modes=6,
+        parameters={"*": {"hysteresis_torque": 0.2, "motor_1_max_velocity": 0.5}},
+        references={"*": {"equilibrium_position": {"sinusoid": {"amplitude": 0.4, "frequency": 5.0}}}},
+    )  # fmt: skip
+    names = ["link_position", "link_torque", "motor_1_velocity"]
+    with Worlds(scenario, 1, names=names, watched=False) as bare, Worlds(scenario, 1, names=names) as watched:
+        found, expected = bare.rollout(names), watched.rollout(names)
+        for name in names:
+            np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+        assert watched.counts(0).motor_speed[0] > 0
+        for question in (bare.counts, bare.sane):
+            with pytest.raises(SimulationError, match="watched=True"):
+                question(0)
 
 
 def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:

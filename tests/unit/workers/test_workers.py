@@ -43,9 +43,9 @@ def test_an_item_that_kills_its_workers_is_lost_alone():
         assert (found[0], found[2]) == (1, 3)
         assert isinstance(found[1], Lost)
         assert "3 workers died" in found[1].reason
-        with pytest.raises(SimulationError, match="exit code 9"):
+        with pytest.raises(SimulationError, match="EXIT\\(9\\)"):
             in_order(workers, eval, ITEMS[1:2])
-        pids = workers.pids
+        pids = in_order(workers, eval, ["__import__('os').getpid()"] * 4)
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)

@@ -6,22 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.chain import five_links
-from asrsim.reproduce.claim import Claim, Origin, above, at_most, below, near
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.motors import qbmove_claims
-from asrsim.reproduce.pictures import curves, films, picture
-from asrsim.reproduce.statics import GRAVITY
+from asrsim.reproduce import Claim, Figure, Origin, Part, Table, above, at_most, below, near
 from asrsim.samples import TIP
+from paper.chain import five_links
+from paper.law import RATIO, damping_overrides
+from paper.motors import qbmove_claims
+from paper.pictures import curves, films, picture
+from paper.statics import GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure as Drawing
 
-    from asrsim.api import Result
-    from asrsim.reproduce.lab import Lab
+    from asrsim import Result
+    from asrsim.reproduce import Lab
     from asrsim.samples import Array
 
 SCENARIO, PRESETS, BOX = "box_push_5dof", ("soft", "stiff"), "box"
@@ -230,15 +229,12 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
     return figure
 
 
-FIGURES.add(
-    "14",
-    Figure(
-        number=14,
-        title="An arm meets a box",
-        section="4.2.3",
-        paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box "
-        "stops it; stiff, it moves the box and reaches its goal, on the real arm and in simulation.",
-        parts=parts,
-        cost=10.0,
-    ),
+FIGURE = Figure(
+    number=14,
+    title="An arm meets a box",
+    section="4.2.3",
+    paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box "
+    "stops it; stiff, it moves the box and reaches its goal, on the real arm and in simulation.",
+    parts=parts,
+    cost=10.0,
 )

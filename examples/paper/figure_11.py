@@ -7,20 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce.claim import Claim, at_least, below, near
-from asrsim.reproduce.figure import FIGURES, Figure, Part
-from asrsim.reproduce.friction import held_by_friction
-from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.motors import qbmove_claims
-from asrsim.reproduce.newton import hanging
-from asrsim.reproduce.pictures import joints_figure, picture
-from asrsim.reproduce.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
+from asrsim.reproduce import Claim, Figure, Part, at_least, below, near
+from paper.friction import held_by_friction
+from paper.law import RATIO, damping_overrides
+from paper.motors import qbmove_claims
+from paper.newton import hanging
+from paper.pictures import joints_figure, picture
+from paper.response import BAND, JOINT, WIDER, from_equilibrium, response, response_figure, response_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from asrsim.api import Result
-    from asrsim.reproduce.lab import Lab
+    from asrsim import Result
+    from asrsim.reproduce import Lab
 
 SCENARIO, PRESETS = "chirp_1dof_qbmove", ("soft", "stiff")
 
@@ -209,15 +208,12 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
     )
 
 
-FIGURES.add(
-    "11",
-    Figure(
-        number=11,
-        title="Frequency response of one joint",
-        section="4.2.1",
-        paper="A chirp drives one joint, soft and stiff. The link's largest deflections are alike in both, the equilibrium "
-        "follows the chirp as the real joint's does, and the two presets differ in their bandwidth.",
-        parts=parts,
-        cost=4.0,
-    ),
+FIGURE = Figure(
+    number=11,
+    title="Frequency response of one joint",
+    section="4.2.1",
+    paper="A chirp drives one joint, soft and stiff. The link's largest deflections are alike in both, the equilibrium "
+    "follows the chirp as the real joint's does, and the two presets differ in their bandwidth.",
+    parts=parts,
+    cost=4.0,
 )

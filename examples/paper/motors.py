@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim, at_most
-from asrsim.reproduce.newton import ALTEREGO, Springs, differences, motion_claims, sliding
+from asrsim.reproduce import Claim, at_most
+from paper.newton import ALTEREGO, Springs, differences, motion_claims, sliding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from asrsim.api import Result
-    from asrsim.reproduce.newton import Law
+    from asrsim import Result
     from asrsim.samples import Samples
+    from paper.newton import Law
 
 INERTIA, DAMPING, FRICTION = 0.0233, 0.2698, 0.02
 """kg m^2, N m s/rad, N m: the qbMove's motors (paper table 2)."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from asrsim.api import Result
+    from asrsim import Result
     from asrsim.robot.model import Robot
 
 MOVED = 1e-6

@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce.claim import Claim, Origin, below, near
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.motors import qbmove_claims
-from asrsim.reproduce.newton import hanging
-from asrsim.reproduce.pictures import joints_figure, picture
+from asrsim.reproduce import Claim, Figure, Origin, Part, Table, below, near
+from paper.law import RATIO, damping_overrides
+from paper.motors import qbmove_claims
+from paper.newton import hanging
+from paper.pictures import joints_figure, picture
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from asrsim.api import Result
-    from asrsim.reproduce.lab import Lab
+    from asrsim import Result
+    from asrsim.reproduce import Lab
     from asrsim.samples import Array
 
 SCENARIO, JOINTS, PRESETS, AMPLITUDE = "sine_2dof", ("joint_1", "joint_2"), ("soft", "stiff"), 0.8
@@ -139,15 +138,12 @@ def _table(results: Mapping[str, Result]) -> Table:
     return Table(caption="The sinusoid in numbers", headings=headings, rows=tuple(rows))
 
 
-FIGURES.add(
-    "13",
-    Figure(
-        number=13,
-        title="A sinusoid of a vertical arm",
-        section="4.2.2",
-        paper="Both joints follow 0.8 sin(0.8 t) under gravity. The equilibrium tracks the reference in both presets; the "
-        "soft link does not, since its springs give way under the weight, and the stiff one does.",
-        parts=parts,
-        cost=6.0,
-    ),
+FIGURE = Figure(
+    number=13,
+    title="A sinusoid of a vertical arm",
+    section="4.2.2",
+    paper="Both joints follow 0.8 sin(0.8 t) under gravity. The equilibrium tracks the reference in both presets; the "
+    "soft link does not, since its springs give way under the weight, and the stiff one does.",
+    parts=parts,
+    cost=6.0,
 )

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce.claim import Claim, above, below, near
-from asrsim.reproduce.figure import FIGURES, Figure, Part, Table
-from asrsim.reproduce.pictures import curves, link_panel, picture
-from asrsim.reproduce.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
-from asrsim.reproduce.step_losses import with_friction, with_growing_damping
+from asrsim.reproduce import Claim, Figure, Part, Table, above, below, near
+from paper.pictures import curves, link_panel, picture
+from paper.statics import ACTUATORS, AT, RESIDUAL, SPRINGS, STEP, Rest, label_of, rest
+from paper.step_losses import with_friction, with_growing_damping
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
-    from asrsim.api import Result
-    from asrsim.reproduce.lab import Lab
+    from asrsim import Result
+    from asrsim.reproduce import Lab
 
 RESOLVED = 0.1
 """Omega times sample time up to which samples show an oscillation well."""
@@ -213,15 +212,12 @@ def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
     return figure
 
 
-FIGURES.add(
-    "8",
-    Figure(
-        number=8,
-        title="Step responses of four compliant actuators",
-        section="4.1",
-        paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. "
-        "The model shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
-        parts=parts,
-        cost=5.0,
-    ),
+FIGURE = Figure(
+    number=8,
+    title="Step responses of four compliant actuators",
+    section="4.1",
+    paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. "
+    "The model shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
+    parts=parts,
+    cost=5.0,
 )

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.reproduce.claim import Claim, near
-from asrsim.reproduce.statics import GRAVITY
+from asrsim.reproduce import Claim, near
+from paper.statics import GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """What moves figure 14's arm: Newton and Euler's law for five links, with the masses that AlterEgo's description gives.
 
-As :mod:`asrsim.reproduce.newton`, it shares nothing with the robot's file, the engines or the kinematics.
+As :mod:`paper.newton`, it shares nothing with the robot's file, the engines or the kinematics.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.reproduce.statics import GRAVITY
 from asrsim.samples import Array
+from paper.statics import GRAVITY
 
 X, Y, Z = 0, 1, 2
 """Axes."""

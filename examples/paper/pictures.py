@@ -6,14 +6,14 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from asrsim.reproduce.figure import Picture
+from asrsim.reproduce import Picture
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.figure import Figure
 
-    from asrsim.api import Result
+    from asrsim import Result
     from asrsim.plots.curves import RunCurves
     from asrsim.plots.panels import Panel
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from asrsim.api import Result
+    from asrsim import Result
     from asrsim.samples import Array
 
 RATIO = 0.3

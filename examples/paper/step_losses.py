@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.ringing import fit_ringing
-from asrsim.reproduce.claim import Claim, at_most, near
-from asrsim.reproduce.figure import Part, Table
-from asrsim.reproduce.friction import with_joint_losses
-from asrsim.reproduce.law import RATIO, damping_overrides
-from asrsim.reproduce.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
+from asrsim.reproduce import Claim, Part, Table, at_most, near
+from paper.friction import with_joint_losses
+from paper.law import RATIO, damping_overrides
+from paper.statics import AT, RESIDUAL, SPRINGS, label_of, losses, rest
 
 if TYPE_CHECKING:
-    from asrsim.api import Result
-    from asrsim.reproduce.lab import Lab
+    from asrsim import Result
+    from asrsim.reproduce import Lab
 
 DAMPING, FRICTION = 0.065, 0.025
 """N m s/rad, N m: the joint's losses that the paper gives from its section 4.2 on."""

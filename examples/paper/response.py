@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce.figure import Table
+from asrsim.reproduce import Table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure as Drawing
 
-    from asrsim.api import Result
+    from asrsim import Result
 
 JOINT = "joint_1"
 BAND = (0.5, 6.0)
