@@ -335,8 +335,8 @@ def registry(monkeypatch: pytest.MonkeyPatch) -> None:
     ("line", "words"),
     [
         ("raise ValueError('no')", "raised ValueError: no"),
-        ("return None", "must give two numbers"),
-        ("return 1.0, 2.0, 3.0", "must give two numbers"),
+        ("return None", "must give 2 numbers"),
+        ("return 1.0, 2.0, 3.0", "must give 2 numbers"),
         ("raise SystemExit(7)", "raised SystemExit: 7"),
         ("if theta_1 > 0.4: raise ValueError('late')", "elastic_torques: the law raised ValueError: late"),
     ],

@@ -136,7 +136,7 @@ def test_the_source_distribution_can_be_tested(distributions):
     for name in ("README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "requirements.lock", ".ci/run", "docs/index.md"):
         assert (source / name).is_file(), name
     assert (source / "examples/scenarios/step_2dof.yaml").is_file()
-    assert (source / "tests/test_packaging.py").is_file()
+    assert (source / "tests/project/test_packaging.py").is_file()
 
 
 @pytest.mark.once

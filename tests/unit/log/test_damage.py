@@ -76,7 +76,7 @@ WRITE_FOREVER = textwrap.dedent(
 
 
 def write_and_kill(path: Path, chunks_size: int, pause: float) -> None:
-    code = WRITE_FOREVER.format(tests=str(Path(__file__).parent), path=str(path))
+    code = WRITE_FOREVER.format(tests=str(ROOT / "tests"), path=str(path))
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment) as process:
         assert process.stdout is not None

@@ -88,7 +88,7 @@ def test_one_bad_stamp_does_not_refuse_a_bag(tmp_path: Path, monkeypatch: pytest
     def spoilt(store: Any, i: int, stamp: int, names: list[str], ros1: bool) -> Any:
         return whole(store, i, stamp + (off * 10**9 if i == 17 else 0), names, ros1)
 
-    monkeypatch.setattr("test_recordings_bags.joint_state", spoilt)
+    monkeypatch.setitem(globals(), "joint_state", spoilt)
     recording = read_recording(write_ros1(tmp_path / "lab.bag"))
     column = recording.column("elbow", "link_position")
     np.testing.assert_allclose(column.time, (np.delete(stamps, 17) - ZERO) * 1e-9, atol=1e-9)

@@ -10,6 +10,7 @@ import pytest
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
 from asrsim.signals import Constant, Ramp, Step
+from support.bags import write_bag
 
 TEXT = """
 robot: arm.urdf
@@ -168,11 +169,9 @@ def test_resolved_names_files_as_the_log_attaches_them(path, tmp_path):
 
 
 def test_a_folder_bag_is_attached_file_by_file(tmp_path):
-    from test_signals_playback import _write_bag
-
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     (tmp_path / "lab").mkdir()
-    _write_bag(tmp_path / "lab" / "run", ros1=False)
+    write_bag(tmp_path / "lab" / "run", ros1=False)
     play = {"playback": {"file": "lab/run", "column": "/q"}}
     (tmp_path / "s.yaml").write_text(
         json.dumps({"robot": "arm.urdf", "duration": 1, "references": {"a": {"reference_1": play, "reference_2": play}}})

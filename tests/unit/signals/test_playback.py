@@ -10,6 +10,7 @@ import pytest
 from asrsim.errors import ScenarioError
 from asrsim.signals import parse_signal
 from asrsim.signals.curve import curve_through, is_jump
+from support.bags import write_bag
 
 CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
 
@@ -100,36 +101,9 @@ def test_missing_file_is_told_with_its_path(tmp_path):
         parse_signal({"playback": {"file": "nothing.csv", "column": "q"}}, base=tmp_path)
 
 
-def _write_bag(path, ros1):
-    """Two topics, 10 Hz, 1 s, stamps of a clock: Float64 sin(t) and a JointState of two joints."""
-    from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import StoragePlugin
-    from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
-
-    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
-    number, state = types.types["std_msgs/msg/Float64"], types.types["sensor_msgs/msg/JointState"]
-    header, stamp = types.types["std_msgs/msg/Header"], types.types["builtin_interfaces/msg/Time"]
-    writer = Writer1(path) if ros1 else Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP)
-    with writer as bag:
-        topics = [
-            bag.add_connection(name, kind.__msgtype__, typestore=types) for name, kind in (("/q", number), ("/states", state))
-        ]
-        serialise = types.serialize_ros1 if ros1 else types.serialize_cdr
-        for index in range(11):
-            time = 1_700_000_000_000_000_000 + index * 100_000_000
-            sequence = {"seq": index} if ros1 else {}
-            head = header(stamp=stamp(sec=100, nanosec=index * 50_000_000), frame_id="", **sequence)
-            values = np.array([0.1 * index, -0.1 * index])
-            message = state(header=head, name=["a", "b"], position=values, velocity=values, effort=values)
-            bag.write(topics[0], time, serialise(number(data=0.1 * index), number.__msgtype__))
-            bag.write(topics[1], time, serialise(message, state.__msgtype__))
-    return path
-
-
 @pytest.fixture(params=["ros1 bag", "ros2 bag", "mcap"])
 def bag(request, tmp_path):
-    path = _write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
+    path = write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
     return next(path.glob("*.mcap")) if request.param == "mcap" else path
 
 
@@ -152,7 +126,7 @@ def test_bags_are_played_by_topic_and_field(bag):
     ],
 )
 def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
-    path = _write_bag(tmp_path / "run", ros1=False)
+    path = write_bag(tmp_path / "run", ros1=False)
     with pytest.raises(ScenarioError) as caught:
         parse_signal({"playback": {"file": str(path), **keys}})
     for message in messages:
