@@ -24,6 +24,9 @@ from typing import ClassVar
 
 from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, controller_parameters, motor_parameters
 
+MOST_MOTORS = 8
+"""Of an actuator."""
+
 
 class Actuator:
     """Base of all actuators. Subclasses are declarations: they have no state and are never instantiated."""
@@ -75,6 +78,11 @@ class Actuator:
     def equilibrium_position(theta_1: float, theta_2: float) -> float:
         """Link position in rad at which the unloaded link rests: the inverse of the reference map."""
         return theta_1
+
+    @classmethod
+    def positions(cls) -> int:
+        """Number of positions that the laws take, of motors and of an adjuster: two at least."""
+        return max(2, cls.motors + cls.adjuster)
 
     @classmethod
     def all_parameters(cls) -> tuple[Parameter, ...]:

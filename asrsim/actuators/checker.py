@@ -90,14 +90,14 @@ def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     points = list(sample_points(actuator))
     first = []
     for point in points:
-        torques, stiffness = actuator.elastic_torques(*point), actuator.stiffness(*point)
-        if not isinstance(torques, tuple) or len(torques) != 2:
-            raise _FailedError(f"elastic_torques must return two numbers as a tuple, got {torques!r}")
+        torques, stiffness = point.call(actuator.elastic_torques), point.call(actuator.stiffness)
+        if not isinstance(torques, tuple) or len(torques) != max(2, actuator.motors):
+            raise _FailedError(f"elastic_torques must return {max(2, actuator.motors)} numbers as a tuple, got {torques!r}")
         if not all(isinstance(value, float) for value in (*torques, stiffness)):
             raise _FailedError(f"laws must return floats, got {torques!r} and {stiffness!r} at {point}")
         first.append((*torques, stiffness))
     for point, earlier in zip(reversed(points), reversed(first), strict=True):
-        again = (*actuator.elastic_torques(*point), actuator.stiffness(*point))
+        again = (*point.call(actuator.elastic_torques), point.call(actuator.stiffness))
         if again != earlier and not any(map(math.isnan, earlier)):
             raise _FailedError(f"the same input gave {earlier} and {again}: the law has a state; at {point}")
     yield 0.0, ""
@@ -107,7 +107,7 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     has_limit = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
     for point in sample_points(actuator, _FAR if has_limit else 1.0):
         try:
-            values = (*actuator.elastic_torques(*point), actuator.stiffness(*point))
+            values = (*point.call(actuator.elastic_torques), point.call(actuator.stiffness))
         except ArithmeticError as error:
             raise _FailedError(f"{type(error).__name__} at {point}") from error
         if not all(map(math.isfinite, values)):
@@ -117,7 +117,7 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 
 def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     points = list(sample_points(actuator, 0.95))  # off the limit, where the slope breaks
-    stated = [actuator.stiffness(*point) for point in points]
+    stated = [point.call(actuator.stiffness) for point in points]
     # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
@@ -137,7 +137,7 @@ def _slope(actuator: type[Actuator], point: Point, h: float) -> float:
 
 def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     for point in sample_points(actuator):
-        stiffness = actuator.stiffness(*point)
+        stiffness = point.call(actuator.stiffness)
         yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
 
 
@@ -147,11 +147,12 @@ def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     for parameters in parameter_sets(actuator):
         limit = limit_of(actuator, parameters)
         for loop in range(8):
-            amplitudes = [source.uniform(0.1, 0.3) * limit for _ in range(3)]
-            phases = [source.uniform(0.0, 2.0 * math.pi) for _ in range(3)]
+            count = 1 + actuator.positions() - actuator.adjuster
+            amplitudes = [source.uniform(0.1, 0.3) * limit for _ in range(count)]
+            phases = [source.uniform(0.0, 2.0 * math.pi) for _ in range(count)]
             frozen = loop < 2
             if frozen:
-                amplitudes[1] = amplitudes[2] = 0.0
+                amplitudes[1:] = [0.0] * (count - 1)
             offset = 0.0 if actuator.motors == 1 else source.uniform(-0.3, 0.3) * limit
             work, moved = _loop_work(actuator, parameters, amplitudes, phases, offset)
             kind = "motors frozen" if frozen else "motors moving"
@@ -161,44 +162,49 @@ def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
 def _loop_work(
     actuator: type[Actuator], parameters: tuple[float, ...], amplitudes: list[float], phases: list[float], offset: float
 ) -> tuple[float, float]:
-    """Work taken by the spring round an ellipse, and its magnitude; the periodic trapezoid rule is exact for smooth laws."""
+    """Work taken by the springs round an ellipse, and its magnitude; the periodic trapezoid rule is exact for smooth laws.
+
+    Amplitudes (rad) and phases are those of link and motors; the motors are `offset` apart from the link, in turn to either
+    side.
+    """
     count = 1000
     work = moved = 0.0
+    sides = [offset if i % 2 == 0 else -offset for i in range(len(amplitudes) - 1)]
+    preset = (actuator.typical_preset,) if actuator.adjuster else ()
     for k in range(count):
         angle = 2.0 * math.pi * k / count
-        q, theta_1, theta_2 = (a * math.sin(angle + p) for a, p in zip(amplitudes, phases, strict=True))
-        dq, d_1, d_2 = (a * math.cos(angle + p) * 2.0 * math.pi / count for a, p in zip(amplitudes, phases, strict=True))
-        if actuator.adjuster:
-            theta_2, d_2 = actuator.typical_preset, 0.0
-        tau_1, tau_2 = actuator.elastic_torques(
-            q, theta_1 + offset, theta_2 if actuator.adjuster else theta_2 - offset, parameters
-        )
-        power = tau_1 * d_1 + tau_2 * d_2 - (tau_1 + tau_2) * dq
+        q, *thetas = (a * math.sin(angle + p) for a, p in zip(amplitudes, phases, strict=True))
+        dq, *ways = (a * math.cos(angle + p) * 2.0 * math.pi / count for a, p in zip(amplitudes, phases, strict=True))
+        placed = tuple(theta + side for theta, side in zip(thetas, sides, strict=True))
+        torques = Point(q, (*placed, *preset), parameters).call(actuator.elastic_torques)
+        power = sum(torque * way for torque, way in zip(torques, ways, strict=False)) - sum(torques) * dq
         work += power
         moved += abs(power)
     return work, moved
 
 
 def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    source = random.Random(4)
-    for _ in range(50):
-        equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
-        theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
-        back = actuator.equilibrium_position(theta_1, theta_2)
+    for equilibrium, preset, thetas in _mapped(actuator, seed=4):
+        back = actuator.equilibrium_position(*thetas)
         yield abs(back - equilibrium), f"equilibrium {equilibrium:.4g}, preset {preset:.4g}: comes back as {back:.6g}"
 
 
 def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    source = random.Random(5)
     parameters = parameter_sets(actuator)[0]
     limit = limit_of(actuator, parameters)
+    for equilibrium, _, thetas in _mapped(actuator, seed=5):
+        point = Point(equilibrium, thetas, parameters)
+        torques, stiffness = point.call(actuator.elastic_torques), point.call(actuator.stiffness)
+        scale = max(*map(abs, torques), abs(stiffness) * limit, 1e-12)
+        yield abs(sum(torques)) / scale, f"{point}: {sum(torques):.3g} N m on the unloaded link"
+
+
+def _mapped(actuator: type[Actuator], *, seed: int) -> Iterator[tuple[float, float, tuple[float, ...]]]:
+    """Random equilibria and presets, and the motors' positions for them."""
+    source = random.Random(seed)
     for _ in range(50):
         equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
-        theta_1, theta_2 = actuator.motor_references(equilibrium, preset)
-        point = Point(equilibrium, theta_1, theta_2, parameters)
-        (tau_1, tau_2), stiffness = actuator.elastic_torques(*point), actuator.stiffness(*point)
-        scale = max(abs(tau_1), abs(tau_2), abs(stiffness) * limit, 1e-12)
-        yield abs(tau_1 + tau_2) / scale, f"{point}: {tau_1 + tau_2:.3g} N m on the unloaded link"
+        yield equilibrium, preset, actuator.motor_references(equilibrium, preset)
 
 
 def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
@@ -207,7 +213,7 @@ def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
         return
     for point in sample_points(actuator, 0.95):
         h = 1e-4 * limit_of(actuator, point.parameters)
-        low, high = (actuator.elastic_energy(point.q + d, point.theta_1, point.theta_2, point.parameters) for d in (-h, h))
+        low, high = (point._replace(q=point.q + d).call(actuator.elastic_energy) for d in (-h, h))
         torque = link_torque(actuator, point)
         # The energies' own rounding, seen through the difference, is no fault of the law.
         floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)

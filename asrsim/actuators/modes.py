@@ -32,6 +32,12 @@ class Mode:
         """The references drive the motors, with no controller between."""
         return self.motor and not self.controller
 
+    def references_of(self, motors: int) -> tuple[str, ...]:
+        """Names of the references of an actuator with so many motors; `references` are those of two."""
+        if self.mapped or len(self.references) < 2:
+            return self.references
+        return (*self.references, *(self.references[0].replace("1", str(i)) for i in range(3, motors + 1)))
+
 
 MODES: dict[int, Mode] = {
     mode.number: mode

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 from asrsim.actuators import Actuator
 
@@ -17,16 +17,21 @@ PARAMETER_SETS = 6
 
 
 class Point(NamedTuple):
-    """What the laws take: link and motor positions in rad (an adjuster's in its own unit), and the spring's parameters."""
+    """What the laws take: position of the link (rad), positions of the motors (rad; an adjuster's in its own unit), and the
+    spring's parameters."""
 
     q: float
-    theta_1: float
-    theta_2: float
+    thetas: tuple[float, ...]
     parameters: tuple[float, ...]
+
+    def call(self, law: Callable[..., Any]) -> Any:
+        """What a law gives here."""
+        return law(self.q, *self.thetas, self.parameters)
 
     def __str__(self) -> str:
         values = ", ".join(f"{value:.6g}" for value in self.parameters)
-        return f"q={self.q:.4g}, theta_1={self.theta_1:.4g}, theta_2={self.theta_2:.4g}, parameters=({values})"
+        thetas = ", ".join(f"theta_{i}={theta:.4g}" for i, theta in enumerate(self.thetas, start=1))
+        return f"q={self.q:.4g}, {thetas}, parameters=({values})"
 
 
 def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
@@ -57,14 +62,13 @@ def sample_points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Poi
         limit = reach * limit_of(actuator, parameters)
         for _ in range(SAMPLES):
             q = source.uniform(-2.0, 2.0)
-            theta_1 = q + source.uniform(-limit, limit)
+            count = actuator.positions() - actuator.adjuster
+            thetas = [q + source.uniform(-limit, limit) for _ in range(count)]
             if actuator.adjuster:
-                theta_2 = actuator.typical_preset * source.uniform(0.5, 1.5)
-            else:
-                theta_2 = q + source.uniform(-limit, limit)
-            yield Point(q, theta_1, theta_2, parameters)
+                thetas.append(actuator.typical_preset * source.uniform(0.5, 1.5))
+            yield Point(q, tuple(thetas), parameters)
 
 
 def link_torque(actuator: type[Actuator], point: Point, q: float | None = None) -> float:
     """Torque on the link in N m at a point, or at another link position."""
-    return sum(actuator.elastic_torques(*(point if q is None else point._replace(q=q))))
+    return float(sum((point if q is None else point._replace(q=q)).call(actuator.elastic_torques)))

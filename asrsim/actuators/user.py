@@ -8,20 +8,18 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
 
 from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import ActuatorError, Problem
 
 MODULES = "asrsim_plugin_"
 """What the names of users' files begin with, as modules."""
-
-MOST_MOTORS = 8
-"""Of an actuator."""
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
@@ -110,35 +108,55 @@ def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    for law, required, count in (
-        ("elastic_torques", True, 4),
-        ("stiffness", True, 4),
-        ("motor_references", False, 2),
-        ("equilibrium_position", False, 2),
-    ):
+    required = ["elastic_torques", "stiffness"]
+    if _motors(actuator) > 2:
+        required.append("elastic_energy")
+    for law, taken in _TAKEN.items():
         own = inspect.getattr_static(actuator, law)
         if own is inspect.getattr_static(Actuator, law):
-            if required:
-                yield _problem(actuator, "is missing; every actuator needs this law", "missing-law", key=law)
+            if law in required:
+                why = "every actuator needs this law" if law != "elastic_energy" else "three motors need it"
+                yield _problem(actuator, f"is missing; {why}", "missing-law", key=law)
             continue
         if not isinstance(own, staticmethod):
             yield _problem(actuator, "must be a @staticmethod: laws have no state", "bad-law", key=law)
             continue
+        names = taken(_positions(actuator))
         try:
-            inspect.signature(getattr(actuator, law)).bind(*range(count))
+            inspect.signature(getattr(actuator, law)).bind(*names)
         except (TypeError, ValueError):
-            names = "q, theta_1, theta_2, parameters" if count == 4 else "two numbers"
-            yield _problem(actuator, f"must take {names}", "bad-law", key=law)
+            yield _problem(actuator, f"must take {', '.join(names)}", "bad-law", key=law)
+
+
+def _motors(actuator: type[Actuator]) -> int:
+    """Of a declaration that may be wrong."""
+    return actuator.motors if actuator.motors in range(1, MOST_MOTORS + 1) else 2
+
+
+def _positions(actuator: type[Actuator]) -> list[str]:
+    """Names of the positions that the laws take."""
+    return [f"theta_{i + 1}" for i in range(max(2, _motors(actuator) + bool(actuator.adjuster)))]
+
+
+_TAKEN: dict[str, Callable[[list[str]], list[str]]] = {
+    "elastic_torques": lambda thetas: ["q", *thetas, "parameters"],
+    "stiffness": lambda thetas: ["q", *thetas, "parameters"],
+    "elastic_energy": lambda thetas: ["q", *thetas, "parameters"],
+    "motor_references": lambda thetas: ["equilibrium", "preset"],
+    "equilibrium_position": lambda thetas: thetas,
+}
+"""Law -> names of its arguments, of those of the positions."""
 
 
 def _results(actuator: type[Actuator]) -> Iterable[Problem]:
     """One call of each law at rest: what it gives is what the simulation can take."""
     values = tuple(parameter.default for parameter in actuator.parameters)
+    positions = [0.0] * actuator.positions()
     calls: tuple[tuple[str, tuple[object, ...], int], ...] = (
-        ("elastic_torques", (0.0, 0.0, 0.0, values), 2),
-        ("stiffness", (0.0, 0.0, 0.0, values), 1),
-        ("motor_references", (0.0, 0.0), 2),
-        ("equilibrium_position", (0.0, 0.0), 1),
+        ("elastic_torques", (0.0, *positions, values), max(2, actuator.motors)),
+        ("stiffness", (0.0, *positions, values), 1),
+        ("motor_references", (0.0, 0.0), len(positions)),
+        ("equilibrium_position", tuple(positions), 1),
     )
     for law, arguments, count in calls:
         try:
@@ -146,9 +164,9 @@ def _results(actuator: type[Actuator]) -> Iterable[Problem]:
         except (Exception, SystemExit) as error:
             yield _problem(actuator, f"raised {type(error).__name__}: {error}", "law-raised", key=law)
             continue
-        numbers = result if count == 2 and isinstance(result, tuple) else (result,)
+        numbers = result if count > 1 and isinstance(result, tuple) else (result,)
         if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):
-            wanted = "two numbers" if count == 2 else "one number"
+            wanted = f"{count} numbers" if count > 1 else "one number"
             yield _problem(actuator, f"must give {wanted}", "law-result", key=law, value=result)
 
 

@@ -86,39 +86,39 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
 
 @_once
-def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """The actuator's reference map on arrays of equal shape: motor positions for equilibria and presets."""
+def references_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], tuple[Array, ...]]:
+    """The actuator's reference map on arrays of equal shape: positions of its motors for equilibria and presets."""
     law = actuator.motor_references
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
-    def evaluate(first: Array, second: Array) -> tuple[Array, Array]:
+    def evaluate(first: Array, second: Array) -> tuple[Array, ...]:
         if fast is not None:
             try:
-                goals: tuple[Any, Any] = fast(first, second)
                 # What has the shape already is most often so, and asking is quicker than broadcasting.
-                if np.shape(goals[0]) == np.shape(goals[1]) == first.shape:
-                    return goals
-                return np.broadcast_to(goals[0], first.shape), np.broadcast_to(goals[1], first.shape)
+                return tuple(
+                    goal if np.shape(goal) == first.shape else np.broadcast_to(goal, first.shape)
+                    for goal in fast(first, second)
+                )
             except (ValueError, TypeError):
                 pass
         rows = np.array([law(a, b) for a, b in zip(first.ravel().tolist(), second.ravel().tolist(), strict=True)], dtype=float)
-        return rows[:, 0].reshape(first.shape), rows[:, 1].reshape(first.shape)
+        return tuple(column.reshape(first.shape) for column in rows.T)
 
     return evaluate
 
 
-def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[[Array, Array], Array]:
-    """The positions at which unloaded links rest, of motor positions, arrays of equal shape."""
-    law = actuator.equilibrium_position
+def equilibrium_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
+    """The positions at which unloaded links rest, of the positions of all motors, arrays of equal shape."""
+    law: Callable[..., Any] = actuator.equilibrium_position
 
-    def evaluate(first: Array, second: Array) -> Array:
+    def evaluate(*positions: Array) -> Array:
+        shape = positions[0].shape
         try:
             # Plain arithmetic, as in all our actuators, works on arrays as on numbers.
-            result = np.asarray(law(first, second), dtype=np.float64)  # type: ignore[arg-type]
+            return np.broadcast_to(np.asarray(law(*positions), dtype=np.float64), shape)
         except (TypeError, ValueError):
-            pairs = zip(first.ravel().tolist(), second.ravel().tolist(), strict=True)
-            return np.array([law(a, b) for a, b in pairs], dtype=np.float64).reshape(first.shape)
-        return np.broadcast_to(result, first.shape)
+            points = zip(*(values.ravel().tolist() for values in positions), strict=True)
+            return np.array([law(*point) for point in points], dtype=np.float64).reshape(shape)
 
     return evaluate
 

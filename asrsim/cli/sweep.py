@@ -43,7 +43,6 @@ def sweep(
         list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-6, help="Hz, of kept signals.")] = 100.0,
-    logs: Annotated[bool, typer.Option("--logs", help="Keep a log of every run, too.")] = False,
     workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
@@ -79,7 +78,7 @@ def sweep(
     given: dict[str, Any] = {
         "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
         "fit": fit, "signals": signal or [], "rate": rate,
-        "logs": logs, "plugins": plugin or [],
+        "plugins": plugin or [],
     }  # fmt: skip
     with json_errors(json):
         load_plugins(plugin)

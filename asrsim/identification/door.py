@@ -14,7 +14,7 @@ from asrsim.engines import ENGINES
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.quantities import QUANTITIES
-from asrsim.robot.model import Robot
+from asrsim.robot import Robot, check_two_motors
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
@@ -54,6 +54,7 @@ class Door:
     """A scenario that is simulated with many sets of numbers."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
+        check_two_motors(robot, "identification")
         faster = ENGINES.get(scenario.engine).faster
         if faster and scenario.world.empty and ENGINES.get(faster).available:
             scenario = replace(scenario, engine=faster)

@@ -1,7 +1,7 @@
 """First-order closed-loop inverse kinematics with damped least squares (Siciliano et al. 2010, section 3.7).
 
-It is closed on the model, not on the measured tip: closed on the measurement it would integrate the springs'
-deflection and push on however soft the joints are.
+The loop is closed on the model, not on the measured tip. With the measured tip it would integrate the deflection of the
+springs, and the references would drift without end.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.kinematics.model import KinematicModel, Point
-from asrsim.kinematics.rotations import between
+from asrsim.kinematics.rotations import rotation_between
 from asrsim.kinematics.trajectory import PoseTrajectory
 from asrsim.samples import Array
 
@@ -23,12 +23,12 @@ class ClikSettings:
     gain: float = 10.0
     """1/s, of position and orientation error."""
     damping: float = 1e-3
-    """m (position rows) and rad (orientation rows) of damped least squares."""
+    """Damping factor of the least squares: in m for position rows, in rad for orientation rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointPath:
-    """What the inverse kinematics found."""
+    """Joint positions over time, with the errors that remain at the point."""
 
     time: Array
     """(n,) s."""
@@ -51,10 +51,10 @@ def follow(
     moving: NDArrayBool | None = None,
     settings: ClikSettings | None = None,
 ) -> JointPath:
-    """Joint positions whose point follows the trajectory, beginning at `start` (joints,).
+    """Joint positions that move the point along the trajectory, beginning at `start` (joints,).
 
-    time: (n,) s, ascending; the loop runs at this grid. moving: which joints may move (None: all).
-    Stops are never passed: a joint that would pass one is put onto it and the others take over what they can.
+    time: (n,) s, ascending; the loop takes one step per entry. moving: which joints may move (None: all).
+    No joint passes its stop: it is placed at the stop, and the other joints take over as much of the motion as they can.
     """
     settings = settings or ClikSettings()
     wanted, turned = trajectory.at(time)
@@ -68,18 +68,18 @@ def follow(
         error = np.zeros(rows)
         error[:3] = wanted[index] - position
         if turned is not None:
-            error[3:] = between(rotation, turned[index])
+            error[3:] = rotation_between(rotation, turned[index])
             orientation_error[index] = float(np.linalg.norm(error[3:]))
         positions[index] = q
         position_error[index] = float(np.linalg.norm(error[:3]))
         if index + 1 == len(time):
             break
         step = time[index + 1] - time[index]
-        # The trajectory's own displacement over the step: without it, the loop would lag by velocity / gain, whatever the step.
+        # Feedforward of the trajectory's own displacement: without it, the loop would lag by velocity / gain at any step.
         displacement = np.zeros(rows)
         displacement[:3] = wanted[index + 1] - wanted[index]
         if turned is not None:
-            displacement[3:] = between(turned[index], turned[index + 1])
+            displacement[3:] = rotation_between(turned[index], turned[index + 1])
         displacement += min(settings.gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[:rows]
         q = q + bounded_step(jacobian, displacement, model.lower - q, model.upper - q, free, settings.damping)
@@ -91,8 +91,8 @@ def bounded_step(
 ) -> Array:
     """Damped least-squares joint step (n,) towards `displacement` (rows,), within [lowest, highest] (n,) each.
 
-    A joint whose step would pass its bound is put onto the bound, its share is taken off the task and the others are
-    solved again, so that they do what it can no longer do.
+    A joint whose step would pass its bound is placed at the bound. Its motion is subtracted from the task, and the other
+    joints are solved again for the rest.
     """
     step = np.zeros(jacobian.shape[1])
     active = free.copy()

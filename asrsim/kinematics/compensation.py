@@ -1,7 +1,7 @@
-"""Gravity compensation: the equilibrium at which a spring holds a given load at a given link position.
+"""Gravity compensation: the equilibrium position at which a spring holds a given load at a given link position.
 
-The elastic law is inverted numerically, so it works for every registered actuator: at a fixed preset the torque on the
-link grows with the equilibrium, up to what the spring can hold.
+The elastic law is inverted numerically, so that this works for every registered actuator. At a fixed preset the torque on
+the link increases with the equilibrium position, up to the largest torque of the spring.
 """
 
 from __future__ import annotations
@@ -20,21 +20,19 @@ from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
 
 SEARCH = 16.0
-"""rad (or m) from the link's position within which an equilibrium is looked for: some turns of a motor."""
+"""rad (or m) from the link's position within which the equilibrium is searched for: a few turns of a motor."""
 NEWTON_STEPS = 40
-"""At most; five are usual."""
+"""Largest number of Newton iterations; five are usual."""
 CONVERGED = 1e-11
-"""rad, largest change in the last step of Newton's method."""
+"""rad: Newton's method has converged when its step is smaller than this."""
 LARGEST_CHANGE = 0.2
-"""rad in one step of Newton's method: springs' torques may grow exponentially."""
+"""rad, largest step of Newton's method: the torque of a spring may grow exponentially."""
 NUDGE = 1e-6
-"""rad, for slopes by central differences."""
-NUDGES = np.array([[[NUDGE], [0.0]], [[0.0], [NUDGE]]])
-"""Of one motor and of the other."""
+"""rad, step of the central differences that give slopes."""
 
 
 class LoadError(InputError):
-    """A spring or motor cannot hold a load; `largest` is what it can hold in N m."""
+    """A spring or motor cannot hold a load; `largest` is the largest load that it can hold, in N m."""
 
     def __init__(self, problem: Problem, largest: float) -> None:
         super().__init__(problem)
@@ -46,9 +44,9 @@ def equilibrium_for_load(
 ) -> float:
     """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
 
-    preset: the second reference (stiffness preset, or adjuster in m). droop: with the motors' steady-state error
-    under their load. guess: an equilibrium nearby, which saves time. Raises LoadError where the springs or the motors
-    cannot hold the load.
+    preset: the second reference (stiffness preset, or adjuster in m). droop: include the steady-state error of the motors
+    under their load. guess: an equilibrium nearby, which saves time. Raises LoadError if the springs or the motors cannot
+    hold the load.
     """
     law: Any = drive.actuator.elastic_torques
     spring = drive.elastic
@@ -92,9 +90,9 @@ def equilibrium_for_load(
 
 
 def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Array, presets: Array, *, droop: bool) -> Array:
-    """(n,) :func:`equilibrium_for_load` over a motion, all arrays (n,). Raises LoadError, which names the time in s.
+    """(n,) :func:`equilibrium_for_load` at each instant of a motion; all arrays (n,). Raises LoadError with the time in s.
 
-    All instants are solved together. An instant that does not converge, or that overloads a motor, is solved alone.
+    All instants are solved together. An instant that does not converge, or that overloads a motor, is solved again alone.
     """
     found, torques = _newton(drive, positions, loads, presets, droop=droop)
     limits = np.array([*drive.max_torque, math.inf, math.inf][:2])[:, None]
@@ -111,22 +109,24 @@ def equilibria_for_loads(drive: Drive, time: Array, positions: Array, loads: Arr
 
 
 def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool) -> tuple[Array, Array]:
-    """Equilibria (n,) in rad, NaN where Newton's method does not converge, and the springs' torques (2, n) in N m.
+    """Equilibria (n,) in rad, NaN where Newton's method does not converge, and the springs' torques (motors, n) in N m.
 
-    The unknowns are the equilibrium e and both motors' positions theta, the equations
+    The unknowns are the equilibrium e and the motors' positions theta, the equations
 
-        tau_1(q, theta) + tau_2(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
+        sum tau_i(q, theta) = load,    theta_i + tau_i(q, theta) / P_i = reference_i(e, preset).
 
-    It starts from motors without droop.
+    The iteration starts from motors without steady-state error.
     """
     law, references = over_arrays(drive.actuator.elastic_torques), references_over_arrays(drive.actuator)
     yielding = drive.proportional if droop and drive.mode.motor and drive.mode.controller else ()
     gains = [0.0 if integral > 0.0 or not p else 1.0 / p for p, integral in zip(yielding, drive.integral, strict=False)]
-    compliance = np.array([*gains, 0.0, 0.0][:2])[:, None]
+    count = drive.actuator.positions()
+    compliance = np.array([*gains, *[0.0] * count][:count])[:, None]
+    nudges = NUDGE * np.eye(count)[:, :, None]
 
     def torques(motors: Array) -> Array:
-        values = np.asarray(law(positions, motors[0], motors[1], drive.elastic))
-        return np.concatenate([values, np.zeros((2 - len(values), len(positions)))])
+        values = np.asarray(law(positions, *motors, drive.elastic))
+        return np.concatenate([values, np.zeros((count - len(values), len(positions)))])
 
     def goals(equilibrium: Array) -> Array:
         return np.stack(references(equilibrium, presets))
@@ -141,13 +141,13 @@ def _newton(drive: Drive, positions: Array, loads: Array, presets: Array, *, dro
         for _ in range(NEWTON_STEPS):
             tau, wanted = torques(motors), goals(equilibrium)
             missing = np.concatenate([(loads - tau.sum(axis=0))[None], wanted - motors - compliance * tau])
-            slopes = np.stack([(torques(motors + off) - torques(motors - off)) / (2.0 * NUDGE) for off in NUDGES], axis=1)
-            matrix = np.zeros((len(positions), 3, 3))
+            slopes = np.stack([(torques(motors + off) - torques(motors - off)) / (2.0 * NUDGE) for off in nudges], axis=1)
+            matrix = np.zeros((len(positions), count + 1, count + 1))
             matrix[:, 0, 1:] = slopes.sum(axis=0).T
-            matrix[:, 1:, 1:] = np.eye(2) + (compliance[:, None] * slopes).transpose(2, 0, 1)
+            matrix[:, 1:, 1:] = np.eye(count) + (compliance[:, None] * slopes).transpose(2, 0, 1)
             matrix[:, 1:, 0] = ((goals(equilibrium - NUDGE) - goals(equilibrium + NUDGE)) / (2.0 * NUDGE)).T
             singular = ~(np.abs(np.linalg.det(matrix)) > 0.0)
-            matrix[singular] = np.eye(3)
+            matrix[singular] = np.eye(count + 1)
             change = np.clip(np.linalg.solve(matrix, missing.T[:, :, None])[:, :, 0].T, -LARGEST_CHANGE, LARGEST_CHANGE)
             equilibrium, motors = equilibrium + change[0], motors + change[1:]
             converged = ~singular & (np.abs(change).max(axis=0) < CONVERGED)

@@ -1,4 +1,4 @@
-"""A desired motion with its derivatives: samples smoothed by splines whose knots bound the band."""
+"""A desired motion with its derivatives: samples smoothed by splines whose knot distance limits the bandwidth."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 from asrsim.samples import Array
 
 MODEL_STEP = 4e-3
-"""s, at least, between samples of a motion as the models take it."""
+"""s, smallest distance between the samples of a motion that the models follow."""
 MODEL_SAMPLES = 2000
-"""Samples of a motion at most: longer motions are taken coarser."""
+"""Largest number of samples of a motion: a longer motion is sampled more coarsely."""
 KNOT = 0.03
-"""s, at least, between the knots of motions and inputs: nothing faster than some 15 Hz is asked for."""
+"""s, smallest distance between spline knots of motions and inputs: it limits them to about 15 Hz."""
 MOST_KNOTS = 200
-"""Knots of a motion, however long it is."""
+"""Largest number of spline knots of a motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DesiredMotion:
-    """Positions over time with two derivatives; columns in the order of a model's joints."""
+    """Positions over time with two derivatives; the columns are in the order of the model's joints."""
 
     time: Array
     """(n,) s, equidistant."""
@@ -38,18 +38,18 @@ class DesiredMotion:
 
 
 def model_time(duration: float, step: float) -> Array:
-    """(n,) s: the grid on which models follow a motion of `duration` s that the simulation takes in steps of `step` s."""
+    """(n,) s: the time grid of the models for a motion of `duration` s that is simulated in steps of `step` s."""
     wanted = max(MODEL_STEP, duration / MODEL_SAMPLES, step)
     return np.linspace(0.0, duration, max(round(duration / wanted), 8) + 1)
 
 
 def knot_distance(duration: float) -> float:
-    """s between knots for a motion of `duration` s."""
+    """s between spline knots for a motion of `duration` s."""
     return max(KNOT, duration / MOST_KNOTS)
 
 
 def smooth_motion(time: Array, samples: Array) -> DesiredMotion:
-    """`samples` (n, joints) at `time` (n,), equidistant, as quintic splines by least squares."""
+    """Quintic splines fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
     from scipy.interpolate import make_lsq_spline
 
     duration = float(time[-1] - time[0])

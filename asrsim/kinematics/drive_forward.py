@@ -1,4 +1,4 @@
-"""One joint's drive forwards: where its motors stand while the link moves as recorded and the input is as given."""
+"""Forward model of one joint's drive: its motor positions, from the link's recorded motion and the input."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from asrsim.actuators.vectorised import over_arrays, references_over_arrays
 from asrsim.samples import Array
 
 LONGEST = 2.5e-3
-"""s, step in which motors are followed at most."""
+"""s, largest step in which the motion of the motors is integrated."""
 
 
 class Start(NamedTuple):
-    """Where two motors are at the start; with one motor the second entries are not used."""
+    """State of both motors at the start; with one motor the second entries are not used."""
 
     positions: tuple[float, ...]
     """rad."""
     velocities: tuple[float, float] = (0.0, 0.0)
     """rad/s."""
     integrals: tuple[float, ...] = ()
-    """N m that the controllers' integral action gives; none: 0."""
+    """N m, torque of the controllers' integral action; 0 without integral action."""
 
 
 def motor_positions(
     drive: Drive, time: Array, position: Array, inputs: Array, preset: Array, start: Start | None = None
 ) -> Array:
-    """(n, 2) rad, what the springs' law takes, at `time` (n,), equidistant; NaN in modes without springs.
+    """(n, 2) rad, the motor positions of the elastic law at equidistant `time` (n,); NaN in modes without springs.
 
-    position, inputs, preset: (n,). start: None: at rest where the link starts. Friction is left out.
+    position, inputs, preset: (n,). start: None: the motors start at rest where the link starts. Friction is neglected.
     """
     if not drive.mode.spring:
         return np.full((len(time), 2), np.nan)
@@ -48,7 +48,7 @@ def motor_positions(
 
 
 def link_torque(drive: Drive, position: Array, velocity: Array, motors: Array, inputs: Array) -> Array:
-    """(n,) N m of a drive on its link; an integral action on the link is left out."""
+    """(n,) N m, torque of the drive on its link; integral action on the link position is neglected."""
     if not drive.mode.spring:
         return np.asarray(drive.proportional[0] * (inputs - position) - drive.derivative[0] * velocity)
     torques = over_arrays(drive.actuator.elastic_torques)(position, motors[:, 0], motors[:, 1], drive.elastic)
@@ -56,7 +56,7 @@ def link_torque(drive: Drive, position: Array, velocity: Array, motors: Array, i
 
 
 def _follow(drive: Drive, step: float, positions: list[float], goals: list[list[float]], start: Start) -> Array:
-    """Drift - kick - drift, as the simulation's motors."""
+    """Integrates by drift - kick - drift, as the simulation does for its motors."""
     drive = drive.without_friction()
     law, elastic, half = drive.actuator.elastic_torques, drive.elastic, 0.5 * step
     motors = list(zip(map(drive.motor_numbers, range(1, drive.dynamic_motors + 1)), drive.max_velocity, strict=True))

@@ -1,14 +1,14 @@
-"""One joint's drive backwards: which input puts the wanted torque on a link that moves as wanted.
+"""Inverse model of one joint's drive: the input that gives the wanted torque on a link with the wanted motion.
 
-The springs' deflection is found from their law, so it works for every registered actuator; the motors' lag behind their
-references follows from their own motion (paper equations 7, 8 and 11):
+The deflection of the springs is found by inverting their law, so that this works for every registered actuator. The lag of
+the motors behind their references follows from their own motion (paper equations 7, 8 and 11):
 
     P (r - theta) + I int (r - theta) = J theta'' + (d + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
 The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
-With theta = rho s + nu d, nu across rho, the wanted torque gives s at each time, and nu (theta + lag) = nu c is a low-pass
-for d: how far the motors stand apart, which no input but the preset commands. The rest, rho (theta + lag - c), is the
-equilibrium.
+With theta = rho s + nu d, nu orthogonal to rho, the wanted torque gives s at each time. The distance d between the motors is
+commanded by the preset alone; it follows from nu (theta + lag) = nu c, a low-pass filter. The equilibrium is
+rho (theta + lag - c).
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
 
 SLOW = 0.02
-"""rad/s: friction is F tanh(velocity / SLOW) in models."""
+"""rad/s: the models take friction as F tanh(velocity / SLOW)."""
 HELD = 1e-3
-"""Share of a spring's largest torque that is never asked of it."""
+"""Share of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
-"""Rounds of the motors' distance and the springs' torques, at most."""
+"""Largest number of iterations between the distance of the motors and the torques of the springs."""
 NUDGE = 1e-6
-"""rad, for slopes by central differences."""
+"""rad, step of the central differences that give slopes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveMotion:
-    """What a drive does while its link moves as wanted."""
+    """The motion and the torques of a drive while its link moves as wanted."""
 
     inputs: Array
     """(n,) rad: the mode's first reference."""
     motors: Array
-    """(n, 2) rad, the positions that the springs' law takes; NaN in modes without springs."""
+    """(n, 2) rad, the motor positions of the elastic law; NaN in modes without springs."""
     motor_torques: Array
-    """(n, motors) N m; none where motors are ideal."""
+    """(n, motors) N m, torques of the motors; no columns for ideal motors."""
     holdable: Array
-    """(n,) N m, the most that the springs can give in the direction of the wanted torque."""
+    """(n,) N m, largest torque of the springs in the direction of the wanted torque."""
 
 
 def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array) -> DriveMotion:
-    """The drive's motion; all arrays (n,), at equidistant times in s. preset: the second reference."""
+    """The motion of the drive; all arrays (n,), at equidistant times in s. preset: the second reference."""
     n, step = len(position), float(time[1] - time[0])
     if not drive.mode.spring:
         error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
@@ -71,7 +71,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     d = across @ offsets / (across @ across)
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
-    # What the springs cannot hold is asked of them as far as they can, just before their limit.
+    # A torque beyond the largest torque of the springs is clipped just below it.
     given = np.clip(torque, least + HELD * np.abs(least), most - HELD * np.abs(most))
 
     def along(d: Array, near: Array, reach: float) -> Array:
@@ -111,12 +111,12 @@ def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
 
 
 def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:
-    """(n,) the error r - theta that makes P error + I int error = output (n,)."""
+    """(n,) the error r - theta for which P error + I int error = output (n,)."""
     if integral <= 0.0:
         return np.asarray(output / proportional)
     from scipy.signal import lfilter
 
-    # Trapezoidal rule for the integral.
+    # The integral by the trapezoidal rule.
     half = 0.5 * step * integral
     ahead, behind = proportional + half, half - proportional
     return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))
@@ -132,16 +132,16 @@ def _distance(
     across: Array,
     commanded: Array,
 ) -> Array:
-    """(n,) d of the next round: sum nu_i (theta_i + lag_i) = nu c, with the springs' slope at the present one."""
+    """(n,) d of the next iteration: sum nu_i (theta_i + lag_i) = nu c, with the slope of the springs at the present d."""
     gain = np.array(drive.proportional)
-    # A controller with an integral takes the droop away in time.
+    # Integral action removes the steady-state error in time.
     droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / gain)
     inertia = float(across**2 @ (np.array(drive.motor_inertia) / gain))
     drag = float(across**2 @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain))
     slopes = (law(s, d + NUDGE) - law(s, d - NUDGE)) / (2.0 * NUDGE)
     stretch = (law(s + NUDGE, d) - law(s - NUDGE, d)) / (2.0 * NUDGE)
     with np.errstate(all="ignore"):
-        # s moves along, so that the torque on the link stays.
+        # s changes with d, so that the torque on the link stays the same.
         share = np.nan_to_num(slopes.sum(axis=0) / stretch.sum(axis=0), posinf=0.0, neginf=0.0)
     stiffness = np.maximum(droop @ (slopes - stretch * share), 0.0)
     common = smooth_motion(time, s[:, None])
@@ -152,7 +152,7 @@ def _distance(
 
 
 def _low_pass(inertia: float, drag: float, stiffness: Array, force: Array, step: float) -> Array:
-    """(n,) solution of inertia x'' + drag x' + stiffness x = force by the midpoint rule, from its rest."""
+    """(n,) solution of inertia x'' + drag x' + stiffness x = force by the midpoint rule, starting from rest."""
     position, rate = float(force[0] / stiffness[0]), 0.0
     found = [position]
     middle = (0.5 * (stiffness[1:] + stiffness[:-1])).tolist()

@@ -1,4 +1,4 @@
-"""The kinematic model of a run: its engine's, of the robot alone on its base, with the joints' stops."""
+"""The rigid-body model of a run: the engine's model of the robot on its base, without other objects, with joint stops."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class EngineModel:
-    """Kinematics, mass matrix and torques of a robot, computed by an engine's model; arrays are in the order of `joints`."""
+    """Kinematics, mass matrix and torques of a robot from an engine's model; all arrays are in the order of `joints`."""
 
     def __init__(self, model: Model, robot: Robot) -> None:
         self._model = model
@@ -31,7 +31,7 @@ class EngineModel:
         self._last: tuple[tuple[bytes, str, Point], tuple[Array, Array, Array]] | None = None
 
     def _link_point(self, positions: Array, link: str, point: Point) -> tuple[Array, Array, Array]:
-        """Pose and Jacobian come out of one look at the engine; the loop asks for both in turn."""
+        """Pose and Jacobian from one call of the engine: the caller asks for both at the same posture."""
         key = (np.asarray(positions, dtype=float).tobytes(), link, point)
         if self._last is None or self._last[0] != key:
             self._last = (key, self._model.link_point(link, point, positions))
@@ -47,7 +47,7 @@ class EngineModel:
         return self._link_point(positions, link, point)[2]
 
     def gravity_torques(self, positions: Array) -> Array:
-        """(n,) N m that hold the robot still against gravity."""
+        """(n,) N m, joint torques that hold the robot at rest against gravity."""
         return self._model.bias(positions, np.zeros(len(self.joints)))
 
     def mass_matrix(self, positions: Array) -> Array:
@@ -55,16 +55,16 @@ class EngineModel:
         return self._model.mass_matrix(positions)
 
     def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
-        """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""
+        """(k, n) N m, joint torques of the rigid, undamped robot in this motion; all arguments (k, n), one posture per row."""
         rows = zip(positions, velocities, accelerations, strict=True)
         return np.array([self._model.inverse_dynamics(q, v, a) for q, v, a in rows]).reshape(positions.shape)
 
 
 @contextmanager
 def model_of(scenario: Scenario, robot: Robot) -> Iterator[EngineModel]:
-    """The model of a scenario's robot on its base under its gravity; without the world's objects, released at the end.
+    """The model of a scenario's robot on its base under its gravity, without the world's objects; released at the end.
 
-    An engine without dynamics has none: the default one's is taken.
+    If the scenario's engine computes no dynamics, the model of the default engine is used.
     """
     from asrsim.engines import ENGINES, default_engine
     from asrsim.scenario.data import World

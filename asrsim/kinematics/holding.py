@@ -1,7 +1,7 @@
-"""Where each joint comes to rest under the arm's own weight, as its springs and motors hold it.
+"""Where each joint comes to rest under the arm's own weight, given its springs and motors.
 
-The rest is sought with motors where references put them, less what their controllers droop by under load, and no stronger than
-their largest torque at rest, the joint with no more than its effort limit. Friction of motors is left out.
+The motors stand at their references, less the steady-state error of their controllers under load. They give at most their
+largest torque at rest, and each joint at most its effort limit. The friction of the motors is neglected.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays, references_over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
 from asrsim.robot.mounting import drive_of
@@ -26,47 +26,47 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
-"""Sag beyond which it is said to fall, as a share of the joint's scale."""
+"""Sag above which a joint is reported as falling, as a share of the joint's scale."""
 SLIDING = 0.2
-"""m of a sliding joint that are like 1 rad of a turning one: what a link of this length does."""
+"""m of a prismatic joint that count as much as 1 rad of a revolute joint: a link of this length moves its tip so far."""
 OFF = 0.1
-"""Distance from its reference at which a joint on a stop does not belong there, as a share of the joint's scale."""
+"""A joint at a stop farther from its reference than this share of the joint's scale has fallen onto the stop."""
 STEPS = 400
-"""Relaxations on the way to rest, at most."""
+"""Largest number of relaxation steps until rest."""
 LARGEST_STEP = 0.05
-"""rad, of the search for the rest."""
+"""rad, largest relaxation step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Holding:
-    """How one joint holds the weight at the scenario's references."""
+    """How far one joint sags under the arm's weight at the scenario's references, and why."""
 
     joint: str
     sag: float
-    """rad or m, the largest distance between where the reference asks it to be and where it comes to rest."""
+    """rad or m, the largest distance between the position that the reference asks for and the position of rest."""
     load: float
-    """N m or N, by which gravity drives it where the reference asks it to be, at that instant."""
+    """N m or N, load of gravity on the joint at the position that the reference asks for, at the instant `time`."""
     on_stop: bool
-    """It comes to rest on a joint stop that the reference does not ask for."""
+    """The joint comes to rest at a stop where the reference does not put it."""
     limited: bool
-    """A motor gives way: it would need more than its largest torque."""
+    """A motor would need more than its largest torque."""
     overloaded: bool
-    """The joint's effort limit keeps from the link what its springs would give."""
+    """The joint's effort limit clips the torque of its springs."""
     time: float
-    """s, of that instant."""
+    """s, the instant of the largest sag."""
     scale: float
-    """rad or m, against which a sag of this joint is great or small: a short travel, 1 rad, or `SLIDING`."""
+    """rad or m, unit in which the sag of this joint is judged: 1 rad, `SLIDING`, or the joint's travel if that is shorter."""
     droop: float
-    """rad or m of the sag that is the motors', whose controllers give way in proportion to the load."""
+    """rad or m of the sag that comes from the steady-state error of the motors' controllers."""
 
     @property
     def falls(self) -> bool:
-        """It does not merely sag."""
+        """The joint falls: it does not merely sag."""
         return self.on_stop or self.sag > FALL * self.scale
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
-    """A few instants (n,) s at which references are at an extreme, the start and the end among them."""
+    """(n,) s: the start, the end, and instants at which references are at an extreme."""
     grid = np.linspace(0.0, scenario.duration, 101)
     chosen = {0.0, float(scenario.duration)}
     for block in blocks:
@@ -77,39 +77,32 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     return np.array(ordered if len(ordered) <= 8 else ordered[:: -(-len(ordered) // 8)])
 
 
-def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array, Array]:
-    """Where motors (or motor and adjuster) are asked to stand, (n,) each, and the link with them."""
+def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[tuple[Array, ...], Array]:
+    """Positions that the references ask for at `time`, (n,) each: of the motors (and an adjuster), and of the link."""
     actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
     given = scenario.references_of(block.joint)
     rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
-    references = []
-    for slot, name in enumerate(mode.references):
+    goals = []
+    for slot, name in enumerate(mode.references_of(actuator.motors)):
         idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
-        references.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
-    first, second = references
+        goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
     if mode.mapped:
-        goal = first
-        first, second = references_over_arrays(actuator)(first, second)
-    elif actuator.motors < 2:
-        goal = first
-    else:
-        goal = np.array([actuator.equilibrium_position(a, b) for a, b in zip(first, second, strict=True)])
-    return first, second, goal
+        return references_over_arrays(actuator)(goals[0], goals[1]), goals[0]
+    return tuple(goals), goals[0] if actuator.motors < 2 else equilibrium_over_arrays(actuator)(*goals)
 
 
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Each joint at the instant at which it is worst, by overdamped motion from where references ask it to be."""
+    """Each joint at the instant of its largest sag, found by overdamped motion from the position of its references."""
     chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
     time = _instants(scenario, blocks)
     wanted = {
         joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
         for joint in robot.moving_joints
     }
-    goals: dict[str, tuple[Array, Array]] = {}
+    goals: dict[str, tuple[Array, ...]] = {}
     for block in blocks:
-        first, second, goal = goals_of(scenario, block, time)
+        goals[block.joint], goal = goals_of(scenario, block, time)
         wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
-        goals[block.joint] = first, second
     groups = [
         _Springs([block for block in blocks if block.actuator == actuator], goals)
         for actuator in dict.fromkeys(block.actuator for block in blocks)
@@ -126,7 +119,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         moved = np.concatenate([springs.settle(positions, loads, share) for springs in groups])
         if np.max(np.abs(moved) / share) < 1e-5:
             break
-        # Joints that give way together may come back together: steps that turn round are too long.
+        # Joints that move together may oscillate together: a step that reverses was too long and is shortened.
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
     limited = {name: rows for springs in groups for name, rows in springs.limited(positions).items()}
@@ -150,27 +143,27 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
 
 
 class _Springs:
-    """The springs of all joints (j) with one actuator, motors held near where they are asked to stand at (n,) instants."""
+    """The springs of all joints (j) that have the same actuator, with their motors near their references at (n,) instants."""
 
-    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, Array]]) -> None:
+    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, ...]]) -> None:
         actuator = ACTUATORS.get(blocks[0].actuator)
         values = [block.values() for block in blocks]
         self.names = [block.joint for block in blocks]
         self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
         self._law = over_arrays(actuator.elastic_torques)
-        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(2))
+        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(actuator.positions()))
         drives = [drive_of(block) for block in blocks]
         ideal = (math.inf,) * actuator.motors
         self._limits = np.array([drive.max_torque or ideal for drive in drives]).T[:, :, None]
-        """(motors, j, 1) N m."""
+        """(motors, j, 1) N m, largest torques of the motors."""
         self._gains = np.array([_gains(drive) or ideal for drive in drives]).T[:, :, None]
-        """(motors, j, 1) N m/rad of the controllers."""
+        """(motors, j, 1) N m/rad, stiffness of the controllers."""
         self._most = np.divide(self._limits, self._gains, out=np.zeros_like(self._gains), where=np.isfinite(self._gains))
-        """(motors, j, 1) rad of droop at which a motor gives all that it has."""
+        """(motors, j, 1) rad, steady-state error at which a motor gives its largest torque."""
         self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
-        """(motors, j, n) rad by which motors stay behind."""
+        """(motors, j, n) rad, steady-state errors of the motors."""
         self.weight = self.low = self.high = self.efforts = np.zeros((len(blocks), 1))
-        """How fast gravity's torques may change with posture, N m/rad; stops, rad or m; effort limits, N m or N."""
+        """Bound on the change of gravity's torques with posture, N m/rad; stops, rad or m; effort limits, N m or N."""
 
     def _torques(self, position: Array) -> Array:
         """(motors, j, n) N m."""
@@ -178,17 +171,17 @@ class _Springs:
         return self._law(position, *places, *self._goals[len(places) :], self._parameters)
 
     def _slopes(self, position: Array, most: float | Array = math.inf) -> tuple[Array, Array]:
-        """Torques, cut at `most`, and stiffnesses with motors held where they are, (motors, j, n)."""
+        """Torques, clipped at `most`, and stiffnesses at fixed motors, (motors, j, n)."""
         here, near = (np.clip(self._torques(position + off)[: len(self._limits)], -most, most) for off in (0.0, 1e-4))
         return here, np.maximum((here - near) / 1e-4, 0.0)
 
     def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
-        """Let the joints give way to their loads by shares (n,) of a step; returns what they moved, (j, n) rad or m. A motor
-        gives way at its largest torque."""
+        """Move the joints towards equilibrium with their loads by shares (n,) of a full step. Returns their displacements
+        (j, n) in rad or m. A motor gives at most its largest torque."""
         position = np.stack([positions[name] for name in self.names])
         torques, slopes = self._slopes(position)
-        # The motors first, the link where it is; then the link, behind spring and controller in series. A droop grows with the
-        # spring's torque, so that the cut of one is the cut of the other.
+        # First the motors, with a fixed link; then the link, on spring and controller in series. A motor's steady-state error
+        # is proportional to the spring's torque: clipping one clips the other.
         droops = self.droops + (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
         self.droops = np.clip(droops, -self._most, self._most)
         torques, slopes = self._slopes(position, self._limits)
@@ -202,7 +195,7 @@ class _Springs:
         return np.asarray(after - position)
 
     def limited(self, positions: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
-        """Joint -> (n,) whether some motor gives way, and whether the joint's effort limit does."""
+        """Joint -> (n,) whether a motor is at its largest torque, and whether the joint is at its effort limit."""
         torques = self._torques(np.stack([positions[name] for name in self.names]))[: len(self._limits)]
         weak = np.any(np.abs(torques) > self._limits, axis=0)
         overloaded = np.abs(np.clip(torques, -self._limits, self._limits).sum(axis=0)) > self.efforts
@@ -210,7 +203,7 @@ class _Springs:
 
 
 def _gains(drive: Drive) -> tuple[float, ...]:
-    """N m/rad by which controllers hold their motors; inf where integral action leaves no droop; () of ideal motors."""
+    """N m/rad, stiffness of each motor's controller; inf with integral action (no steady-state error); () for ideal motors."""
     if not drive.mode.motor:
         return ()
     gains = zip(drive.proportional, drive.integral, strict=True)
@@ -218,7 +211,7 @@ def _gains(drive: Drive) -> tuple[float, ...]:
 
 
 def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
-    """N m/rad: how fast gravity's torque about a joint may change with posture, from masses and the reach behind it."""
+    """N m/rad: bound on the change of gravity's torque about a joint with posture, from the masses that it carries."""
     masses = {link.name: (link.mass or 0.0, float(np.linalg.norm(link.centre_of_mass))) for link in robot.links}
     waiting, total = [(robot.joint(name).child, 0.0)], 0.0
     while waiting:

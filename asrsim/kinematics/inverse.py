@@ -1,6 +1,6 @@
-"""Inverse dynamics through the springs: the input that moves soft joints as wanted, and whether they can.
+"""Inverse dynamics through the springs: the input that moves soft joints as wanted, and whether the drives can follow.
 
-tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then each joint's drive backwards
+tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then the inverse model of each joint's drive
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 START = 0.1
-"""s at the start in which demands are not judged: motors that start unloaded must first get under their load. Neither are
-the last two knots of the splines, where their derivatives are loose."""
+"""s at the start in which demands are not checked: motors that start unloaded must first take up their load. The last two
+knots of the splines are not checked either: the derivatives are inaccurate there."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Losses:
-    """What brakes a link beside its drive, and what its joint bears."""
+    """Damping and friction of a joint beside those of its drive, and its effort limit and stops."""
 
     prismatic: bool = False
-    """Units are then m and N in place of rad and N m."""
+    """Whether the units are m and N instead of rad and N m."""
     damping: float = 0.0
     """N m s/rad."""
     friction: float = 0.0
     """N m."""
     law: LinkDamping | None = None
-    """Damping that changes with the stiffness."""
+    """Link damping that depends on the stiffness."""
     effort: float = np.inf
     """N m."""
     stops: tuple[float, float] = (-np.inf, np.inf)
@@ -47,7 +47,7 @@ class Losses:
 
     @classmethod
     def of(cls, robot: Robot, joint: str, law: LinkDamping | None = None) -> Losses:
-        """Of a joint of the robot."""
+        """The losses of a joint of the robot."""
         found = robot.joint(joint)
         return cls(
             prismatic=found.kind == "prismatic",
@@ -61,23 +61,23 @@ class Losses:
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """The most that a motion asks of one part of a joint, against what that can give."""
+    """The largest value that a motion needs of one part of a joint, and the limit of that part."""
 
     joint: str
     what: str
     """`motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or `error from the
-    start` (that the first moments leave whatever is learned)."""
+    start` (an error in the first moments that learning cannot remove)."""
     needed: float
     limit: float
     unit: str
     time: float
-    """s, when."""
+    """s, the instant of the largest value."""
     motor: int = 0
-    """1 or 2; 0 where no motor is meant."""
+    """1 or 2; 0 if the demand is not about a motor."""
 
     @property
     def score(self) -> float:
-        """What is needed over what can be given: beyond 1 the motion is out of reach."""
+        """Needed value divided by the limit: above 1 the motion is out of reach."""
         if self.what == "joint stop":
             return 2.0
         return abs(self.needed / self.limit) if self.limit else (np.inf if self.needed else 0.0)
@@ -92,17 +92,17 @@ class Demand:
 
 @dataclass(frozen=True, kw_only=True)
 class InverseDynamics:
-    """The input that moves the joints as wanted."""
+    """The input that moves the joints as wanted, with its demands on motors, springs and joints."""
 
     motion: DesiredMotion
-    """Of the model's joints."""
+    """The desired motion of the model's joints."""
     joints: tuple[str, ...]
     """The driven joints."""
     torques: Array = field(repr=False)
-    """(n, joints) N m on the links."""
+    """(n, joints) N m, torques on the links."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
-    """Highest score first, one for each part of each joint."""
+    """One for each part of each joint, the highest score first."""
 
     @property
     def inputs(self) -> Array:
@@ -111,11 +111,11 @@ class InverseDynamics:
 
     @property
     def out_of_reach(self) -> tuple[Demand, ...]:
-        """Demands that cannot be met."""
+        """Demands beyond their limit."""
         return tuple(demand for demand in self.demands if demand.score > 1.0)
 
     def inputs_at(self, time: Array, delays: Sequence[float] = ()) -> Array:
-        """(k, joints) inputs at `time` (k,), ahead by the commands' delays in s; the ends hold."""
+        """(k, joints) inputs at `time` (k,), advanced by the commands' delays in s; constant beyond both ends."""
         from scipy.interpolate import CubicSpline
 
         own = self.motion.time
@@ -134,9 +134,9 @@ def invert(
     losses: Mapping[str, Losses],
     external: Mapping[str, Array] | None = None,
 ) -> InverseDynamics:
-    """The inputs of `drives` under which the model's joints move as `motion` (columns in the model's order).
+    """The inputs of `drives` that move the model's joints along `motion` (columns in the model's order).
 
-    presets: second references (n,) by joint. losses, external (torques (n,) in N m on the links): by joint.
+    By joint: presets: second references (n,); losses; external: torques (n,) in N m on the links.
     """
     rigid = model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
     found, torques, demands = [], [], []
@@ -150,7 +150,7 @@ def invert(
         preset = presets.get(drive.joint, np.zeros(len(position)))
         item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
         if loss.law is not None:
-            # The stiffness hardly changes by the damping's own torque: once through is enough.
+            # The torque of the damping hardly changes the stiffness: one iteration is enough.
             torque = torque + _law_damping(drive, loss.law, position, item) * velocity
             item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
         found.append(item)
@@ -198,7 +198,7 @@ def demands_of(
         add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
     if drive.mode.spring:
         add("spring torque", torque, item.holdable, "N m")
-        # Of two springs the one that is deflected less still yields when the other is at its limit.
+        # Of two springs, the one with the smaller deflection still yields when the other is at its limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     add("joint effort", torque, loss.effort, "N m")
@@ -207,7 +207,7 @@ def demands_of(
     worst = int(np.argmax(np.maximum(above, below)))
     limit = upper if above[worst] >= below[worst] else lower
     if max(above[worst], below[worst]) > 1e-3:
-        # The way beyond the stop is what counts, whatever its sign.
+        # Only the distance beyond the stop counts, not its sign.
         found.append(
             Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit),
                    unit="m" if loss.prismatic else "rad", time=float(time[worst]))

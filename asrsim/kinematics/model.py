@@ -1,4 +1,4 @@
-"""What kinematics and learning ask of a robot model. The engines provide one; tests bring their own."""
+"""The interface of a robot model, as kinematics and learning use it. Engines provide models; tests bring their own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Point = tuple[float, float, float]
 
 
 class KinematicModel(Protocol):
-    """Rigid-body model of a robot on its base, n joints that move; world frame, SI units."""
+    """Rigid-body model of a robot on its base with n movable joints; world frame, SI units."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -18,7 +18,7 @@ class KinematicModel(Protocol):
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Names of the links that :meth:`pose` knows."""
+        """Names of the links that :meth:`pose` accepts."""
 
     @property
     def lower(self) -> Array:
@@ -35,15 +35,15 @@ class KinematicModel(Protocol):
         """(6, n): velocity of the point (rows 0 to 2) and angular velocity of the link (3 to 5) per joint velocity."""
 
     def gravity_torques(self, positions: Array) -> Array:
-        """(n,) torques in N m that hold the robot still against gravity: G(q) of the paper's equation 1."""
+        """(n,) torques in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
 
 
 class DynamicModel(Protocol):
-    """What inverse dynamics and linearisation ask of a robot model; n joints that move, SI units."""
+    """The interface of a robot model for inverse dynamics and linearisation; n movable joints, SI units."""
 
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the n joints, in the order of all arrays."""
 
     def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
-        """(k, n) N m that move the rigid robot so, undamped; all arguments (k, n), one posture a row."""
+        """(k, n) N m, joint torques of the rigid, undamped robot in this motion; all arguments (k, n), one posture per row."""

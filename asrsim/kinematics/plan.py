@@ -1,4 +1,4 @@
-"""From a Cartesian task to references: reachability, inverse kinematics, gravity compensation. All before the run."""
+"""From a Cartesian task to references, before the run: reachability, inverse kinematics, gravity compensation."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 PLAN_STEP = 2e-3
-"""s, grid on which the inverse kinematics runs; between, references are straight lines."""
+"""s, time step of the inverse kinematics; references are linear between its results."""
 ORIENTATION_TOLERANCE = 0.01
-"""rad by which an orientation may be missed before it counts as unreachable."""
+"""rad, error of an orientation above which it counts as unreachable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedReferences:
-    """What a Cartesian task becomes."""
+    """References and joint positions that a Cartesian task was planned to."""
 
     path: JointPath
-    """The link positions that the task asks for."""
+    """Link positions that fulfil the task."""
     references: Mapping[str, Mapping[str, Array]]
     """Joint -> reference by the mode's name -> (n,) values at `path.time`."""
     equilibria: Array
-    """(n, driven joints) rad, gravity compensation included."""
+    """(n, driven joints) rad, equilibrium positions with gravity compensation."""
     joints: tuple[str, ...]
     """The driven joints, in the order of `equilibria`."""
 
@@ -62,11 +62,11 @@ def plan(
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
-    drives: the actuated joints; those that the task does not move hold their initial position (and their weight, with
-    gravity compensation). initial: link positions at the start by joint, absent ones 0. duration: s. presets: second
-    references by joint; others are the task's, or the actuator's typical one.
-    Raises ScenarioError for poses or paths that the robot cannot reach (with the closest point that it can), and for
-    loads that a spring or motor cannot hold.
+    drives: the actuated joints; a joint that the task does not move holds its initial position (and its weight, with
+    gravity compensation). initial: link positions at the start by joint; a missing one is 0. duration: s. presets: second
+    references by joint; a joint without one takes the task's preset, else the typical one of its actuator.
+    Raises ScenarioError for poses or paths that the robot cannot reach (it names the closest reachable point), and for loads
+    that a spring or motor cannot hold.
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
@@ -133,7 +133,7 @@ def _check_poses(
 def _check_path(
     task: CartesianTask, model: KinematicModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
 ) -> None:
-    """The path between the poses must be met too, but for the time that the loop needs to come onto it."""
+    """Check the path between the poses too, after the time that the loop needs to converge to it."""
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
     missed = settled & (
         (path.position_error > task.tolerance) | (path.orientation_error > max(ORIENTATION_TOLERANCE, task.tolerance))
@@ -151,7 +151,7 @@ def _check_path(
         f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
         f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
         key="task",
-        hint="a stop or a stretched posture is in the way: begin in another posture, add a pose on the way, go slower, "
+        hint="a joint stop or a stretched posture prevents it: begin in another posture, add a pose on the way, go slower, "
         "raise the gain or allow more tolerance",
         code="path-missed",
     )

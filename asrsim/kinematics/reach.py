@@ -1,4 +1,4 @@
-"""Whether a pose can be reached, and the closest one that can: bounded least squares from several starts."""
+"""Whether a pose can be reached, else the closest reachable pose: bounded least squares from several starts."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ import numpy as np
 
 from asrsim.kinematics.clik import NDArrayBool
 from asrsim.kinematics.model import KinematicModel, Point
-from asrsim.kinematics.rotations import between
+from asrsim.kinematics.rotations import rotation_between
 from asrsim.samples import Array
 
 STARTS = 12
-"""Starts of the search beside the given one, spread over the joints' ranges."""
+"""Number of further starts of the search, spread over the joints' ranges."""
 FREE_RANGE = float(np.pi)
-"""rad, range searched on a joint without stops."""
+"""rad, range of the search for a joint without stops."""
 ORIENTATION_WEIGHT = 0.1
-"""m/rad, weight of the orientation's error where a pose has one."""
+"""m/rad, weight of the orientation's error for a pose with an orientation."""
 MET = 1e-6
-"""m, within which a pose is met."""
+"""m, error below which a pose counts as reached."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reach:
-    """The closest that a robot gets to a pose."""
+    """The closest reachable pose to a wanted pose."""
 
     positions: Array
     """(joints,) rad or m."""
     point: Array
-    """(3,) m, where the tip then is."""
+    """(3,) m, position of the tip there."""
     distance: float
-    """m, from there to the wanted position."""
+    """m, from the reachable position to the wanted one."""
     turn: float
-    """rad, from the orientation there to the wanted one; 0 where it is free."""
+    """rad, from the reachable orientation to the wanted one; 0 if the orientation is free."""
 
 
 def closest(
@@ -47,7 +47,7 @@ def closest(
 ) -> Reach:
     """The reachable pose closest to `position` (3,) and `rotation` (3, 3) or None; the search begins at `start` (joints,).
 
-    It ends as soon as the pose is met; else every start is tried and the best one returned.
+    The search ends as soon as the pose is reached. Otherwise it tries every start and returns the best result.
     """
     from scipy.optimize import least_squares
 
@@ -64,10 +64,10 @@ def closest(
         reached, turned = model.pose(spread(values), link, point)
         if rotation is None:
             return np.asarray(reached - position)
-        return np.concatenate([reached - position, -ORIENTATION_WEIGHT * between(turned, rotation)])
+        return np.concatenate([reached - position, -ORIENTATION_WEIGHT * rotation_between(turned, rotation)])
 
     def slope(values: Array) -> Array:
-        # For small errors the rotation vector's rate is the angular velocity: good enough a slope for the search.
+        # For small errors the rate of the rotation vector is the angular velocity: accurate enough for the search.
         jacobian = model.jacobian(spread(values), link, point)[:, free]
         return jacobian[:3] if rotation is None else np.vstack([jacobian[:3], ORIENTATION_WEIGHT * jacobian[3:]])
 
@@ -89,7 +89,7 @@ def _reach(model: KinematicModel, link: str, point: Point, positions: Array, pos
         positions=positions,
         point=reached,
         distance=float(np.linalg.norm(reached - position)),
-        turn=0.0 if rotation is None else float(np.linalg.norm(between(turned, rotation))),
+        turn=0.0 if rotation is None else float(np.linalg.norm(rotation_between(turned, rotation))),
     )
 
 

@@ -1,4 +1,4 @@
-"""What a scenario asks of its joints made into their references: a Cartesian task, or desired motions of the links."""
+"""Compute the joints' references from a scenario's Cartesian task, or from its desired link motions."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """The scenario with its task and its desired motions turned into references; itself if it has none.
+    """The scenario with its task and its desired motions replaced by references; the same scenario if it has neither.
 
-    robot: with the scenario's modes and parameters in it. A preset that the scenario's references give, constant or
-    changing, is kept and compensated for. Raises ScenarioError for what the robot cannot reach or hold.
+    robot: with the scenario's modes and parameters. A preset in the scenario's references, constant or changing, is kept, and
+    the gravity compensation accounts for it. Raises ScenarioError for what the robot cannot reach or hold.
     """
     if scenario.task is None:
         planned = inputs_for_motions(scenario, robot) if any(scenario.inverse_dynamics.values()) else {}
@@ -41,12 +41,12 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    # The plan is part of the references now: a scenario that is prepared again is not planned again.
+    # The references hold the plan now, so that preparing the scenario again does not plan it again.
     return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
-    """First references, by joint, of those under `inverse_dynamics`: what moves the links as these said.
+    """By joint, the first references that move the links as the scenario's `inverse_dynamics` asks.
 
     Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
     """
@@ -97,7 +97,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
 
 
 def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
-    """The plan of a scenario's task, with the joints' path. Raises ScenarioError as `plan_references` does."""
+    """The plan of a scenario's task, with the path of the joints. Raises ScenarioError as `plan_references` does."""
     from asrsim.kinematics.engine_model import model_of
 
     if scenario.task is None:

@@ -1,4 +1,4 @@
-"""Roots of many increasing functions at once: the laws of springs inverted over a whole motion."""
+"""Roots of many increasing functions at once: inverts the spring laws over a whole motion."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from asrsim.samples import Array
 
 MOST_STEPS = 120
-"""Evaluations at most; some fifteen are usual."""
+"""Largest number of evaluations; about fifteen are usual."""
 TOLERANCE = 1e-11
-"""rad or m, width of the bracket at which a root is found."""
+"""rad or m: the search ends when the bracket is narrower than this."""
 
 
 def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """(n,) places in [low, high] (n,) each at which `function`, elementwise and increasing, is 0.
+    """(n,) roots of `function`, elementwise and increasing, each between low and high (n,).
 
-    Where it has no root there, the end that is nearer to one. Regula falsi (Illinois), with a bisection in every third step.
+    Without a root in the interval: the end nearer to the root. Regula falsi (Illinois), with a bisection in every third step.
     """
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     with np.errstate(all="ignore"):
         f_low, f_high = function(low), function(high)
-        # A missing root is closed in on at the end that it lies beyond.
+        # Without a root in the interval, the search converges to the end beyond which the root lies.
         high = np.where(f_low >= 0.0, low, high)
         low = np.where((f_high <= 0.0) & (f_low < 0.0), high, low)
         for step in range(MOST_STEPS):
@@ -32,7 +32,7 @@ def increasing_roots(function: Callable[[Array], Array], low: Array, high: Array
                 middle = np.where(np.isfinite(secant) & (secant > low) & (secant < high), secant, middle)
             value = function(middle)
             above = value >= 0.0
-            # Illinois: the end that stays counts half, so that both ends move.
+            # Illinois: the value at the end that stays is halved, so that both ends move.
             f_low, f_high = np.where(above, 0.5 * f_low, value), np.where(above, value, 0.5 * f_high)
             high = np.where(above, middle, high)
             low = np.where((value <= 0.0), middle, low)

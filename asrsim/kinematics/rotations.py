@@ -14,7 +14,7 @@ def exponential(vector: Array) -> Array:
     return np.asarray(Rotation.from_rotvec(vector).as_matrix(), dtype=float)
 
 
-def between(start: Array, end: Array) -> Array:
+def rotation_between(start: Array, end: Array) -> Array:
     """Rotation vector (3,) in rad of an angle up to pi, world frame, that turns `start` into `end` (both (3, 3))."""
     from scipy.spatial.transform import Rotation
 

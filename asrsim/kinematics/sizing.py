@@ -1,4 +1,4 @@
-"""Whether springs and motors hold the arm's own weight, and what would hold it."""
+"""Whether springs and motors hold the arm's own weight, and parameters that would hold it."""
 
 from __future__ import annotations
 
@@ -20,43 +20,43 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 SAG = 0.3
-"""rad beyond which a joint is said to sag: a soft arm sags a little, that is what it is for. Of a sliding joint, or one whose
-travel is less than 1 rad, the same share of its scale."""
+"""rad of sag above which a joint gets a warning; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad,
+it is a share of the joint's scale (see `Holding.scale`)."""
 ENOUGH = 0.15
-"""Likewise, what proposed parameters leave: some of it is left to what is not foreseen here."""
+"""rad (or share of the scale) of sag that proposed parameters leave: smaller, as a margin for what is neglected here."""
 RESERVE = 0.5
-"""Share of its largest torque that a motor may need to hold an arm with proposed parameters: the rest is for moving it. (At 0.8
-two of 35 random arms without damping were at their motors' limits for two thirds of a run, sliders 0.06 and 0.07 m off in the
-mean; at 0.5 one still is for a third of it, 0.02 m off.)"""
+"""Share of its largest torque that a motor may need to hold an arm with proposed parameters: the rest is for moving it.
+(Measured on 35 random arms without damping: at 0.8 two were at their motors' limits for two thirds of a run, their sliders
+0.06 and 0.07 m off on average; at 0.5 one was for a third of the run, 0.02 m off.)"""
 TRIES = 40
-"""Rounds in which parameters are proposed and tried, at most."""
+"""Largest number of attempts to find parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sizing:
-    """The joints that sag or fall, and what would hold them."""
+    """How far the joints sag or fall, and parameters that would hold them."""
 
     joints: tuple[Holding, ...]
-    """All joints that are held by a spring."""
+    """All joints with a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameter -> value with which all hold; empty where all hold, or where no such values were found."""
+    """Joint -> parameter -> value with which no joint sags. Empty if none sags anyway, or if no such values were found."""
 
     @property
     def weak(self) -> tuple[Holding, ...]:
-        """Those that sag or fall."""
+        """Joints that sag or fall."""
         return self.beyond(SAG)
 
     def beyond(self, sag: float) -> tuple[Holding, ...]:
-        """Those that sag by more (a share of their scale), or come to rest on a stop."""
+        """Joints that sag by more than `sag` (a share of their scale), or come to rest on a stop."""
         return tuple(one for one in self.joints if one.on_stop or one.sag > sag * one.scale)
 
 
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
-    """How a scenario's robot, as :func:`apply_to_robot` made it, holds itself at its references.
+    """How far the joints of a scenario's robot, as :func:`apply_to_robot` made it, sag at their references.
 
-    Nothing is said of floating bases, of modes without spring, of references that are torques, voltages or currents, that a
-    task or learning makes, or beside which a `desired` motion of the link stands: they see to it themselves. sag: see `SAG`,
-    beyond which something is proposed.
+    Skipped are floating bases, modes without spring, references that are torques, voltages or currents, and references that
+    already account for the weight: those of a task, of learning, or beside a `desired` motion of the link. sag: parameters
+    are proposed for joints that sag by more; see `SAG`.
     """
     blocks = [
         block
@@ -72,7 +72,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     weak = Sizing(joints=joints).beyond(sag)
     if not weak or not propose:
         return Sizing(joints=joints)
-    # No parameter changes an effort limit: a joint that it overloads gets a warning of its own.
+    # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
     weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
@@ -91,7 +91,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
 
 
 def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tuple[Problem, ...]:
-    """Warnings of joints that sag or fall under the arm's own weight; propose: with parameters that hold it, which takes some
+    """Warnings for joints that sag or fall under the arm's own weight. propose: with parameters that hold it, which takes about
     ten times as long."""
     cure = "Choose stiffer actuators or a lighter arm" if propose else "`asrsim check` proposes parameters that hold the arm"
     return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path, cure=cure)
@@ -100,12 +100,12 @@ def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tupl
 def problems_of_weight(
     found: Sizing, robot: Robot, file: Path | None = None, *, cure: str = "Choose stiffer actuators or a lighter arm"
 ) -> tuple[Problem, ...]:
-    """A warning for each joint that sags or falls; cure: what to do where nothing is proposed."""
+    """A warning for each joint that sags or falls. cure: the hint if no parameters are proposed."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
     )
-    hint: str | None = f"parameters: {{{values}}} holds the arm" if values else cure
+    hint: str | None = f"with parameters: {{{values}}} springs and motors hold the arm" if values else cure
     problems = []
     for one in found.weak:
         force, length = ("N", "m") if robot.joint(one.joint).kind == "prismatic" else ("N m", "rad")
@@ -124,14 +124,14 @@ def problems_of_weight(
 
 
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
-    """Values that hold more: motors where they give way, else springs; nothing where it is not known how."""
+    """Stronger motors if a motor is at its limit, else stiffer controllers or springs; empty if no parameter would help."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     most = 4.0 if weak.falls else 2.0
-    # How far it would sag is not known of a joint on its stop.
+    # For a joint on its stop it is not known how far it would sag.
     factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
     drive = drive_of(block)
     lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
-    # A spring that was wound past its summit no longer shows that the motor gave way first.
+    # Beyond the spring's largest torque it no longer shows that the motor was at its limit first.
     if weak.limited or lacking > 1.0:
         names, factor = motor_limits(values), max(1.25, lacking)
     elif weak.droop > 0.3 * weak.sag:
@@ -142,7 +142,8 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
 
 
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters of a spring whose common factor is one of its torques: those in units with N; none if it is not so."""
+    """Parameters of a spring to which its torque is proportional: those in units with N. Empty if the torque is not
+    proportional to them."""
     names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
     point = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
     once, twice = (
@@ -156,13 +157,13 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
 
 
 def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters whose common factor is one of the motors' largest torques: their limits of torque, voltage and current."""
+    """Parameters to which the motors' largest torques are proportional: their limits of torque, voltage and current."""
     limits = ("_max_torque", "_max_voltage", "_max_current")
     return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
 
 
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """The block with motors that keep some of their torque for moving."""
+    """The block with motor limits reduced by `RESERVE`: the rest of their torque is for moving."""
     values = block.values()
     return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 

@@ -1,4 +1,4 @@
-"""A scenario's robot as a soft arm: which inputs move its joints as wanted, under what the scenario says of it."""
+"""A scenario's robot as a soft arm: the inputs that move its joints as wanted, under the scenario's losses and loads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.kinematics.desired import DesiredMotion, model_time, smooth_motion
 from asrsim.kinematics.drive_forward import Start
 from asrsim.kinematics.inverse import InverseDynamics, Losses, invert
 from asrsim.kinematics.model import DynamicModel
-from asrsim.robot import drive_of
+from asrsim.robot import check_two_motors, drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 
@@ -24,24 +24,28 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 INVERTED_MODES = (1, 3, 6)
-"""Modes whose first reference is a position of the link or of its equilibrium."""
+"""Modes whose first reference is a position: of the link or of its equilibrium."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SoftArm:
-    """The robot with the scenario's modes and parameters in it, and the rigid model of it."""
+    """The robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with more than
+    two motors."""
 
     scenario: Scenario
     robot: Robot
     model: DynamicModel
 
+    def __post_init__(self) -> None:
+        check_two_motors(self.robot, "inverse dynamics")
+
     @cached_property
     def drives(self) -> dict[str, Drive]:
-        """By joint, those that a position drives."""
+        """Joint -> drive, for the joints whose first reference is a position."""
         return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
 
     def losses(self, joint: str) -> Losses:
-        """What brakes the joint."""
+        """Damping and friction of the joint."""
         return Losses.of(self.robot, joint, for_joint(self.scenario.link_damping, joint))
 
     def preset(self, joint: str, time: Array) -> Array:
@@ -51,17 +55,17 @@ class SoftArm:
         return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
 
     def external(self, joints: Sequence[str], time: Array) -> dict[str, Array]:
-        """(n,) N m on the links at `time` (n,), by joint."""
+        """Joint -> (n,) N m, the scenario's external torques on the links at `time` (n,)."""
         signals = {joint: for_joint(self.scenario.external_torques, joint) for joint in joints}
         return {joint: signal.values(time) for joint, signal in signals.items() if signal is not None}
 
     def delay(self, joint: str) -> float:
-        """s by which the joint's commands arrive late."""
+        """s, delay of the joint's commands."""
         effects = for_joint(self.scenario.command_effects, joint)
         return 0.0 if effects is None else effects.delay
 
     def motors_at_start(self, joint: str, position: float, reference: float, preset: float) -> Start:
-        """Its motors as a run begins, where its link is at `position` and these are the first references."""
+        """The joint's motors at the start of a run, with its link at `position` and these first references."""
         if self.scenario.initial_equilibrium:
             drive = self.drives[joint]
             resting = resting_motors(drive, position, drive.actuator.motor_references(reference, preset))
@@ -72,9 +76,9 @@ class SoftArm:
         return Start((positions[0], positions[-1]), (velocities[0], velocities[-1]))
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
-        """The motion of all joints of the model, in which `joints` move as `positions` (n, joints) at `time` (n,).
+        """The motion of all joints of the model when `joints` move along `positions` (n, joints) at `time` (n,).
 
-        Other driven joints move as is desired of them, else follow their references; those without drive stay where they are.
+        Another driven joint follows its desired motion, else its reference. A joint without drive stays where it is.
         """
         grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
         columns = []
@@ -83,7 +87,7 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = for_joint(self.scenario.initial_positions, joint, 0.0)
-            # What the link is to do, where the reference is another: a learned input.
+            # With a learned input, the reference differs from the desired motion of the link.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
@@ -91,14 +95,14 @@ class SoftArm:
         return smooth_motion(grid, np.column_stack(columns))
 
     def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
-        """The inputs under which `joints` move as `positions` (n, joints) at `time` (n,), and what that demands.
+        """The inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
 
-        Raises ScenarioError for controllers that cannot act.
+        Raises ScenarioError for controllers without proportional gain.
         """
         chosen = [self.drives[joint] for joint in joints]
         idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
         if idle:
-            message = "its controller has no proportional gain: no reference moves it"
+            message = "its controller has no proportional gain: no reference can move the joint"
             raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
         motion = self.motion(time, joints, positions)
         return invert(

@@ -1,13 +1,14 @@
-"""How far and how long an arm swings when its references jump, and what its springs, motors and joints need to come to rest.
+"""How far and how long an arm swings when its references jump, and parameters with which it comes to rest.
 
-The arm is linear and undamped here, its mass matrix that of the zero pose. Joints swing together: a light wrist on a soft
-spring is thrown about by the shoulder, however well it holds its own weight.
+The arm is taken as linear and undamped, with the mass matrix of its zero pose. The joints are coupled: the shoulder shakes a
+light wrist on a soft spring, even if the wrist holds its own weight well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,61 +22,62 @@ from asrsim.robot.mounting import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
-THROWN = 2.0
-"""Times its own step that a joint may swing; more comes from its neighbours. (A joint alone swings by once its step.)"""
-USED = 0.8
+SHAKEN_FACTOR = 2.0
+"""Largest deflection of a joint as a multiple of its own step; a larger one comes from its neighbours. (A joint alone
+deflects by its step.)"""
+MOTOR_SHARE = 0.8
 """Share of its largest torque that a motor may need as the arm swings."""
-SPARE = 0.6
-"""The share that it needs with proposed parameters."""
+PROPOSED_SHARE = 0.6
+"""Share of its largest torque that a motor needs with proposed parameters."""
 STIFFER = 1.5
-"""Factor on springs, or on the gains that droop, of a joint that is thrown."""
-FIRM = 2.0
-"""Times as stiff as its spring that a controller is."""
+"""Factor on the spring, or on the proportional gain, of a joint that its neighbours shake."""
+STIFF_CONTROLLER = 2.0
+"""A controller counts as stiff if it is this many times as stiff as its spring."""
 TRIES = 20
-"""Rounds in which other parameters are tried, at most."""
-LONG = 3.0
-"""s in which joints that swing at different rates have met."""
+"""Largest number of attempts to find parameters."""
+SWING_TIME = 3.0
+"""s, time within which the swings of joints with different natural frequencies have added up."""
 SLOW = 4.0
-"""rad/s, the least rate at which a joint swings on its spring, the others locked: a slower one is still on its way when a run
-of some seconds ends, however well it is damped."""
-ON_AND_ON = 8.0
-"""s after which 5 % of a swing may be left in a robot file's own damping; beyond it the arm is said to swing on."""
-CALM = 2.0
-"""s after which 5 % of a swing are left with proposed damping."""
+"""rad/s, lowest natural frequency of a joint on its spring, with the other joints locked: a slower joint has not arrived when
+a run of some seconds ends, even with good damping."""
+LONGEST_DECAY = 8.0
+"""s, longest time until 5 % of a swing is left with the damping of the robot file; above it a warning is given."""
+PROPOSED_DECAY = 2.0
+"""s until 5 % of a swing is left with the proposed damping."""
 MOST_RATIO = 0.5
-"""Damping ratio of a joint alone, at most proposed; an arm that creeps shows nothing of its springs."""
+"""Largest damping ratio of a joint alone that is proposed: an overdamped arm shows nothing of its springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Swing:
-    """One joint as the arm swings."""
+    """The swing of one joint when the references jump."""
 
     block: ActuatorBlock
     step: float
     """rad or m by which its reference jumps."""
     deflection: float
-    """rad or m, the largest of its spring and controller."""
+    """rad or m, largest deflection of spring and controller together."""
     used: float
-    """Largest share of its torque that a motor needs, were springs linear; the joint's weight included."""
+    """Largest share of its torque limit that a motor needs, with linear springs and the joint's weight."""
     droops: bool
-    """Its controllers are little stiffer than its springs."""
+    """Its controllers are hardly stiffer than its springs."""
     rate: float
-    """rad/s at which it swings on spring and controller, the others locked."""
+    """rad/s, natural frequency on spring and controller, with the other joints locked."""
 
     @property
-    def thrown(self) -> bool:
-        """Its neighbours throw it about."""
-        return 0.0 < THROWN * self.step < self.deflection
+    def shaken(self) -> bool:
+        """Its neighbours shake it far beyond its own step."""
+        return 0.0 < SHAKEN_FACTOR * self.step < self.deflection
 
     @property
     def slow(self) -> bool:
-        """Its spring is too soft for what it carries."""
+        """Its spring is too soft for the inertia that it carries."""
         return self.rate < SLOW
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Linear:
-    """The arm about the end of its references, in the joints (n) that a spring leads to them."""
+    """The arm, linearised about the end of its references, in the n joints that have a spring and a position reference."""
 
     blocks: list[ActuatorBlock]
     drives: list[Drive]
@@ -84,17 +86,17 @@ class _Linear:
     springs: Array
     """(n,) N m/rad."""
     gains: Array
-    """(n,) N m/rad of the controllers; inf of ideal motors."""
+    """(n,) N m/rad, stiffness of the controllers; inf for ideal motors."""
     damping: Array
-    """(n,) N m s/rad, of the robot's file."""
+    """(n,) N m s/rad, damping in the robot's file."""
     steps: Array
     """(n,) rad by which the references jump."""
-    ends: list[tuple[float, float, float]]
-    """Where they end: of the link, and of what the actuator takes."""
+    ends: list[tuple[float, ...]]
+    """Final references: for the link, and for the actuator."""
 
     @classmethod
     def of(cls, scenario: Scenario, robot: Robot) -> _Linear | None:
-        """None where nothing swings, or the mass matrix is singular."""
+        """None if nothing swings, or if the mass matrix is singular."""
         blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
         drives = [drive_of(block) for block in blocks]
         inertia = zero_pose_inertia(robot)
@@ -103,13 +105,14 @@ class _Linear:
         if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
             return None
         goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
-        ends = [(float(goal[-1]), float(first[-1]), float(second[-1])) for first, second, goal in goals]
-        stiffness = (drive.actuator.stiffness(*end, drive.elastic) for drive, end in zip(drives, ends, strict=True))
+        ends = [(float(goal[-1]), *(float(motor[-1]) for motor in motors)) for motors, goal in goals]
+        laws: list[Any] = [drive.actuator.stiffness for drive in drives]
+        stiffness = (law(*end, drive.elastic) for law, drive, end in zip(laws, drives, ends, strict=True))
         return cls(
             blocks=blocks, drives=drives, masses=masses, springs=np.maximum(list(stiffness), 1e-9),
             gains=np.array([sum(drive.proportional) or np.inf for drive in drives]),
             damping=np.array([robot.joint(drive.joint).damping for drive in drives]),
-            steps=np.array([np.ptp(goal) for _, _, goal in goals]), ends=ends,
+            steps=np.array([np.ptp(goal) for _, goal in goals]), ends=ends,
         )  # fmt: skip
 
     @property
@@ -118,7 +121,7 @@ class _Linear:
         return np.asarray(1.0 / (1.0 / self.springs + 1.0 / self.gains))
 
     def lasts(self, damping: Array) -> float:
-        """s after which 5 % of the longest swing are left with damping (n,) N m s/rad; 0 where all of it creeps."""
+        """s until 5 % of the longest swing is left with damping (n,) in N m s/rad; 0 if every mode is overdamped."""
         size = len(self.masses)
         inverse = np.linalg.inv(self.masses)
         below = np.hstack([-inverse * self.stiffness, -inverse * damping])
@@ -128,7 +131,7 @@ class _Linear:
 
 
 def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
-    """Every joint that a spring leads to its references; none where the mass matrix is singular."""
+    """The swing of every joint with a spring and a position reference; empty if the mass matrix is singular."""
     arm = _Linear.of(scenario, robot)
     if arm is None:
         return ()
@@ -139,27 +142,33 @@ def swings(scenario: Scenario, robot: Robot) -> tuple[Swing, ...]:
     found = []
     for j, drive in enumerate(arm.drives):
         pull = arm.springs[j] * largest[j] + loads.get(drive.joint, 0.0)
-        resting = drive.actuator.elastic_torques(*arm.ends[j], drive.elastic)
+        law: Any = drive.actuator.elastic_torques
+        resting = law(*arm.ends[j], drive.elastic)
         shares = ((abs(torque) + pull) / max(most, 1e-9) for torque, most in zip(resting, drive.max_torque, strict=False))
         found.append(
             Swing(
                 block=arm.blocks[j], step=float(arm.steps[j]), deflection=float(largest[j]),
-                used=float(max(shares, default=0.0)), droops=bool(arm.gains[j] < FIRM * arm.springs[j]), rate=float(rates[j]),
+                used=float(max(shares, default=0.0)), rate=float(rates[j]),
+                droops=bool(arm.gains[j] < STIFF_CONTROLLER * arm.springs[j]),
             )
         )  # fmt: skip
     return tuple(found)
 
 
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
-    """s for which the arm swings on in its file's own damping, and by joint the keys of `link_damping` with which it comes to
-    rest; none where it does so by itself, or nothing is known of its masses."""
+    """s for which the arm swings with the damping of its file, and by joint the keys of `link_damping` that bring it to rest;
+    empty if it comes to rest anyway, or if its masses are unknown."""
     arm = _Linear.of(scenario, robot)
-    if arm is None or (lasts := arm.lasts(arm.damping)) < ON_AND_ON:
+    if arm is None or (lasts := arm.lasts(arm.damping)) < LONGEST_DECAY:
         return 0.0, {}
     inertia = np.diag(arm.masses)
     critical = 2.0 * np.sqrt(inertia * arm.springs)
     ratio = next(
-        (ratio for ratio in np.arange(0.1, MOST_RATIO, 0.05) if arm.lasts(np.maximum(arm.damping, ratio * critical)) < CALM),
+        (
+            ratio
+            for ratio in np.arange(0.1, MOST_RATIO, 0.05)
+            if arm.lasts(np.maximum(arm.damping, ratio * critical)) < PROPOSED_DECAY
+        ),
         MOST_RATIO,
     )
     keys = {"ratio": float(f"{ratio:.2g}")}
@@ -168,11 +177,15 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
 
 
 def steadying(scenario: Scenario, robot: Robot) -> Mapping[str, Mapping[str, float]]:
-    """Joint -> parameter -> value with which no joint is thrown about or slow and no motor gives way; empty where none is, or
-    where no such values were found."""
+    """Joint -> parameter -> value with which no joint is shaken or slow and no motor is at its limit; empty if there is nothing
+    to mend, or if no such values were found."""
     found: dict[str, dict[str, float]] = {}
     for _ in range(TRIES):
-        given = {one.block.joint: _firmer(one) for one in swings(scenario, robot) if one.thrown or one.slow or one.used > USED}
+        given = {
+            one.block.joint: _stiffer(one)
+            for one in swings(scenario, robot)
+            if one.shaken or one.slow or one.used > MOTOR_SHARE
+        }
         if not given:
             return found
         if not all(given.values()):
@@ -184,27 +197,27 @@ def steadying(scenario: Scenario, robot: Robot) -> Mapping[str, Mapping[str, flo
 
 def _largest(masses: Array, stiffness: Array, steps: Array, lag: float) -> Array:
     """(n,) rad, largest distance from the new references. masses: (n, n) kg m^2; stiffness: (n,) N m/rad; steps: (n,) rad;
-    lag: s by which motors follow their references, which smooths what is fast."""
+    lag: s by which the motors lag behind their references, which smooths fast motions."""
     inverse = np.linalg.inv(np.linalg.cholesky(masses))
     squares, modes = np.linalg.eigh(inverse @ np.diag(stiffness) @ inverse.T)
     shapes, rates = inverse.T @ modes, np.sqrt(np.maximum(squares, 0.0))
     amplitudes = shapes.T @ masses @ steps / np.hypot(1.0, rates * lag)
-    time = np.linspace(0.0, LONG, 1501)
+    time = np.linspace(0.0, SWING_TIME, 1501)
     return np.asarray(np.abs(shapes @ (amplitudes[:, None] * np.cos(np.outer(rates, time)))).max(axis=1))
 
 
 def _lag(drive: Drive) -> float:
-    """s by which the slower motor follows its reference; 0 of ideal ones."""
+    """s by which the slower motor lags behind its reference; 0 for ideal motors."""
     constants = zip(drive.derivative, drive.motor_damping, drive.proportional, strict=True)
     return max(((d + damping) / max(p, 1e-9) for d, damping, p in constants), default=0.0)
 
 
-def _firmer(swing: Swing) -> dict[str, float]:
-    """Stiffer springs or controllers where the joint is thrown about or slow; else stronger motors; empty where it is not known
-    how."""
+def _stiffer(swing: Swing) -> dict[str, float]:
+    """Stiffer springs or controllers if the joint is shaken or slow, else stronger motors; empty if no parameter is known to
+    help."""
     values, factor = swing.block.values(), max(STIFFER, (SLOW / max(swing.rate, 1e-3)) ** 2)
-    if not swing.thrown and not swing.slow:
-        names, factor = motor_limits(values), swing.used / SPARE
+    if not swing.shaken and not swing.slow:
+        names, factor = motor_limits(values), swing.used / PROPOSED_SHARE
     elif swing.droops:
         names = tuple(name for name in values if name.endswith("_proportional"))
     else:

@@ -1,4 +1,4 @@
-"""The tip of a Cartesian task: where the task's point is, from the links' positions, beside where its path asks it to be."""
+"""The tip of a Cartesian task: the actual pose of the task's point, and the pose that its path asks for."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class TipPoses:
-    """Adds the tip's pose and its goal to samples, as bodies that a log holds."""
+    """Adds the pose of the tip and its goal to samples, as two bodies of the log."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         """The scenario must have a task."""
@@ -40,7 +40,7 @@ class TipPoses:
         return position + rotation @ np.array(self._task.point), rotation
 
     def added(self, samples: Samples) -> Samples:
-        """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip where its orientation is free."""
+        """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip if its orientation is free."""
         table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
         root = self._chain.robot.root.name
         position, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)

@@ -1,4 +1,4 @@
-"""Cartesian trajectories: from waypoints with times to a pose at any time."""
+"""Cartesian trajectories: the pose at any time, interpolated between waypoints with times."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.kinematics.rotations import between, exponential
+from asrsim.kinematics.rotations import exponential, rotation_between
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
@@ -20,17 +20,17 @@ def minimum_jerk(fraction: Array) -> Array:
 
 
 def linear(fraction: Array) -> Array:
-    """Constant speed; velocity jumps at the waypoints."""
+    """Constant speed; the velocity jumps at the waypoints."""
     return fraction
 
 
 INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": linear}
-"""How the fraction of a segment's way grows with the fraction of its time."""
+"""Profile -> covered fraction of a segment's length, as a function of the elapsed fraction of its time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PoseTrajectory:
-    """Straight segments between poses, turning about one axis each; held before the first and after the last pose."""
+    """Straight segments between poses, each turning about one axis; constant before the first and after the last pose."""
 
     times: Array
     """(m,) s, ascending: when each pose is reached."""
@@ -76,6 +76,6 @@ class PoseTrajectory:
         positions = self.positions[segment] + way[:, None] * (self.positions[ends] - self.positions[segment])
         if self.rotations is None:
             return positions, None
-        turns = np.array([between(a, b) for a, b in pairwise(self.rotations)]).reshape(-1, 3)
+        turns = np.array([rotation_between(a, b) for a, b in pairwise(self.rotations)]).reshape(-1, 3)
         turns = np.vstack([turns, np.zeros(3)])
         return positions, exponential(way[:, None] * turns[segment]) @ self.rotations[segment]

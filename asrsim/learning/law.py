@@ -1,4 +1,4 @@
-"""The update of iterative learning control: paper equation 13 with derivative term, forgetting and zero-phase filter."""
+"""The update of iterative learning control: paper equation 13 with a zero-phase filter."""
 
 from __future__ import annotations
 
@@ -46,19 +46,11 @@ class FixedGain:
 
 
 def updated(problem: LearningProblem, inputs: Array, error: Array, update: int, settings: Learning) -> Array:
-    """Inputs of the next trial, (n, joints).
+    """Inputs of the next trial, (n, joints): u(n) = Q[u(n-1) + K exp(-n / decay) e(n-1)], n = `update` from 0.
 
-    u(n) = Q[(1 - f) u(n-1) + f u(0) + K(n) (e(n-1) + T de(n-1)/dt)], K(n) = K exp(-n / decay), n = `update` from 0.
     inputs, error: (n, joints) in rad.
     """
-    gain = np.array(gains_at(settings, problem.joints, update))
-    correction = error
-    if settings.derivative:
-        correction = error + settings.derivative * np.gradient(error, problem.step, axis=0)
-    # In this order, so that without the extras the numbers are those of equation 13 to the last bit.
-    learned = inputs + gain * correction
-    if settings.forgetting:
-        learned = learned + settings.forgetting * (problem.first_guess - inputs)
+    learned = inputs + np.array(gains_at(settings, problem.joints, update)) * error
     if settings.filter is not None:
         learned = zero_phase(learned, settings.filter.cutoff, settings.filter.order, problem.step)
     return learned

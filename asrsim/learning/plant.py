@@ -46,18 +46,17 @@ class Plant:
     reference: Array = field(repr=False)
     """(n, joints) rad."""
     drives: tuple[Drive, ...] = field(repr=False)
-    presets: Mapping[str, Array] = field(default_factory=dict, repr=False)
-    """Joint -> (n,) second reference that was chosen before learning; it stands in `scenario` too."""
+    presets: Mapping[str, float] = field(default_factory=dict, repr=False)
+    """Joint -> second reference that was chosen before learning; it stands in `scenario` too."""
 
-    def with_presets(self, time: Array, presets: Mapping[str, Array]) -> Plant:
-        """The plant with second references (k,) at `time` (k,), by joint."""
-        references, sampled = dict(self.scenario.references), {}
+    def with_presets(self, presets: Mapping[str, float]) -> Plant:
+        """The plant with other second references, by joint."""
+        references = dict(self.scenario.references)
         for joint, drive in zip(self.joints, self.drives, strict=True):
             if joint in presets:
-                sampled[joint] = np.interp(self.time, time, presets[joint])
-                signal = Sampled(times=self.time, samples=sampled[joint])
+                signal = Constant(value=presets[joint])
                 references[joint] = {**self.scenario.references_of(joint), drive.mode.references[1]: signal}
-        return replace(self, scenario=replace(self.scenario, references=references), presets=sampled)
+        return replace(self, scenario=replace(self.scenario, references=references), presets=presets)
 
     def table(self, inputs: Array) -> tuple[tuple[str, ...], Array]:
         """Headings and values (n, columns) of all that is to be played: inputs (n, joints), and presets if they were chosen."""
@@ -65,7 +64,7 @@ class Plant:
         for joint in self.presets:
             drive = self.drives[self.joints.index(joint)]
             headings.append(f"{joint}.{drive.mode.references[1]} [{drive.actuator.reference_2_unit}]")
-        return tuple(headings), np.column_stack([inputs, *self.presets.values()])
+        return tuple(headings), np.column_stack([inputs, *(np.full(len(inputs), preset) for preset in self.presets.values())])
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the preparation, whose engine stays in its process."""

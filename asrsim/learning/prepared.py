@@ -8,11 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from asrsim.errors import ScenarioError
-from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
 from asrsim.kinematics.inverse import Demand, InverseDynamics
 from asrsim.learning.arm import ArmModel
-from asrsim.learning.contraction import choose_gains, learnable, safe_filter
+from asrsim.learning.contraction import choose_gains, learnable
 from asrsim.learning.identity import identity_of
 from asrsim.learning.iterate import learn
 from asrsim.learning.law import FixedGain
@@ -20,14 +18,12 @@ from asrsim.learning.linear import Linearised
 from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.presets import ChosenPreset, choose_presets
-from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at, wants_model_gains, wants_safe_filter
+from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at
 from asrsim.learning.trial import Law, LearningProblem
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import Filter, Learning
+from asrsim.scenario.learning_keys import Learning
 
-GUESS_KNOTS = 201
-"""Samples of the trajectory at which gravity is compensated for the first guess; between, straight lines."""
 REACH_TRIALS = 12
 """Simulated trials, at most, that decide whether a motion that exceeds a limit can be followed."""
 
@@ -84,27 +80,22 @@ def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) ->
     """The learning problem of a plant; `model` (see `learning_model`) must stay open while it is solved.
 
     Presets are chosen first, if the scenario asks for it: the plant of the result has them. lawless: nothing will be learned.
-    Raises ScenarioError where gravity is to be compensated and cannot be.
+    Raises ScenarioError for gains of unknown joints.
     """
     learning = plant.learning
     inverse = model.inverse(plant.reference)
     notes: list[str] = []
     if learning.presets != "given":
-        chosen = choose_presets(model, inverse, learning.tolerance, learning.presets)
-        plant = plant.with_presets(inverse.motion.time, {item.joint: item.values for item in chosen})
+        chosen = choose_presets(model, inverse, learning.tolerance)
+        plant = plant.with_presets({item.joint: item.value for item in chosen})
         model = model.of(plant)
         inverse = model.inverse(plant.reference)
         notes += [_preset_note(item) for item in chosen]
     linear = model.linear(inverse)
-    gains = choose_gains(linear)[: len(plant.joints)] if wants_model_gains(learning, plant.joints) else None
-    settings = decided(learning, plant.joints, gains)
-    if wants_safe_filter(learning, plant.joints):
-        safe = safe_filter(linear, gains_at(settings, plant.joints), Filter.order)
-        settings = decided(learning, plant.joints, gains, safe)
+    settings = decided(learning, plant.joints, linear)
     guesses: dict[str, Callable[[], Array]] = {
         "zero": lambda: np.zeros_like(plant.reference),
         "reference": lambda: plant.reference.copy(),
-        "gravity": lambda: compensated_guess(plant, model),
         "inverse_dynamics": lambda: inverse.inputs_at(plant.time, model.delays),
     }
     problem = LearningProblem(
@@ -152,33 +143,5 @@ def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:
 
 
 def _preset_note(item: ChosenPreset) -> str:
-    low, high = float(item.values.min()), float(item.values.max())
-    text = f"{low:.3g}" if high - low < 1e-9 else f"{low:.3g} to {high:.3g}"
     unheld = "" if item.score <= 1.0 else f", the best there is, but it exceeds limits or tolerance {item.score:.2g} times"
-    return f"preset of {item.joint}: {text}{unheld}"
-
-
-def compensated_guess(plant: Plant, model: ArmModel) -> Array:
-    """(n, joints) rad: the equilibria that hold gravity along the trajectory.
-
-    Raises ScenarioError for a load that a spring cannot hold.
-    """
-    rows = np.unique(np.linspace(0, len(plant.time) - 1, GUESS_KNOTS).round().astype(int))
-    still = model.arm.motion(plant.time, plant.joints, plant.reference)
-    postures = np.column_stack([np.interp(plant.time[rows], still.time, column) for column in still.positions.T])
-    index = [model.arm.model.joints.index(joint) for joint in plant.joints]
-    postures[:, index] = plant.reference[rows]
-    loads = model.arm.model.inverse_dynamics(postures, np.zeros_like(postures), np.zeros_like(postures))[:, index]
-    found = plant.reference[rows].copy()
-    for column, drive in enumerate(plant.drives):
-        if not drive.mode.spring:
-            continue
-        time = plant.time[rows]
-        presets = model.arm.preset(drive.joint, time)
-        try:
-            found[:, column] = equilibria_for_loads(
-                drive, time, plant.reference[rows, column], loads[:, column], presets, droop=True
-            )
-        except LoadError as error:
-            raise ScenarioError(error.problems) from error
-    return np.column_stack([np.interp(plant.time, plant.time[rows], column) for column in found.T])
+    return f"preset of {item.joint}: {item.value:.3g}{unheld}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -20,7 +19,6 @@ from asrsim.kinematics.inverse import InverseDynamics, demands_of
 from asrsim.learning.arm import ArmModel
 from asrsim.samples import Array
 
-Choice = Literal["constant", "over_time"]
 HEAVIER = 0.15
 """Share by which masses may be off."""
 WITHIN = 0.95
@@ -29,8 +27,6 @@ CANDIDATES = 24
 """Presets that are compared, evenly in their logarithm."""
 REFINED = 5
 """Halvings of the distance to the lowest preset."""
-WINDOW = 0.4
-"""s on both sides of a moment for which a preset over time must hold too: it changes as slowly."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +34,12 @@ class ChosenPreset:
     """A joint's preset."""
 
     joint: str
-    values: Array
-    """(n,) on the model's time."""
+    value: float
     score: float
     """Of its limits and the tolerance, at most 1 where it holds them."""
 
 
-def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, choice: Choice) -> tuple[ChosenPreset, ...]:
+def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float) -> tuple[ChosenPreset, ...]:
     """The lowest preset of each learned joint that has one; of those that hold nothing, the best."""
     found = []
     for column, drive in enumerate(model.plant.drives):
@@ -55,10 +50,8 @@ def choose_presets(model: ArmModel, inverse: InverseDynamics, tolerance: float, 
         torque, time = inverse.torques[:, column], inverse.motion.time
 
         score = partial(scores, drive, time, q, v, torque, tolerance)
-        constant, reached = _lowest(score, _range(drive), len(time))
-        if choice == "over_time" and reached <= 1.0:
-            constant, reached = _over_time(score, constant, _range(drive), float(time[1] - time[0]))
-        found.append(ChosenPreset(joint=drive.joint, values=constant, score=reached))
+        value, reached = _lowest(score, _range(drive), len(time))
+        found.append(ChosenPreset(joint=drive.joint, value=value, score=reached))
     return tuple(found)
 
 
@@ -86,8 +79,8 @@ def _range(drive: Drive) -> Array:
     return np.asarray(np.geomspace(0.02 * most, most, CANDIDATES))
 
 
-def _lowest(score: Callable[[Array], Array], tried: Array, count: int) -> tuple[Array, float]:
-    """The lowest constant preset whose score is at most 1, else that with the least, and its score."""
+def _lowest(score: Callable[[Array], Array], tried: Array, count: int) -> tuple[float, float]:
+    """The lowest preset whose score is at most 1, else that with the least, and its score."""
     worst: list[float] = []
     for preset in tried:
         worst.append(float(score(np.full(count, preset)).max()))
@@ -95,7 +88,7 @@ def _lowest(score: Callable[[Array], Array], tried: Array, count: int) -> tuple[
             break
     if worst[-1] > 1.0:
         best = int(np.argmin(worst))
-        return np.full(count, tried[best]), worst[best]
+        return float(tried[best]), worst[best]
     high, reached = float(tried[len(worst) - 1]), worst[-1]
     low = float(tried[max(len(worst) - 2, 0)])
     for _ in range(REFINED if len(worst) > 1 else 0):
@@ -105,25 +98,4 @@ def _lowest(score: Callable[[Array], Array], tried: Array, count: int) -> tuple[
             high, reached = middle, at
         else:
             low = middle
-    return np.full(count, high), reached
-
-
-def _over_time(score: Callable[[Array], Array], constant: Array, tried: Array, step: float) -> tuple[Array, float]:
-    """The lowest preset at each moment, smooth, never above the constant one; the constant one where that does not hold."""
-    from scipy.ndimage import gaussian_filter1d, maximum_filter1d
-
-    lowest = constant.copy()
-    for preset in tried[::-1]:
-        if preset < constant[0]:
-            held = score(np.full(len(constant), preset)) <= 1.0
-            lowest = np.where(held & (lowest <= constant[0]), preset, lowest)
-    half = max(round(WINDOW / step), 1)
-    # Means over no more than the window, of what is highest within it, are nowhere below the lowest that holds.
-    highest = maximum_filter1d(lowest, 2 * half + 1, mode="nearest")
-    smooth = gaussian_filter1d(highest, 0.4 * half, mode="nearest", radius=half)
-    for share in np.linspace(0.0, 1.0, 6):
-        values = smooth + share * (constant - smooth)
-        reached = float(score(values).max())
-        if reached <= 1.0:
-            return values, reached
-    return constant, float(score(constant).max())
+    return high, reached

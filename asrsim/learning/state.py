@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from asrsim.scenario.learning_keys import Learning
 
 FORMAT = "asrsim learning state 3"
-DECIDING = ("law", "joint_gains", "gain_decay", "derivative", "filter", "forgetting", "first_guess")
+DECIDING = ("law", "joint_gains", "gain_decay", "filter", "first_guess")
 """Keys of `ilc:` that decide how trials follow each other; one may go on with a tighter tolerance or more iterations."""
 
 

@@ -31,6 +31,10 @@ MOST_BEHIND = 48
 """Jobs of the log that wait for a tick that comes in time."""
 FASTEST, SLOWEST = 1000.0, 1e-3
 """Speeds that one may ask for."""
+BREATH = 10.0
+"""s: a run that falls behind twice within them has too much to do; a halt of the machine is no reason to publish less."""
+LEAST_RATE = 10.0
+"""Hz of the topics, below which a run that is too slow no longer goes."""
 FOREVER = 1e7
 """s: longer than anybody waits."""
 
@@ -85,6 +89,7 @@ class Session:
         self._applied = 0
         self._steps_done = 0
         self._single = 0
+        self._slips, self._slipped = 0, -math.inf
         self._reset = False
         self._end = False
         self.summaries: list[RunSummary] = []
@@ -189,8 +194,8 @@ class Session:
         left = round((self.settings.duration or FOREVER) / step) - self._steps_done
         if (steps := min(steps, left)) > 0:
             late = self.pace.wait(steps * step)
-            if self.pace.slips and self._priority.give_up():
-                self._tell("this machine is too slow for ticks at real-time priority: others come first again")
+            if self.pace.slips > self._slips:
+                self._ease()
             self._listen()
             if late is None:
                 return
@@ -200,6 +205,21 @@ class Session:
             for _ in range(max(in_time, len(waiting) - MOST_BEHIND)):
                 self.episode.work()
         self._end = self._end or steps >= left
+
+    @property
+    def rate(self) -> float:
+        """Hz (simulated) at which topics are published."""
+        return 1.0 / (self._publish_steps * self.simulation.scenario.step)
+
+    def _ease(self) -> None:
+        """The run fell behind for good: it gives up its priority, and where that is not enough every other message."""
+        now, before = clock.perf_counter(), self._slipped
+        self._slips, self._slipped = self.pace.slips, now
+        if self._priority.give_up():
+            self._tell("this machine is too slow for ticks at real-time priority: others come first again")
+        elif self.transports and now - before < BREATH and self.rate >= 2.0 * LEAST_RATE:
+            self._publish_steps *= 2
+            self._tell(f"this machine is too slow for what was asked: from here on topics come at {self.rate:g} Hz")
 
     def _advance(self, steps: int) -> None:
         """Go on by whole steps, to one substep beyond: with it the whole step's record is complete."""
@@ -272,6 +292,7 @@ class Session:
             "late_p50": late.quantile(0.5),
             "late_p99": late.quantile(0.99),
             "late_worst": late.worst,
+            "rate": self.rate,
             "slips": pace.slips,
             "slipped": pace.slipped,
             "busy": pace.busy,

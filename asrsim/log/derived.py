@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.vectorised import equilibrium_over_arrays
 from asrsim.samples import Array, JointInfo, Samples, picking
 
@@ -20,12 +21,11 @@ def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array
     joints: those of the log (:attr:`RunInfo.joints`), matched by name. Ideal motors (modes 2, 3) that are not
     recorded stand at the references.
     """
-    theta_1, theta_2 = _rows(samples, "motor_1_position"), _rows(samples, "motor_2_position")
-    result = np.full(theta_1.shape, np.nan)
+    result = np.full((len(samples.joints), len(samples.time)), np.nan)
     for (actuator, mode), rows in _kinds(samples, joints):
-        result[rows] = _mapped(actuator, theta_1[rows], theta_2[rows])
+        result[rows] = _mapped(samples, actuator, "motor_{}_position", rows)
         if mode in _IDEAL_MOTORS:
-            unknown = np.arange(len(result))[rows][np.isnan(theta_1[rows]).all(axis=1)]
+            unknown = np.arange(len(result))[rows][np.isnan(_rows(samples, "motor_1_position")[rows]).all(axis=1)]
             result[unknown] = _reference_position(samples, actuator, mode, unknown)
     return result.T
 
@@ -51,10 +51,12 @@ DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = 
 }
 """Name of a derived quantity (:data:`asrsim.quantities.DERIVED`) -> its function."""
 
+_MOTORS = tuple(f"motor_{i}_position" for i in range(1, MOST_MOTORS + 1))
+_REFERENCES = tuple(f"reference_{i}" for i in range(1, MOST_MOTORS + 1))
 DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
-    "deflection": ("link_position", "motor_1_position", "motor_2_position", "reference_1", "reference_2"),
-    "equilibrium_position": ("motor_1_position", "motor_2_position", "reference_1", "reference_2"),
-    "position_error": ("link_position", "reference_1", "reference_2"),
+    "deflection": ("link_position", *_MOTORS, *_REFERENCES),
+    "equilibrium_position": (*_MOTORS, *_REFERENCES),
+    "position_error": ("link_position", *_REFERENCES),
 }
 """Quantities to read from a log for a derived one, as far as it has them."""
 
@@ -83,11 +85,13 @@ def _reference_position(samples: Samples, actuator: str, mode: int | None, rows:
         return np.full(reference_1.shape, np.nan)
     if meaning.mapped or not meaning.spring:
         return reference_1
-    return _mapped(actuator, reference_1, _rows(samples, "reference_2")[rows])
+    return _mapped(samples, actuator, "reference_{}", rows)
 
 
-def _mapped(actuator: str, theta_1: Array, theta_2: Array) -> Array:
-    """Equilibrium positions of two motor positions; NaN if the actuator is not registered here."""
+def _mapped(samples: Samples, actuator: str, quantity: str, rows: Any) -> Array:
+    """Equilibrium positions of what stands in a quantity by motor; NaN if the actuator is not registered here."""
     if actuator not in ACTUATORS:
-        return np.full(theta_1.shape, np.nan)
-    return equilibrium_over_arrays(ACTUATORS.get(actuator))(theta_1, theta_2)
+        return np.full(_rows(samples, "link_position")[rows].shape, np.nan)
+    kind = ACTUATORS.get(actuator)
+    positions = [_rows(samples, quantity.format(i + 1))[rows] for i in range(kind.positions())]
+    return equilibrium_over_arrays(kind)(*positions)

@@ -21,57 +21,40 @@ ALIASES: dict[str, str] = {
 }  # fmt: skip
 """Short names that a mapping, or a column called `joint.quantity`, may use besides the quantities' own."""
 _WORDS = {
-    **dict.fromkeys(("q", "qpos", "pos", "positions", "angle", "angles"), "position"),
-    **dict.fromkeys(("dq", "qdot", "qvel", "vel", "velocities", "speed"), "velocity"),
-    **dict.fromkeys(("tau", "torques", "effort", "efforts"), "torque"),
-    **dict.fromkeys(
-        ("references", "ref", "cmd", "command", "commanded", "des", "desired", "target", "setpoint", "goal"), "reference"
-    ),
-    **dict.fromkeys(("mot", "hub"), "motor"),
-    "defl": "deflection",
-    "eq": "equilibrium",
-    "ext": "external",
-    "el": "elastic",
-    "spring": "elastic",
-}
+    word: meant
+    for meant, words in {
+        "position": "q qpos pos positions angle angles", "velocity": "dq qdot qvel vel velocities speed",
+        "torque": "tau torques effort efforts", "motor": "hub mot", "deflection": "defl", "external": "ext",
+        "elastic": "el spring", "reference": "references ref cmd command commanded des desired target setpoint",
+        "equilibrium": "eq",
+    }.items()
+    for word in words.split()
+}  # fmt: skip
 """Word -> the word of `_QUANTITIES` that it stands for."""
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
-    for words, quantity in {
-        **{word: f"link_{word}" for word in ("position", "velocity", "torque")},
-        "force": "link_torque",
-        **{f"motor {word}": f"motor_1_{word}" for word in ("position", "velocity", "torque")},
-        "reference": "reference_1",
-        "reference position": "reference_1",
-        "reference torque": "reference_1",
-        "motor reference": "reference_1",
-        "motor reference position": "reference_1",
-        "motor reference torque": "reference_1",
-        "preset": "reference_2",
-        "stiffness preset": "reference_2",
-        "stiffness": "stiffness",
-        "deflection": "deflection",
-        "tip deflection": "deflection",
-        "error position": "position_error",
-        "equilibrium": "equilibrium_position",
-        "equilibrium position": "equilibrium_position",
-        "equilibrium theta": "equilibrium_position",
-        "external torque": "external_torque",
-        "elastic torque": "elastic_torque_1",
+    for quantity, spellings in {
+        "link_position": "position", "link_velocity": "velocity", "link_torque": "torque,force", "stiffness": "stiffness",
+        "deflection": "deflection,tip deflection", "motor_1_position": "motor position", "motor_1_velocity": "motor velocity",
+        "motor_1_torque": "motor torque", "elastic_torque_1": "elastic torque", "external_torque": "external torque",
+        "position_error": "error position", "reference_2": "preset,stiffness preset",
+        "equilibrium_position": "equilibrium,equilibrium position,equilibrium theta",
+        "reference_1": "reference,reference position,reference torque,motor reference,motor reference position",
     }.items()
-}
+    for words in spellings.split(",")
+}  # fmt: skip
 """Words, in any order, that make a quantity together."""
-_FILLING = {"joint", "joints", "jnt", "j", "axis", "link", "measured", "meas", "actual", "act", "data", "value", "values",
-            "field", "angular", "in"}  # fmt: skip
-"""Words that change nothing: `q1_meas`, `joint 1 position`, `field.position0`."""
-_DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "dqd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load",
-             "trq", "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
+_FILLING = {"joint", "joints", "axis", "link", "measured", "meas", "actual", "data", "value", "angular"}
+"""Words that change nothing: `q1_meas`, `joint 1 position`."""
+_DATA = ("data", "value", "values")
+"""Parts of a path that say nothing: `q1.data`."""
+_DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load", "trq",
+             "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
 """Words by which a name that is not understood may mean a quantity of a joint: it is asked about."""
-_UNITS = {"rad": "position", "m": "position", "rad/s": "velocity", "m/s": "velocity", "N m": "torque", "N": "torque"}
-_LETTERS = str.maketrans({"θ": "theta", "τ": "tau", "ω": "omega", "φ": "phi", "\u0307": "dot",
+_LETTERS = str.maketrans({"θ": "theta", "τ": "tau", "ω": "omega", "\u0307": "dot",
                           **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")}})  # fmt: skip
-_GLUED = ("ref", "des", "desired", "cmd", "eq", "dot", "act", "meas", "ext", "target", "angle", "position", "pos", "velocity")
-_STEMS = ("q", "pos", "position", "vel", "tau", "torque", "hub", "motor", "theta", "link", "joint")
+_GLUED = re.compile("(q|pos|position|tau|hub|motor|theta|link|joint)(ref|des|cmd|eq|dot|act|meas|ext|angle|pos)")
+"""`qref`, `hubangle`: two words in one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,12 +72,9 @@ def tokens_of(name: str) -> list[str]:
     """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
     text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name.translate(_LETTERS))
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
-    words: list[str] = []
-    for word in (found.lower() for found in re.findall(r"[^\W\d_]+|\d+", text)):
-        known = word in _WORDS or word in _QUANTITIES
-        end = next((end for end in _GLUED if not known and word.endswith(end) and word[: -len(end)] in _STEMS), None)
-        words += [word] if end is None else [word[: -len(end)], end]
-    return words
+    words = [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", text)]
+    glued = [None if word in _WORDS else _GLUED.fullmatch(word) for word in words]
+    return [part for word, both in zip(words, glued, strict=True) for part in (both.groups() if both else (word,))]
 
 
 def stated_unit(name: str, beside: str = "") -> Unit | None:
@@ -112,58 +92,42 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     if dot and ALIASES.get(last, last) in KNOWN:
         return _of_joint(head, ALIASES.get(last, last), unit, joints)
     joint, rest = find_joint(plain, joints or ())
-    parts = [part for part in re.split(r"[./]", rest) if part.strip(" _[]")]
-    parts = parts[:-1] if len(parts) > 1 and parts[-1] in ("data", "value", "values") else parts
-    *above, tail = parts or [""]
-    while above and {_WORDS.get(word, word) for word in tokens_of(above[-1])} <= {*_FILLING, "reference", "motor"}:
-        tail = f"{above.pop()} {tail}"  # command/q1
-    array = re.search(r"[\[(](\d+)[\])]$", tail) or (re.search(r"(\d+)$", tail) if tail.startswith("field ") else None)
+    *above, tail = [part for part in re.split(r"[./]", rest) if part.strip(" _[]") and part not in _DATA] or [""]
+    array = re.search(r"[\[(](\d+)[\])]$", tail)
     tokens = tokens_of(tail[: array.start()] if array else tail)
     numbers = [int(word) for word in tokens if word.isdecimal()]
-    exact = "_".join(tokens)
-    if numbers and ALIASES.get(exact, exact) in KNOWN and (joint or (joints is not None and len(joints) == 1)):
-        return _fitting(joint or str((joints or [""])[0]), ALIASES.get(exact, exact), unit)
     words = [_WORDS.get(word, word) for word in tokens if not word.isdecimal() and word not in _FILLING]
-    if "torque" in words:  # of a position m may be metres, of a torque it is the motor
-        words = ["motor" if word == "m" else word for word in words]
-    si = "" if unit is None else unit.si
-    asked = bool(_DOUBTFUL & {_WORDS.get(word, word) for word in tokens_of(rest)}) or si in ("rad", "rad/s", "N m")
-    owners = [one for one in joints or () if joint is None and (own := {*words} & {*tokens_of(one)}) and own - _DOUBTFUL]
-    if len(owners) == 1:  # hip_pos of left_hip_joint
-        joint, words = owners[0], [word for word in words if word not in tokens_of(owners[0])]
-    if si in _UNITS and (words == ["motor"] or (not words and (joint or (numbers and re.search("(?i)joint|axis", rest))))):
-        words.append(_UNITS[si])  # hub [rad], elbow [deg], Joint 1 [deg]
-    quantity = _QUANTITIES.get(" ".join(sorted(words)))
-    if numbers and ALIASES.get(exact, exact) in KNOWN:
-        return Meaning(reason=f"{numbers[0]} in its name may count joints", asked=True)
-    strange = next((word for word in words if word not in " ".join(_QUANTITIES).split()), None)
-    if "reference" in words and not strange and (quantity is None or ("torque" in words and not si)):
-        return Meaning(joint=joint, reason="the simulation has no such reference")
-    if quantity is None or (words == ["force"] and si != "N"):
-        why = "its name has no quantity of a joint"
-        if asked:
-            why = f"it is unclear what '{strange}' in its name says" if strange else "its name says two things"
-        return Meaning(joint=joint, reason=why, asked=asked)
-    if joint is not None and numbers and re.search(r"_\d", quantity):  # elbow_motor_2_position
-        quantity, numbers = re.sub(r"\d", str(numbers[0]), quantity, count=1), numbers[1:]
+    named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
+    if named and unit is not None and unit.si == "rad":
+        words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
+    exact = "_".join(tokens)
+    quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
+    if quantity is None or (words == ["force"] and (unit is None or unit.si != "N")):
+        mentioned = {_WORDS.get(word, word) for word in tokens_of(rest)}
+        asked = bool(_DOUBTFUL & mentioned) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
+        asked = asked and "reference" not in words
+        return Meaning(joint=joint, reason="its name is not certain to be a quantity of a joint", asked=asked)
     owner = _called(above[-1]) if above else ""
-    if numbers and (joint or len(numbers) > 1 or re.search(r"\d|left|right", owner.lower())):
-        return Meaning(reason=f"which joint the number {numbers[-1]} in its name counts is unclear", asked=True)
-    if not (joint or numbers or array) and owner and not {*tokens_of(owner)} <= {*_FILLING, "state", "states"}:
-        # elbow/position, /joint_states/elbow/position: what stands before the quantity is the joint's name
-        return _of_joint(owner, quantity, unit, joints)
-    doubt = ""
+    count = len(numbers) + (array is not None)
+    unclear = bool(numbers) and exact in KNOWN
+    if unclear and (joint or len(joints or ()) == 1):  # reference_1, motor_1_torque
+        return _fitting(joint or (joints or [""])[0], exact, unit)
+    if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
+        return Meaning(reason="what the number in its name counts is unclear", asked=True)
+    if joint is None and not count and owner and not {*tokens_of(owner)} <= {*_FILLING, "state", "states"}:
+        return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
     if joint is None:
-        joint, doubt = joint_of(int(array[1]) if array else numbers[0] if numbers else None, joints, indexed=array is not None)
-    return Meaning(reason=doubt, asked=True) if doubt or quantity not in KNOWN else _fitting(joint, quantity, unit)
+        place = int(array[1]) if array else numbers[0] if numbers else None
+        joint, doubt = joint_of(place, joints, indexed=array is not None)
+        if doubt:
+            return Meaning(reason=doubt, asked=True)
+    return _fitting(joint, quantity, unit)
 
 
 def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
     """The meaning where a name of a joint stands before the quantity."""
     called = find_joint(name, joints or ())[0] or _called(re.split("[./]", name)[-1])
-    within = [joint for joint in joints or () if {*tokens_of(called)} <= {*tokens_of(joint)}]
-    called = within[0] if len(within) == 1 else called  # elbow of elbow_joint
-    place = re.fullmatch(r"(?:joint|axis|j)[_ ]?(\d+)", called)
+    place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
         return _fitting(called, quantity, unit)
     joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # another robot's file

@@ -26,8 +26,6 @@ _FRACTIONS = {"nanosec": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanoseconds": 1e-9,
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 EPOCH = 1e8
 """s above which a time is a date (1973 and later)."""
-_DAY = 86_400_000_000_000
-"""ns."""
 FASTEST, SLOWEST = 3e-5, 0.5
 """s between samples that are not suspected."""
 NEAREST = 1e-9
@@ -44,15 +42,15 @@ _GAP = 1.7
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """A time, and the columns of a table that were sampled at it."""
+    """The time of a table."""
 
     name: str
     seconds: Array
     """(n,) s; NaN where there is none."""
     zero: int | None = None
     """Unix time in ns at which `seconds` is 0; of times of day ns since midnight."""
-    signals: tuple[int, ...] = ()
-    """Places of its columns."""
+    used: frozenset[int] = frozenset()
+    """Places of columns that are no signals."""
     described: str = ""
     """Where it stands, as a document states it."""
 
@@ -66,34 +64,27 @@ def series_of(
     stamped = _stamped([table for table in content.tables if table.received is not None], reading, findings)
     for table in content.tables:
         try:
-            if table.received is not None and not any(
-                find_raw(name, table.columns) is not None for name in reading.time.columns
-            ):
-                table, clocks = _of_messages(table, stamped[table.name], findings)
+            if table.received is None or any(find_raw(name, table.columns) is not None for name in reading.time.columns):
+                clock = _of_columns(table, reading, findings, must=len(content.tables) == 1)
             else:
-                clocks = _of_columns(table, reading, findings, must=len(content.tables) == 1)
+                table, clock = _of_messages(table, stamped[table.name], findings)
+            keep = clean_time(clock.seconds, table.lines, name=clock.name, findings=findings)
+            found.append((table, clock, clock.seconds[keep], keep))
         except RecordingError as error:
             faults += error.problems
-            continue
-        for clock in clocks:
-            try:
-                keep = clean_time(clock.seconds, table.lines, name=clock.name, findings=findings)
-                found.append((table, clock, clock.seconds[keep], keep))
-            except RecordingError as error:
-                faults += error.problems
     dates = [clock.zero + round(time[0] * 1e9) for _, clock, time, _ in found if _is_date(clock)]
     first = min(dates, default=0)
     series: list[RawSeries] = []
     for table, clock, time, keep in found:
         zero = clock.zero or 0
         time = time + (zero - first if _is_date(clock) else zero if table.received is not None else 0) * 1e-9
-        for place in clock.signals:
-            values = np.where(np.isinf(table.columns[place].values[keep]), np.nan, table.columns[place].values[keep])
+        for column in (one for i, one in enumerate(table.columns) if i not in clock.used):
+            values = np.where(np.isinf(column.values[keep]), np.nan, column.values[keep])
             # Messages may leave a number out: its times are those of the others.
             told = ~np.isnan(values) if table.received is not None else np.ones(len(time), dtype=bool)
             if told.sum() > 1:
                 own = time if told.all() else time[told]
-                series.append(RawSeries(column=table.columns[place], time=own, values=values[told], clock=clock.described))
+                series.append(RawSeries(column=column, time=own, values=values[told], clock=clock.described))
     if not series:
         message = "has no column beside its time; expected a time and at least one signal"
         hint = "For a signal without a time give the sampling rate with --rate"
@@ -125,7 +116,7 @@ def _stamped(tables: Sequence[RawTable], reading: Reading, findings: list[Proble
     return used
 
 
-def _of_messages(table: RawTable, stamped: bool, findings: list[Problem]) -> tuple[RawTable, list[Clock]]:
+def _of_messages(table: RawTable, stamped: bool, findings: list[Problem]) -> tuple[RawTable, Clock]:
     """The time of messages, in whose order they are put where they overtook each other on their way to the recorder."""
     ns = table.stamped if stamped and table.stamped is not None else np.asarray(table.received)
     late = np.maximum.accumulate(ns) - ns
@@ -143,14 +134,7 @@ def _of_messages(table: RawTable, stamped: bool, findings: list[Problem]) -> tup
         for column in table.columns if table.stamped is None and is_named_time(column)
     ]  # fmt: skip
     zero = int(np.median(ns))
-    return table, [
-        Clock(
-            name=table.name,
-            seconds=np.asarray((ns - zero) * 1e-9, dtype=np.float64),
-            zero=zero,
-            signals=tuple(range(len(table.columns))),
-        )
-    ]
+    return table, Clock(name=table.name, seconds=np.asarray((ns - zero) * 1e-9, dtype=np.float64), zero=zero)
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
@@ -170,87 +154,62 @@ def is_named_time(column: RawColumn) -> bool:
     return column.zero is not None or is_time(re.split(r"[./]", name)[-1] or name, find_unit(column.unit) or unit)
 
 
-def _of_columns(table: RawTable, reading: Reading, findings: list[Problem], *, must: bool) -> list[Clock]:
-    """The times of a table; a column belongs to the time before it, or to the first one. must: a stated time must be there."""
-    columns = table.columns
-    named = {i for i, column in enumerate(columns) if is_named_time(column)}
-    signals = [i for i in range(len(columns)) if i not in named]
-    if reading.time.rate is not None:
-        seconds = np.arange(len(columns[0].values)) / reading.time.rate
-        return [Clock(name="time", seconds=seconds, signals=tuple(signals))]
-    stated = [find_raw(name, columns) for name in reading.time.columns]
-    if must and None in stated:
-        names, missing = tuple(column.name for column in columns[:12]), reading.time.columns[stated.index(None)]
-        raise RecordingError("there is no such column for the time", key=missing, choices=names, code="no-time")
-    places = [place for place in stated if place is not None]
-    groups = [tuple(places)] if places and len(places) == len(stated) else _time_places(table, named, reading, findings)
-    used = {place for group in groups for place in group} | {i for i in named if columns[i].zero is not None}
-    spare = [i for i in range(len(columns)) if i not in used and (i not in named or places or len(groups) == 1)]
-    begins = [0, *(group[0] for group in groups[1:]), len(columns)]
-    clocks = []
-    for group, begin, end in zip(groups, begins[:-1], begins[1:], strict=True):
-        own = tuple(i for i in spare if begin <= i < end)
-        if group is not groups[0] and own:
-            said = f"is a second time base beside '{columns[groups[0][0]].name}'; it is that of "
-            said += listed([columns[i].name for i in own], 8)
-            findings.append(Problem(said, key=columns[group[0]].name, code="second-time-base"))
-        if own:
-            clocks.append(replace(_clock(table, group, reading, findings), signals=own))
-    return clocks
-
-
-def _time_places(
-    table: RawTable, named: set[int], reading: Reading, findings: list[Problem]
-) -> list[tuple[int, ...]]:  # fmt: skip
-    """Places of the columns of each time. Of times beside each other that are no parts of one the finest is taken."""
+def _of_columns(table: RawTable, reading: Reading, findings: list[Problem], *, must: bool) -> Clock:
+    """The time of a table. must: a stated time must be there."""
     columns = table.columns
     mapped = {find_raw(one.column, columns) for one in reading.maps}
-    named = {i for i in named if i not in mapped}
-    for whole in sorted(named):
-        for part in sorted(named - {whole}):
-            if _is_part(columns[whole], columns[part]):
-                message = f"'{columns[whole].name}' and '{columns[part].name}' are read as one time"
-                findings.append(Problem(message, code="split-time"))
-                return [(whole, part)]
-    rising = [i for i in sorted(named) if _mostly_rises(columns[i].values)] or sorted(named)[:1]
-    runs: list[list[int]] = []
-    for i in rising:
-        if runs and not any(j not in named for j in range(runs[-1][-1] + 1, i)):
-            runs[-1].append(i)
-        else:
-            runs.append([i])
+    named = [i for i, column in enumerate(columns) if is_named_time(column) and i not in mapped]
+    if reading.time.rate is not None:
+        seconds = np.arange(len(columns[0].values)) / reading.time.rate
+        return Clock(name="time", seconds=seconds, used=frozenset(named))
+    places = [place for name in reading.time.columns if (place := find_raw(name, columns)) is not None]
+    if must and len(places) < len(reading.time.columns):
+        names = tuple(column.name for column in columns[:12])
+        missing = next(name for name in reading.time.columns if find_raw(name, columns) is None)
+        raise RecordingError("there is no such column for the time", key=missing, choices=names, code="no-time")
+    if not places or len(places) < len(reading.time.columns):
+        places = _time_places(table, named, findings)
+        named = [*named, *_behind(columns, max(places), named, findings)]
+    return replace(_clock(table, tuple(places), reading, findings), used=frozenset((*places, *named)))
 
-    def quality(place: int) -> tuple[bool, int]:
-        values = columns[place].values
-        return {"header", "stamp"} <= {*tokens_of(columns[place].name)}, len(np.unique(values[np.isfinite(values)]))
 
-    chosen = [max(run, key=quality) for run in runs]
-    sent = [place for place in chosen if quality(place)[0]]  # when a message was sent, not when it was recorded
-    chosen = sent[:1] or chosen
-    findings += [
-        Problem(f"is a further time, not used beside '{columns[chosen[0]].name}'", key=columns[i].name, code="second-time",
-                hint=f"If it is the time: --map '{columns[i].name}=time'")
-        for i in rising if i not in chosen
-    ]  # fmt: skip
-    if chosen:
-        return [(place,) for place in chosen]
+def _time_places(table: RawTable, named: list[int], findings: list[Problem]) -> list[int]:
+    """Places of the columns that are the time: of those named so the finest, with its nanoseconds where these stand apart."""
+    columns = table.columns
+    last = {i: "".join(tokens_of(split_header(columns[i].name)[0])[-1:]) for i in named}
+    whole = [i for i in named if last[i] in ("sec", "secs", "seconds")]
+    parts = [i for i in named if last[i] in _FRACTIONS]
+    if whole and parts:
+        return [whole[0], parts[0]]
+    rising = [i for i in named if _mostly_rises(columns[i].values)] or named[:1]
+    if rising:
+        rising = [i for i in rising if all(j in named for j in range(rising[0], i))]
+        return [max(rising, key=lambda i: len(np.unique(columns[i].values)))]
     first = columns[0].name
     if rises := _rises_evenly(columns[0]):
         message, hint = "no column is named as the time; the first one rises evenly and is taken", "--map COLUMN=time"
         findings.append(Problem(message, key=first, hint=f"Say otherwise with {hint}", code="time-guessed"))
-        return [(0,)]
+        return [0]
     counts = f"; '{first}' counts the rows" if rises is None else ""
     names = listed([column.name for column in columns], 20)
     hint = "Name the time with --map COLUMN=time [unit], or give the sampling rate with --rate"
     raise RecordingError(f"no time column found among {names}{counts}", code="no-time", hint=hint)
 
 
-def _is_part(whole: RawColumn, part: RawColumn) -> bool:
-    """Whether two columns are one time: whole seconds and their fractions, or a date and a time of day."""
-    if whole.zero is not None and part.zero is not None:
-        return whole.zero % _DAY == 0 and whole.zero >= _DAY > part.zero
-    last = [tokens_of(split_header(column.name)[0])[-1:] for column in (whole, part)]
-    return last[0] in (["sec"], ["secs"], ["seconds"]) and bool({*last[1]} & {*_FRACTIONS})
+def _behind(columns: Sequence[RawColumn], time: int, named: list[int], findings: list[Problem]) -> list[int]:
+    """Columns behind a further time, `time, q1, time, q2`, which are not of the first one."""
+    others = [i for i in named if i > time and _mostly_rises(columns[i].values)]
+    apart = next((i for i in others if any(j not in named for j in range(time, i))), len(columns))
+    left = [i for i in range(apart, len(columns)) if i not in named]
+    if others:
+        said = f"; the columns behind it are not read: {listed([columns[i].name for i in left], 8)}" if left else ""
+        other = columns[others[0]].name
+        message, hint = (
+            f"is a further time beside '{columns[time].name}'{said}",
+            f"If it is the time of all: --map '{other}=time'",
+        )
+        findings.append(Problem(message, key=other, hint=hint, code="second-time"))
+    return left
 
 
 def _mostly_rises(values: Array) -> bool:
@@ -279,11 +238,10 @@ def _clock(table: RawTable, places: tuple[int, ...], reading: Reading, findings:
         seconds, zero, label = np.zeros(len(first.values)), 0, json.dumps([table.columns[place].name for place in places])
         for place in places:
             column = table.columns[place]
-            last = tokens_of(split_header(column.name)[0])[-1:]
-            if column.zero is None and place != places[0] and not {*last} & {*_FRACTIONS}:
+            size = _FRACTIONS.get("".join(tokens_of(split_header(column.name)[0])[-1:]), 1.0)
+            if column.zero is None and place != places[0] and size == 1.0:
                 raise RecordingError("is added to the time, and its name has no unit such as nanosec", code="unknown-unit",
                                      key=column.name)  # fmt: skip
-            size = 1.0 if column.zero is not None else _FRACTIONS.get("".join(last), 1.0)
             whole = column.zero is None and size == 1.0 and np.isfinite(column.values[0])
             start = round(column.values[0]) if whole else 0  # whole seconds since 1970 leave a float few digits
             zero += start * 10**9 + (column.zero or 0)

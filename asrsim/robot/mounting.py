@@ -9,7 +9,7 @@ from dataclasses import replace
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
-from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
 from asrsim.robot.advice import advise
 from asrsim.robot.blocks import default_parameter
 from asrsim.robot.findings import Findings
@@ -125,8 +125,19 @@ def drive_of(block: ActuatorBlock) -> Drive:
     return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())
 
 
+def check_two_motors(robot: Robot, what: str) -> None:
+    """Raise RobotError for actuators with more motors than two, which `what` does not take."""
+    problems = [
+        Problem(f"{what} takes actuators of one or two motors; {block.actuator} has {ACTUATORS.get(block.actuator).motors}",
+                file=robot.path, key=block.joint, code="motors")
+        for block in robot.actuators if ACTUATORS.get(block.actuator).motors > 2
+    ]  # fmt: skip
+    if problems:
+        raise RobotError(problems)
+
+
 def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     """References that count for this actuator: one with one motor and no adjuster has no second."""
     actuator = ACTUATORS.get(block.actuator)
-    names = MODES[block.mode].references
+    names = MODES[block.mode].references_of(actuator.motors)
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import product
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
@@ -74,25 +75,23 @@ def largest_stiffness(actuator: type[Actuator], parameters: Mapping[str, float],
     sudden load can bring them to.
     """
     values = actuator.law_values(parameters)
-    bounds = (
-        2.0 * parameters["motor_1_max_torque"] if motors else math.inf,
-        2.0 * parameters["motor_2_max_torque"] if motors and actuator.motors == 2 else math.inf,
-    )
+    most = [2.0 * parameters[f"motor_{i + 1}_max_torque"] if motors else math.inf for i in range(actuator.motors)]
+    bounds = (*most, *[math.inf] * (2 - len(most)))
     kind: Any = actuator  # For mypy a class of classes cannot be hashed.
     return _largest_within(kind, values, parameters.get("max_deflection", FREE_RANGE), bounds)
 
 
 @lru_cache
-def _largest_within(actuator: Any, values: tuple[float, ...], limit: float, bounds: tuple[float, float]) -> float:
+def _largest_within(actuator: Any, values: tuple[float, ...], limit: float, bounds: tuple[float, ...]) -> float:
     """limit: rad of deflection; bounds: N m of each motor. The joints of a robot often have the same springs."""
     sides = (-1.0, 0.0, 1.0)
-    rays = [(x, y) for x in sides for y in (sides if actuator.motors == 2 else (0.0,))]
+    rays = list(product(sides, repeat=actuator.motors))
+    others = [actuator.typical_preset if actuator.adjuster else 0.0] * (actuator.positions() - actuator.motors)
 
-    def positions(ray: tuple[float, float], part: float) -> tuple[float, float]:
-        second = actuator.typical_preset if actuator.adjuster else part * limit * ray[1]
-        return part * limit * ray[0], second
+    def positions(ray: tuple[float, ...], part: float) -> list[float]:
+        return [*(part * limit * side for side in ray), *others]
 
-    def holds(ray: tuple[float, float], part: float) -> bool:
+    def holds(ray: tuple[float, ...], part: float) -> bool:
         torques = actuator.elastic_torques(0.0, *positions(ray, part), values)
         return all(abs(torque) <= bound for torque, bound in zip(torques, bounds, strict=True))
 

@@ -205,9 +205,14 @@ def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
+def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
+    """References of its mode, whether or not they do something."""
+    return MODES[block.mode].references_of(ACTUATORS.get(block.actuator).motors)
+
+
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """References that the mode of no actuator has, or not that of the joint's."""
-    known = tuple(sorted({name for block in robot.actuators for name in MODES[block.mode].references}))
+    known = tuple(sorted({name for block in robot.actuators for name in _all_references(block)}))
     for name in scenario.references.get("*", {}) if not robot.unread else ():
         if name not in known:
             message = "no actuator of the robot has this reference in its mode"
@@ -216,7 +221,7 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for block in robot.actuators:
         mode, names = MODES[block.mode], reference_names(block)
         for name in scenario.references.get(block.joint, {}):
-            if name not in mode.references:
+            if name not in _all_references(block):
                 message = f"mode {mode.number} ({mode.name}) has no such reference"
                 key, hint = f"references.{block.joint}.{name}", did_you_mean(name, names)
                 yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference")
@@ -228,7 +233,7 @@ def _idle_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for block in robot.actuators:
         names, own = reference_names(block), scenario.references.get(block.joint, {})
         for name in own:
-            if name not in names and name in MODES[block.mode].references:
+            if name not in names and name in _all_references(block):
                 message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
                 yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:

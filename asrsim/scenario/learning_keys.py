@@ -8,7 +8,7 @@ from typing import Literal
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import MapOf
-from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, SHARE, Choice, Integer, Kind, Optional, Schema
+from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Choice, Integer, Kind, Optional, Schema
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import ScenarioError
@@ -16,8 +16,8 @@ from asrsim.scenario.kinds import SIGNALS_BY_JOINT, names_a_folder
 from asrsim.signals.base import Signal
 
 LawName = Literal["auto", "paper", "filtered"]
-FirstGuess = Literal["zero", "reference", "gravity", "inverse_dynamics"]
-PresetChoice = Literal["given", "constant", "over_time"]
+FirstGuess = Literal["zero", "reference", "inverse_dynamics"]
+PresetChoice = Literal["given", "constant"]
 KeepLogs = Literal["none", "last", "all"]
 Distribution = Literal["uniform", "normal"]
 
@@ -106,19 +106,17 @@ class Learning:
     joint_gains: Mapping[str, float | str] = declare(
         MapOf(of=Gain(), star=False), default={}, unit="1", doc="gains that replace `gain`"
     )
-    derivative: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="weight of the error's rate, times the gain")
     filter: Filter | None = declare(
         Optional(block_of(Filter, "zero-phase filter")), default=None, doc="zero-phase filter on what is learned",
         shown="law filtered, or gain model: safe by the model; else none",
     )  # fmt: skip
-    forgetting: float = declare(SHARE, default=0.0, unit="1", doc="share of the learned input that each iteration forgets")
     first_guess: FirstGuess | None = declare(
-        Optional(Choice(("zero", "reference", "gravity", "inverse_dynamics"))), default=None,
-        doc="first input: zero, the trajectory, the trajectory plus the springs' deflection under gravity, or inverse "
-        "dynamics through the springs", shown="law auto: inverse_dynamics; else zero",
+        Optional(Choice(("zero", "reference", "inverse_dynamics"))), default=None,
+        doc="first input: zero, the trajectory, or inverse dynamics through the springs",
+        shown="law auto: inverse_dynamics; else zero",
     )  # fmt: skip
     presets: PresetChoice = declare(
-        Choice(("given", "constant", "over_time")), default="given",
+        Choice(("given", "constant")), default="given",
         doc="second references: those of `references`, or the lowest that hold limits and tolerance, chosen beforehand",
     )  # fmt: skip
     tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it")

@@ -166,9 +166,8 @@ def _beyond_torques(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Torques, asked for or declared as a range, that the joint's effort limit or the motor's largest torque cuts."""
     for block in robot.actuators:
         mode, given = MODES[block.mode], scenario.references_of(block.joint)
-        for motor, (name, unit) in enumerate(zip(mode.references, mode.units, strict=True), start=1):
-            if unit != "N m":
-                continue
+        names = mode.references_of(ACTUATORS.get(block.actuator).motors) if mode.units[0] == "N m" else ()
+        for motor, name in enumerate(names, start=1):
             what, limit = "the joint's effort limit", robot.joint(block.joint).effort
             if mode.motor:
                 what, limit = f"motor {motor}'s largest torque", block.values().get(f"motor_{motor}_max_torque")
@@ -185,14 +184,15 @@ def _places(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, str, float,
     time = np.linspace(0.0, scenario.duration, 501)
     for block in robot.actuators:
         mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
-        first, second = (*mode.references, "")[:2]
+        names = mode.references_of(actuator.motors)
+        first = names[0]
         if mode.units[0] != "rad" or first not in given:
             continue
         if first != "reference_1" or actuator.motors < 2:
             yield reference_key(scenario, block, first), block.joint, *_extremes(scenario, given[first])
-        elif second in given:
-            motors = zip(given[first].values(time), given[second].values(time), strict=True)
-            places = [actuator.equilibrium_position(*pair) for pair in motors]
+        elif all(name in given for name in names):
+            motors = zip(*(given[name].values(time) for name in names), strict=True)
+            places = [actuator.equilibrium_position(*positions) for positions in motors]
             yield reference_key(scenario, block, first), block.joint, min(places), max(places)
     for section, table in _wanted(scenario).items():
         for joint in robot.moving_joints:

@@ -111,11 +111,7 @@ def references_of(drive: SteppedJoint) -> tuple[str, ...]:
     mode, actuator = drive.mode, drive.actuator
     if mode is None or actuator is None:
         return ()
-    if mode.mapped or len(mode.references) < 2:
-        return mode.references
-    # The table of modes names those of two motors.
-    numbered = mode.references[0]
-    return (*mode.references, *(numbered.replace("1", str(i)) for i in range(3, actuator.motors + 1)))
+    return mode.references_of(actuator.motors)
 
 
 def make_drives(

@@ -9,7 +9,7 @@ from dataclasses import replace
 from asrsim.actuators.electric import largest_command
 from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
 
@@ -31,7 +31,7 @@ def ranges_of(prepared: Prepared) -> dict[str, dict[str, Range]]:
 def _of(drive: SteppedJoint, scenario: Scenario) -> dict[str, Range]:
     declared = {**scenario.reference_ranges.get("*", {}), **scenario.reference_ranges.get(drive.name, {})}
     found: dict[str, Range] = {}
-    names = drive.mode.references if drive.mode else ()
+    names = references_of(drive) or (drive.mode.references if drive.mode else ())
     if drive.actuator is not None and drive.actuator.motors == 1 and not drive.actuator.adjuster:
         names = names[:1]
     for slot, name in enumerate(names):

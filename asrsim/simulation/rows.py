@@ -101,7 +101,7 @@ def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -
 
 def positions_of(drive: SteppedJoint) -> int:
     """Motor positions that the joint's law takes: two at least."""
-    return max(2, drive.actuator.motors + drive.actuator.adjuster) if drive.actuator else 2
+    return drive.actuator.positions() if drive.actuator else 2
 
 
 def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[int]:

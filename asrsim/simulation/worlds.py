@@ -175,17 +175,17 @@ class Worlds:
             length = min(LONGEST if keep else SHORTEST, count - ran)
             before = done[numbers].copy()
             given, sets, references = self._inputs_for(numbers, length)
-            out = np.full((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)), np.nan)
+            out = np.empty((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)))
             self._in_threads(np.column_stack([numbers, sets]), given, out)
-            for place, world in enumerate(numbers.tolist()):
-                first = int(before[place])
-                at = range(first + (-first) % every, int(done[world]), every)
-                if len(at) == 0:
-                    continue
-                self._rows[world] = out[place, len(at) - 1]
-                self._given[world] = references[sets[place]][:, :, at[-1] - first]
-                if keep:
-                    kept[place, at[0] // every : at[0] // every + len(at)] = out[place, : len(at)]
+            first, last = before + (-before) % every, (done[numbers] - 1) // every * every
+            # Of the worlds that came by a whole step.
+            places = np.flatnonzero(last >= first)
+            self._rows[numbers[places]] = out[places, (last - first)[places] // every]
+            given_then = [references[sets[place]][:, :, last[place] - before[place]] for place in places]
+            self._given[numbers[places]] = np.reshape(given_then, (len(places), *self._given.shape[1:]))
+            for place in places.tolist() if keep else ():
+                begin, end = first[place] // every, last[place] // every + 1
+                kept[place, begin:end] = out[place, : end - begin]
             ran += length
         return kept
 

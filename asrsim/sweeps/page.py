@@ -1,8 +1,7 @@
-"""A study as one HTML page with everything in it: table, pictures, parallel coordinates; small whatever the study's size."""
+"""A study as one HTML page with everything in it: tables and pictures; small whatever the study's size."""
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Sequence
 from html import escape
@@ -11,24 +10,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from asrsim.actuators.user import plugin_options
 from asrsim.outfile import write_text
 from asrsim.plots.output import styled
-from asrsim.report.html import bullets, data_address, document, number, script_json, section, table
-from asrsim.samples import Array
+from asrsim.report.html import bullets, data_address, document, number, section, table
 from asrsim.sweeps.pictures import chosen_results, figures
-from asrsim.sweeps.sensitivity import Index, influences, notes, numeric_keys
+from asrsim.sweeps.sensitivity import Index, influences, notes
 from asrsim.sweeps.show import HEADS, result_rows
 from asrsim.sweeps.table import Table, shares
 
-LINES = 4000
-"""Runs that are drawn as lines; of more, some evenly, and those at the ends of every result."""
-AXES = 12
-"""Axes of the parallel coordinates, at most."""
-LINE_WIDTH = 90
-"""Pixels of an axis, below which the picture is wider than a telephone and is moved."""
 DPI = 110
 """Dots per inch of the page's pictures."""
 
@@ -48,25 +38,12 @@ def make_page(study: Table, drawn: Sequence[str] = ()) -> str:
         pictures = "".join(_picture(figure) for figure in figures(study, shown).values())
     title = f"{study.manifest['name']}: {len(study)} runs"
     css = files("asrsim.report").joinpath("assets/page.css").read_text(encoding="utf-8")
-    script = files("asrsim.sweeps").joinpath("assets/sweep.js").read_text(encoding="utf-8")
     body = f"<h1>{escape(title)}</h1>{_head(study)}"
     body += section("Results", table(HEADS, rows) if rows else "<p>No result differs between the runs.</p>")
     if study.claims():
         body += section("Claims", bullets(f"{100 * share:.1f} % meet {title}" for title, share in study.claims().items()))
-    keys = numeric_keys(study)
-    axes = [*keys, *shown][:AXES]
-    if len(axes) > 1:
-        body += section("Runs", _lines(study, axes))
     body += section("What moves the results", _influences(study, shown)) + section("Pictures", pictures)
-    scripts = []
-    if len(axes) > 1:
-        data = script_json(_data(study, axes))
-        scripts = [f'<script id="data" type="application/json">{data}</script>', f"<script>{script}</script>"]
-    css += (
-        " canvas {width: 100%; height: 420px; cursor: crosshair} #wide {overflow-x: auto}"
-        f" #wide canvas {{min-width: {LINE_WIDTH * len(axes)}px}} pre {{white-space: pre-wrap}} img {{max-width: 100%}}"
-    )
-    return document(title, css, body, scripts=scripts)
+    return document(title, css + " pre {white-space: pre-wrap} img {max-width: 100%}", body)
 
 
 def _head(study: Table) -> str:
@@ -76,6 +53,8 @@ def _head(study: Table) -> str:
         f"varied: {', '.join(study.keys)}; design {manifest['design']}, seed {manifest['seed']}",
         f"{statuses.get('complete', 0)} runs complete" + (f", {shares(statuses)}" if shares(statuses) else ""),
     ]
+    again = shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(study.manifest["plugins"]), "--run"])
+    items.append(f"a run again, with its log: {again} N")
     if study.missing:
         items.append(f"{study.missing} runs are missing: asrsim sweep --resume does them")
     return bullets(items)
@@ -97,40 +76,6 @@ def _shares(index: Index | None) -> tuple[str, str]:
     if index is None:
         return "", ""
     return f"{index.first:.3f} ± {index.first_error:.3f}", f"{index.total:.3f} ± {index.total_error:.3f}"
-
-
-def _lines(study: Table, axes: list[str]) -> str:
-    drawn = len(_picked(study, axes))
-    left = "" if drawn == len(study) else f" {drawn} of {len(study)} runs are drawn: evenly picked, and extremes."
-    return (
-        f"<p>A line a run, coloured by {escape(axes[-1])}. Drag on an axis to keep a range, click it to let go; a line to "
-        f'see its run.{left} <span id="shown"></span> <button id="all">show all</button></p>'
-        '<div id="wide"><canvas id="lines"></canvas></div><div id="chosen"></div>'
-    )
-
-
-def _picked(study: Table, axes: list[str]) -> Any:
-    if len(study) <= LINES:
-        return np.arange(len(study))
-    picked = [np.linspace(0, len(study) - 1, LINES - 4 * len(axes)).astype(int)]
-    for name in axes:
-        order = np.argsort(study[name], kind="stable")
-        order = order[: int(np.isfinite(study[name]).sum())]
-        picked += [order[:2], order[-2:]]
-    return np.unique(np.concatenate(picked))
-
-
-def _data(study: Table, axes: list[str]) -> dict[str, Any]:
-    picked = _picked(study, axes)
-    return {
-        "axes": [{"name": name, "values": _packed(study[name][picked])} for name in axes],
-        "runs": _packed(study["run"][picked]),
-        "again": shlex.join(["asrsim", "sweep", str(study.folder), *plugin_options(study.manifest["plugins"])]),
-    }
-
-
-def _packed(values: Array) -> str:
-    return base64.b64encode(np.asarray(values, "<f8").tobytes()).decode()
 
 
 def _picture(figure: Any) -> str:

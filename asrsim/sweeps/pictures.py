@@ -29,8 +29,6 @@ LINES = 8
 """Lines in a panel, at most."""
 POINTS = 40
 """Points of a line that are drawn as such."""
-OUTLIER = 3.0
-"""Times as wide as the middle 96 % of a heat map's values, from where on its colours leave the rest out."""
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = (), formats: Sequence[str] = ("png",)) -> list[Path]:
@@ -114,7 +112,7 @@ def _label(table: Table, name: str) -> str:
 
 
 def _over_keys(table: Table, result: str, axes: Axes) -> None:
-    """Lines over the key with most values, or a heat map of two long ones; points where keys are drawn."""
+    """Lines over the key with most values; points where keys are drawn."""
     listed = [group[0] for group in table.manifest["listed"] if group[0] in numeric_keys(table)]
     moved = influences(table, result)
     if table.manifest["drawn"] or not listed:
@@ -128,9 +126,6 @@ def _over_keys(table: Table, result: str, axes: Axes) -> None:
         axes.set(xlabel=_label(table, key), ylabel=_label(table, result))
         return
     listed.sort(key=lambda key: -len(np.unique(table[key])))
-    if len(listed) > 1 and len(np.unique(table[listed[1]])) > LINES:
-        _heat(table, result, listed[0], listed[1], axes)
-        return
     over, others = listed[0], listed[1:]
     several = len(table.manifest["variants"]) > 1
     labels = [
@@ -161,26 +156,6 @@ def _whole_width(table: Table, key: str, axes: Axes) -> None:
     low, high = float(table[key].min()), float(table[key].max())
     if high > low:
         axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
-
-
-def _heat(table: Table, result: str, first: str, second: str, axes: Axes) -> None:
-    """The mean over whatever else varies."""
-    x, i = np.unique(table[first], return_inverse=True)
-    y, j = np.unique(table[second], return_inverse=True)
-    values = table[result]
-    there = np.isfinite(values)
-    sums, counts = np.zeros((len(y), len(x))), np.zeros((len(y), len(x)))
-    np.add.at(sums, (j[there], i[there]), values[there])
-    np.add.at(counts, (j[there], i[there]), 1.0)
-    mean = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
-    least, low, high, most = np.nanquantile(mean, (0.0, 0.02, 0.98, 1.0))
-    # One cell far off would take all colours.
-    bottom, top = (end if abs(end - edge) <= OUTLIER * (high - low) else edge for end, edge in ((least, low), (most, high)))
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get((least < bottom, most > top), "both")
-    mesh = axes.pcolormesh(x, y, mean, shading="nearest", cmap="viridis", rasterized=True, vmin=bottom, vmax=top)
-    label = f"mean of {_label(table, result)}" if counts.max() > 1.0 else _label(table, result)
-    axes.figure.colorbar(mesh, ax=axes, label=label, extend=extend)
-    axes.set(xlabel=_label(table, first), ylabel=_label(table, second))
 
 
 def _distribution(table: Table, result: str, axes: Axes) -> None:

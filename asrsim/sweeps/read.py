@@ -11,7 +11,7 @@ from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.file import read_document, read_file
-from asrsim.document.kinds import Boolean, Choice, File, Integer, Kind, Number, Optional, Schema, Text
+from asrsim.document.kinds import Choice, File, Integer, Kind, Number, Optional, Schema, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
@@ -74,7 +74,6 @@ class StudyFile:
     )  # fmt: skip
     signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
     rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="of the kept signals")
-    logs: bool = declare(Boolean(), default=False, doc="a log of every run")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),
@@ -113,7 +112,6 @@ def make_study(
     fit: str | Path | Mapping[str, Any] | None = None,
     signals: Sequence[str] = (),
     rate: float = 100.0,
-    logs: bool = False,
     plugins: Sequence[str | Path] = (),
     name: str | None = None,
 ) -> Study:
@@ -155,7 +153,6 @@ def make_study(
         seed=seed,
         signals=one_or_more(signals),
         rate=rate,
-        logs=logs,
         plugins=tuple(Path(path) for path in one_or_more(plugins)),
         name=name or Path(scenario).stem,
     )

@@ -77,7 +77,7 @@ def sweep(
         out: Folder for the rows; None: a temporary one, which goes with the table.
         resume: Go on with what is in `out`; overwrite: begin anew.
         progress: Told as rows come. stop: asked; True ends the study with the rows that there are.
-        options: Of a study: variants, overrides, design, samples, seed, fit, signals, rate, logs, plugins.
+        options: Of a study: variants, overrides, design, samples, seed, fit, signals, rate, plugins.
 
     Raises:
         InputError: Nothing of the study can run: unknown keys, values out of range; or `out` holds another study.
@@ -125,11 +125,9 @@ def executor_of(payload: Payload, store: Store, workers: int | None, cluster: st
     if cluster is None:
         count = workers or cores()
         # Even one: runs that kill their process are rows, too.
-        return Processes(count, plugins), Runner(payload, store.folder / "logs", count)
+        return Processes(count, plugins), Runner(payload, count)
     from asrsim.workers.cluster import Cluster
 
-    if payload.study.logs:
-        raise SimulationError("logs of every run are not gathered from a cluster: leave --logs away, and repeat runs by --run")
     return Cluster(cluster, plugins), Shipped(payload, share=8)
 
 

@@ -7,17 +7,15 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from asrsim.errors import AsrsimError, DivergenceError
-from asrsim.runs.execute import execute, write_summary
 from asrsim.simulation.run import Run, blame_laws, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.sweeps.base import Kind
 from asrsim.sweeps.cases import Case, Payload
-from asrsim.sweeps.rows import Row, one_line, plain_cells, summary_cells
-from asrsim.sweeps.tap import Signals, Tap
+from asrsim.sweeps.rows import Row, one_line, plain_cells
+from asrsim.sweeps.tap import Tap
 
 KINDS = 8
 """Prepared scenarios that are kept: runs that differ in numbers only share one."""
@@ -42,15 +40,14 @@ class _Point:
 class Runner:
     """A task for :mod:`asrsim.workers`: runs of one study; rows do not depend on their order."""
 
-    def __init__(self, payload: Payload, logs: Path | None = None, share: int = 1) -> None:
-        """logs: folder for logs, if the study keeps them; share: how many runners share the study's runs."""
+    def __init__(self, payload: Payload, share: int = 1) -> None:
+        """share: how many runners share the study's runs."""
         self.payload, self.study = payload, payload.study
-        self._logs = logs if payload.study.logs else None
         self._share = share
         self._kinds: OrderedDict[tuple[str, str], Kind] = OrderedDict()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Runner, (self.payload, self._logs, self._share)
+        return Runner, (self.payload, self._share)
 
     def __call__(self, run: int) -> Row:
         """The row of a run, in the payload's columns."""
@@ -77,7 +74,7 @@ class Runner:
 
     def _kind(self, point: _Point) -> Kind | None:
         """Of the run; None where it is done alone, which also tells what is wrong with it."""
-        if self._logs is not None or not point.case.plan.varies_in_place:
+        if not point.case.plan.varies_in_place:
             return None
         if point.key not in self._kinds:
             try:
@@ -121,8 +118,6 @@ class Runner:
 
     def _alone(self, point: _Point) -> dict[str, Any]:
         """Cells of a run that is prepared for itself."""
-        if self._logs is not None:
-            return self._logged(point.case, point.values, self._logs / f"run_{point.run:06d}")
         prepared = point.case.prepared(point.values)
         tap = Tap(prepared, self.study, checked=False)
         with Simulation(prepared, sinks=[tap]) as simulation:
@@ -133,15 +128,3 @@ class Runner:
                     raise
                 run = error.run
             return tap.cells(run)
-
-    def _logged(self, case: Case, values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        scenario = case.scenario(case.plan.settings(values))
-        folder.mkdir(parents=True, exist_ok=True)
-        executed = execute(scenario, folder, robot=case.robot_of(values), overwrite=True, keep=bool(self.study.signals))
-        write_summary(executed)
-        kept = {}
-        if self.study.signals and executed.run.samples is not None:
-            signals = Signals(self.study, executed.run.info, scenario.step * scenario.log_every)
-            signals.write(executed.run.samples)
-            kept = signals.cells()
-        return {**summary_cells(executed.summary), **kept}

@@ -65,7 +65,6 @@ class Study:
     """joint.quantity that are kept of every run."""
     rate: float = 100.0
     """Hz of the kept signals."""
-    logs: bool = False
     plugins: tuple[Path, ...] = ()
     name: str = "sweep"
 
@@ -146,7 +145,7 @@ class Study:
     def digest(self) -> str:
         """What the rows follow from, but for the files: two studies with equal digests have equal points."""
         parts = [self.variants, self.overrides, self.design, self.samples, self.seed]
-        parts += [self.signals, self.rate if self.signals else 0, self.logs, [path.name for path in self.plugins]]
+        parts += [self.signals, self.rate if self.signals else 0, [path.name for path in self.plugins]]
         laws = [(axis.keys, repr(axis.law)) for axis in self.axes]
         fit = repr(self.joint)
         return sha256(json.dumps([parts, laws, fit], default=str).encode()).hexdigest()[:16]

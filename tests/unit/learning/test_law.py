@@ -1,0 +1,245 @@
+"""Iterative learning control on plants whose answer is known: the law, its convergence, its stops, its state."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.learning import LearningProblem, learn, updated, write_inputs, zero_phase
+from asrsim.learning.law import FixedGain
+from asrsim.learning.settings import gains_at
+from asrsim.learning.trial import Trial
+from asrsim.scenario.learning_keys import Filter, Learning
+from asrsim.signals import parse_signal
+from asrsim.signals.pieces import Constant
+
+STEP = 1e-3
+TIME = np.arange(2001) * STEP
+SHARE = np.array([0.4, 0.7])
+"""Of the input that arrives at the two joints of the static plant."""
+
+
+def reference():
+    s = TIME / TIME[-1]
+    return 0.8 * np.outer(10 * s**3 - 15 * s**4 + 6 * s**5, [1.0, 0.5])
+
+
+def problem(first_guess=0.0, **changes):
+    wanted = reference()
+    return LearningProblem(
+        joints=("one", "two"), time=TIME, reference=wanted, first_guess=np.full_like(wanted, first_guess), **changes
+    )
+
+
+def settings(gains=(0.5, 0.5), **changes):
+    joint_gains = dict(zip(("one", "two"), gains, strict=False))
+    given = {"law": "paper", "gain_decay": None, "tolerance": 1e-3, **changes}
+    return Learning(trajectory={"one": Constant(value=0.0)}, joint_gains=joint_gains, **given)
+
+
+def static_plant(inputs):
+    return inputs * SHARE
+
+
+def test_the_paper_s_gain_falls_to_a_third_in_ten_updates():
+    paper = settings(gain_decay=10.0)
+    assert gains_at(paper, ("one", "two")) == (0.5, 0.5)
+    assert gains_at(paper, ("one", "two"), 10)[0] == pytest.approx(0.5 / math.e)
+
+
+def test_without_extras_the_update_is_equation_13_to_the_last_bit():
+    generator = np.random.default_rng(1)
+    inputs, error = generator.normal(size=(2, 50, 2))
+    gain = 0.5 * math.exp(-3 / 10)
+    following = updated(problem(), inputs, error, 3, settings(gain_decay=10.0))
+    assert np.array_equal(following, inputs + gain * error)
+
+
+def test_errors_of_a_static_plant_shrink_by_one_minus_share_times_gain():
+    result = learn(problem(), static_plant, settings())
+    assert result.converged
+    for trial in result.trials:
+        expected = np.abs(reference()).max(axis=0) * (1 - SHARE * 0.5) ** trial.number
+        assert trial.largest == pytest.approx(expected, rel=1e-12)
+    assert max(result.trials[-1].largest) <= 1e-3 < max(result.trials[-2].largest)
+    assert result.inputs == pytest.approx(reference() / SHARE, abs=2e-3 / SHARE.min())
+
+
+def test_the_norm_is_the_largest_two_norm_over_time():
+    first = learn(problem(), static_plant, settings(max_iterations=1)).trials[0]
+    assert first.norm == pytest.approx(math.hypot(0.8, 0.4))
+    assert first.rms == pytest.approx(np.sqrt(np.mean(reference() ** 2, axis=0)))
+
+
+def test_gains_differ_per_joint():
+    trial = learn(problem(), static_plant, settings(gains=(1 / 0.4, 1 / 0.7))).trials[1]
+    assert trial.largest == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_learning_that_makes_things_worse_stops_and_says_where():
+    result = learn(problem(), static_plant, settings(gains=(0.5, 3.5), patience=3))
+    assert result.outcome == "growing"
+    assert "grown in 3 iterations in a row" in result.reason
+    assert "two" in result.reason
+    assert result.iterations == 4  # the other joint's error hides the first growth
+    assert result.best < result.iterations
+
+
+def test_a_diverged_simulation_ends_the_learning():
+    result = learn(problem(), lambda inputs: np.full_like(inputs, np.nan), settings())
+    assert (result.outcome, result.iterations) == ("growing", 0)
+
+
+def test_learning_ends_after_the_largest_number_of_iterations():
+    result = learn(problem(), static_plant, settings(max_iterations=3))
+    assert (result.outcome, result.iterations, len(result.trials)) == ("exhausted", 3, 4)
+    assert result.best == 3
+
+
+def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
+    time = np.arange(20001) * STEP
+    for frequency, amplitude in ((0.5, 1.0), (5.0, 0.5), (50.0, 0.0)):
+        wave = np.sin(2 * np.pi * frequency * time)[:, None]
+        filtered = zero_phase(wave, 5.0, 2, STEP)
+        assert filtered[5000:15000] == pytest.approx(amplitude * wave[5000:15000], abs=1e-3)
+
+
+def test_a_filter_keeps_noise_out_of_what_is_learned():
+    generator = np.random.default_rng(0)
+
+    def noisy(inputs):
+        return inputs * SHARE + generator.normal(scale=1e-3, size=inputs.shape)
+
+    rough = learn(problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50)).inputs
+    smooth = learn(
+        problem(), noisy, settings(max_iterations=10, tolerance=1e-9, patience=50, filter=Filter(cutoff=10.0))
+    ).inputs
+    assert np.abs(np.diff(smooth, 2, axis=0)).max() < 0.1 * np.abs(np.diff(rough, 2, axis=0)).max()
+
+
+class PowerCutError(Exception):
+    """The machine stops in the middle of a trial."""
+
+
+@pytest.mark.parametrize("after", [1, 4])
+def test_an_interrupted_run_goes_on_exactly_where_it_was(tmp_path, after):
+    state = tmp_path / "state.npz"
+    rich = settings(gains=(0.45, 0.3), gain_decay=7.0, filter=Filter(cutoff=20.0), max_iterations=9)
+    whole = learn(problem(), static_plant, rich)
+    calls = []
+
+    def failing(inputs):
+        if len(calls) == after:
+            raise PowerCutError
+        calls.append(inputs)
+        return static_plant(inputs)
+
+    with pytest.raises(PowerCutError):
+        learn(problem(), failing, rich, state=state)
+    told = []
+    resumed = learn(problem(), static_plant, rich, told.append, state=state, resume=True)
+    assert [trial.number for trial in told] == list(range(after, whole.iterations + 1))
+    assert np.array_equal(resumed.inputs, whole.inputs)
+    assert [trial.largest for trial in resumed.trials] == [trial.largest for trial in whole.trials]
+    assert all(np.array_equal(a.outputs, b.outputs) for a, b in zip(resumed.trials, whole.trials, strict=True))
+
+
+def test_a_finished_run_resumes_to_its_result_without_a_trial(tmp_path):
+    state = tmp_path / "state.npz"
+    whole = learn(problem(), static_plant, settings(), state=state)
+    again = learn(problem(), lambda inputs: pytest.fail("simulated again"), settings(), state=state, resume=True)
+    assert again.reason == whole.reason
+
+
+def test_a_finished_run_goes_on_with_a_tighter_tolerance(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(tolerance=0.1), state=state)
+    tighter = learn(problem(), static_plant, settings(tolerance=1e-3), state=state, resume=True)
+    assert np.array_equal(tighter.inputs, learn(problem(), static_plant, settings(tolerance=1e-3)).inputs)
+
+
+@pytest.mark.parametrize("changed", [{"identity": "another robot"}, {"first_guess": 0.1}])
+def test_a_state_of_another_problem_is_refused(tmp_path, changed):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    with pytest.raises(InputError, match="another learning run"):
+        learn(problem(**changed), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
+def test_a_damaged_state_is_refused_by_name(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    state.write_bytes(state.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"state\.npz"):
+        learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
+def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
+    path = tmp_path / "learned.csv"
+    inputs = np.random.default_rng(2).normal(size=(len(TIME), 2))
+    write_inputs(path, TIME, ("one", "two"), inputs, comment="learned by a test\nin two lines")
+    assert "time [s],one [rad],two [rad]" in path.read_text()
+    signal = parse_signal({"playback": {"file": str(path), "column": "two"}})
+    assert np.array_equal(signal.values(TIME), inputs[:, 1])
+
+
+def test_a_creeping_error_is_no_reason_to_stop():
+    """One percent a trial, as friction makes it: learning goes on; ten percent in all, and it stops."""
+
+    def creeping(factor):
+        outputs = [reference() * (1.0 - 0.1 * factor**index) for index in range(40)]
+        return lambda inputs: outputs.pop(0)
+
+    assert learn(problem(), creeping(1.01), settings(max_iterations=8)).outcome == "exhausted"
+    assert learn(problem(), creeping(1.05), settings(max_iterations=8)).outcome == "growing"
+
+
+def test_a_state_that_would_unpack_to_more_than_its_file_is_refused_before_it_is(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    stored = dict(np.load(state))
+    np.savez_compressed(state, **{**stored, "inputs": np.zeros((10**6, 1, 1))})
+    with pytest.raises(InputError, match=r"state\.npz.*would unpack to 7\.6"):
+        learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+
+
+def test_every_flipped_bit_of_a_state_is_named_or_harmless(tmp_path):
+    state = tmp_path / "state.npz"
+    learn(problem(), static_plant, settings(max_iterations=1), state=state)
+    whole = state.read_bytes()
+    generator = np.random.default_rng(3)
+    # The headers, where a flip changes what the numbers mean, and places anywhere.
+    places = [*generator.integers(0, 2000, 60), *generator.integers(len(whole) - 800, len(whole), 60)]
+    for place in places:
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(generator.integers(8))
+        state.write_bytes(damaged)
+        said = "state.npz"
+        with suppress(InputError):
+            try:
+                learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
+            except InputError as error:
+                said = str(error)
+                raise
+        assert "state.npz" in said
+
+
+GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], True), "up and down": ([1.0, 1.2, 1.1], False),
+          "once": ([1.0, 1.2], False), "after the best": ([2.0, 1.0, 1.05, 1.2], True)}  # fmt: skip
+
+
+@pytest.mark.parametrize(("worst", "ends"), GROWTH.values(), ids=GROWTH)
+def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(worst, ends):
+    problem = SimpleNamespace(reference=np.zeros((2, 1)), joints=("one",), units=(), step=1.0, times=np.arange(2.0))
+    trials = [
+        Trial(number=number, largest=(error,), norm=error, rms=(error,), seconds=0.0, inputs=np.zeros((2, 1)),
+              outputs=np.full((2, 1), error), ratio=None)
+        for number, error in enumerate(worst)
+    ]  # fmt: skip
+    found = FixedGain(problem, settings()).verdict(trials, 2)
+    assert (found is not None) == ends
