@@ -1,6 +1,5 @@
 """Experiments designed: what they promise, that they keep limits, and what is said of files that ask for the impossible."""
 
-
 import numpy as np
 import pytest
 
