@@ -41,7 +41,7 @@ def design(
     Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture; and says which
     interval each parameter is promised, beside one step and a chirp. Ctrl-C keeps the best so far.
 
-    Example: asrsim design lab.yaml --free 'joint_1.spring_*' --limits lab.limits.yaml --seconds 20 --out excite.csv
+    Example: asrsim design lab.yaml --free 'joint_1.spring_*' --limits examples/recordings/limits.yaml --seconds 4
     """
     from asrsim.cli.console import say, say_table, say_written
     from asrsim.cli.interrupt import INTERRUPTED, Interruption

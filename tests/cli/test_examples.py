@@ -17,7 +17,7 @@ from asrsim.errors import OutputError
 from asrsim.runs.examples import copy_examples
 from support.paths import ROOT
 
-LONG = ("reproduce", "ilc")
+LONG = ("reproduce", "ilc", "design")
 """Commands whose examples take minutes; they name no other files than the rest."""
 
 

@@ -29,6 +29,7 @@ def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
         "fit": tmp_path / "made.fit.yaml",
         "study": tmp_path / "study.yaml",
         "recording": EXAMPLES / "recordings" / "two_joints.csv",
+        "limits": EXAMPLES / "recordings" / "limits.yaml",
         "log": next(tmp_path.rglob("log.mcap")),
         "summary": next(tmp_path.rglob("summary.json")),
     }
