@@ -18,7 +18,7 @@ from asrsim.runs.examples import copy_examples
 from support.paths import ROOT
 
 LONG = ("reproduce", "ilc", "design")
-"""Commands whose examples take minutes; they name no other files than the rest."""
+"""Commands whose examples take half a minute or more."""
 
 
 def examples_of_the_help() -> list[str]:
