@@ -26,6 +26,8 @@ MARKS = {
     "bench": rb"\Atime,[^\n]+\.position,[^\n]+\.elastic_torque_1,[^\n]+\.stiffness,",
     "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
     "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
+    "designed motion": rb"\A# asrsim design: ",
+    "designed scenario": rb"\A# Plays the experiment that `asrsim design` found",
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",

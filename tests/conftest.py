@@ -11,51 +11,15 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from support.tiny import PENDULUM, SCENARIO, Tiny
+
 # How long an example takes is the machine's affair: a busy one is no fault of the code.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_machine")
 
-PENDULUM = """<?xml version="1.0"?>
-<robot name="pendulum">
-  <link name="world"/>
-  <joint name="elbow" type="revolute">
-    <parent link="world"/>
-    <child link="arm"/>
-    <axis xyz="0 1 0"/>
-    <limit effort="50" velocity="100" lower="-3" upper="3"/>
-    <dynamics damping="0.2" friction="0"/>
-  </joint>
-  <link name="arm">
-    <inertial>
-      <origin xyz="0 0 -0.1"/>
-      <mass value="0.5"/>
-      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>
-    </inertial>
-  </link>
-  <gazebo>
-    <plugin name="elbow_drive" filename="libsea_plugin.so">
-      <joint>elbow</joint>
-      <operation_mode>3</operation_mode>
-      <pub_eltau>true</pub_eltau>
-      <pub_state>true</pub_state>
-      <sub_ext_tau>false</sub_ext_tau>
-      <spring_k>10</spring_k>
-    </plugin>
-  </gazebo>
-</robot>
-"""
-"""One joint with an SEA of 10 N m/rad: I = 6e-3 kg m^2, 0.5 kg at 0.1 m, which hangs at 0."""
-
-SCENARIO = """\
-robot: pendulum.urdf
-duration: 1.5
-references:
-  elbow:
-    equilibrium_position: {step: {at: 0.1, to: 0.5}}
-"""
 
 SHARED = Path(__file__).parents[2] / "shared"
-LONGEST = ("test_tutorial.py", "test_examples_command.py")
+LONGEST = ("test_tutorial.py", "test_examples.py")
 
 
 def pytest_collection_finish() -> None:
@@ -95,15 +59,6 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("there is no folder 'shared' beside the project")
     return SHARED
-
-
-@dataclass(frozen=True)
-class Tiny:
-    """A folder with a robot and a scenario."""
-
-    folder: Path
-    robot: Path
-    scenario: Path
 
 
 @pytest.fixture

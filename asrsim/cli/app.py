@@ -20,6 +20,7 @@ COMMANDS = {
     "rerun": "asrsim.cli.rerun",
     "sweep": "asrsim.cli.sweep",
     "identify": "asrsim.cli.identify",
+    "design": "asrsim.cli.design",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",

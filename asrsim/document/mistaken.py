@@ -13,6 +13,7 @@ COMMANDS = {
     "robot": "asrsim init {path}",
     "scenario": "asrsim run {path}",
     "fit": "asrsim identify {path}",
+    "limits": "asrsim design SCENARIO.yaml --limits {path}",
     "study": "asrsim sweep {path}",
     "log": "asrsim plot {path}",
     "recording": "asrsim init ROBOT.urdf --experiment {path}",
@@ -30,6 +31,7 @@ FOLDERS = {"log.mcap": "log", "study.json": "study"}
 KEYS = {
     "summary": {"generator"},
     "scenario": {"robot", "references", "duration"},
+    "limits": {"limits"},
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }

@@ -195,7 +195,7 @@ def _scenario_text(
     base = (result.task.scenario.parent).absolute()
     files = result.scenario.attachments
     data = _as_played(
-        _placed(data, lambda name: relative_path(files.get(name, base / name), path.parent.absolute())), result.played
+        placed(data, lambda name: relative_path(files.get(name, base / name), path.parent.absolute())), result.played
     )
     arguments = {key: value for key, value in given.items() if key == "packages"} if isinstance(given, Mapping) else {}
     data["robot"] = {"file": relative_path(robot, path.parent), **arguments} if arguments else relative_path(robot, path.parent)
@@ -222,14 +222,14 @@ def _scenario_text(
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
 
 
-def _placed(data: Any, place: Callable[[str], str]) -> Any:
+def placed(data: Any, place: Callable[[str], str]) -> Any:
     """With the files that it names where `place` has them."""
     if isinstance(data, Mapping):
         return {
-            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else _placed(value, place)
+            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else placed(value, place)
             for key, value in data.items()
         }
-    return [_placed(value, place) for value in data] if isinstance(data, list) else data
+    return [placed(value, place) for value in data] if isinstance(data, list) else data
 
 
 def _as_played(data: Any, columns: Mapping[str, str]) -> Any:

@@ -10,7 +10,8 @@ INTRODUCTION = """# Validation
 
 Every figure of this page was measured when it was written, by
 `PYTHONPATH=tests python -m validation --out docs/validation.md`; the same functions, with the same bounds, are the project's
-tests (`tests/test_truth.py`). A figure is what came out, a bound is what it must stay below (orders of convergence: reach).
+tests (`tests/physics/test_truth.py`). A figure is what came out, a bound is what it must stay below (orders of
+convergence: reach).
 Angles are in rad, steps 1 ms unless said. What depends on the engine was measured in each, with a column of its own; a dash
 stands where a check is another engine's.
 

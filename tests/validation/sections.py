@@ -54,7 +54,7 @@ SECTIONS: tuple[Section, ...] = (
             "which most steps do not need. MuJoCo's contacts are springs of some steps: nothing sinks or creeps that rests, "
             "but a box that slides fast loses touch now and then, and friction works on average only. Forces of a contact are "
             "those on the first body in the last substep of a row; they are the body's mass times its acceleration in every "
-            "step (`tests/test_contact_worlds.py`)."
+            "step (`tests/physics/test_contact_worlds.py`)."
         ),
         measures=(
             contacts.sliding,

@@ -1,0 +1,107 @@
+"""The limits file: within what a joint may move, what sensors are worth, and what the design may choose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from asrsim.document.block import Block, block_of, declare
+from asrsim.document.composite import Either, ListOf, MapOf, is_list
+from asrsim.document.file import read_file
+from asrsim.document.kinds import NUMBER, POSITIVE, Text
+from asrsim.document.node import Node
+from asrsim.document.yaml_reader import read_yaml
+from asrsim.errors import InputError, Problem, did_you_mean
+
+SENSORS = "sensors"
+"""Key of `choose` that lists sensors; all others are gains."""
+_RANGE = Either(((is_list, ListOf(of=NUMBER, length=2, names=("low", "high"))), (lambda _: True, POSITIVE)))
+
+
+def _has_names(node: Node) -> bool:
+    return isinstance(node.value, list) and any(isinstance(item.value, str) for item in node.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """A limits file as data."""
+
+    limits: Mapping[str, Mapping[str, Any]] = declare(
+        MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False)),
+        doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for that of each motor",
+    )
+    choose: Mapping[str, Any] = declare(
+        MapOf(
+            of=Either(((_has_names, ListOf(of=Text())), (lambda _: True, ListOf(of=NUMBER, minimum=1)))), noun="key", star=False
+        ),
+        default={},
+        doc="`joint.parameter` -> values that it may be given; `sensors` -> quantities that could be recorded, too",
+    )
+    noise: Mapping[str, float] = declare(
+        MapOf(of=POSITIVE, noun="quantity", star=False), default={}, shown="1 mrad on the positions of link and motors",
+        doc="quantity, or `joint.quantity` -> standard deviation of its noise; these are recorded, but for those of `choose`",
+    )  # fmt: skip
+    rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="of the recording")
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Quantities that could be recorded, too."""
+        return tuple(map(str, self.choose.get(SENSORS, ())))
+
+    @property
+    def gains(self) -> dict[str, tuple[float, ...]]:
+        """`joint.parameter` -> values to choose from."""
+        return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
+
+
+LIMITS: Block[Limits] = block_of(Limits, "limits")
+
+
+def read_limits(path: Path) -> Limits:
+    """Raises InputError with every problem."""
+    found = read_file(LIMITS, path)
+    problems = list(_faults(found, path))
+    if problems:
+        raise InputError(located(problems, path))
+    return found
+
+
+def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
+    for joint, ranges in limits.limits.items():
+        for name, given in ranges.items():
+            low, high = interval(given)
+            if not low < high:
+                key = f"limits.{joint}.{name}"
+                yield Problem("its lower limit is not below its upper one", file=path, key=key, value=low, code="limits")
+    for sensor in limits.sensors:
+        if sensor not in limits.noise:
+            hint = f"Add to `noise`: {sensor}: its standard deviation"
+            yield Problem(
+                "has no noise: what it would tell is unknown", file=path, key=f"choose.{sensor}", hint=hint, code="noise"
+            )
+    for key, values in limits.gains.items():
+        if any(isinstance(value, str) for value in values):
+            message = f"must be numbers; names belong to '{SENSORS}'"
+            yield Problem(message, file=path, key=f"choose.{key}", hint=did_you_mean(key, (SENSORS,)), code="choose")
+
+
+def interval(given: Any) -> tuple[float, float]:
+    """Low and high of a size, or of both."""
+    return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
+
+
+def located(problems: Sequence[Problem], path: Path) -> list[Problem]:
+    """Problems of a limits file's keys, with their lines."""
+    root, _ = read_yaml(path)
+    return [replace(problem, file=path, line=_line(root, problem.key or "")) for problem in problems]
+
+
+def _line(node: Node, key: str) -> int | None:
+    """Of the longest part of a dotted key that the file has; names may have dots themselves."""
+    if isinstance(node.value, dict):
+        for name, inner in node.value.items():
+            if key == name or key.startswith(f"{name}."):
+                return _line(inner, key[len(name) + 1 :])
+    return node.line

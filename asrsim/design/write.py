@@ -1,0 +1,98 @@
+"""What a design leaves: the motion as CSV, a scenario that plays it, a picture, and the table of what it promises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asrsim.design.run import WANTED, Design
+from asrsim.identification.write import placed
+from asrsim.outfile import csv_text, write_text
+from asrsim.plots.output import save_figure, styled
+from asrsim.scenario.starter import relative_path
+
+MARK = "# asrsim design: references of an experiment"
+
+
+def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
+    """CSV, scenario and picture, beside each other. Raises OutputError."""
+    import yaml
+
+    time = found.step * np.arange(found.found.motion.shape[1])
+    headings = ["time [s]", *(f"{one.column} [{one.unit}]" for one in found.references)]
+    text = f"{MARK}\n{csv_text(headings, np.column_stack([time, found.found.motion.T]))}"
+    write_text(path, text, "designed motion")
+    scenario = path.with_suffix(".yaml")
+    text = yaml.safe_dump(_scenario(found, path, scenario), sort_keys=False, allow_unicode=True)
+    write_text(scenario, f"# Plays the experiment that `asrsim design` found.\n{text}", "designed scenario")
+    return [path, scenario, *(_draw(found, time, path) if plot else [])]
+
+
+def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
+    folder, base, files = path.parent.absolute(), found.task.scenario.parent.absolute(), found.scenario.attachments
+
+    def place(name: str) -> str:
+        return relative_path(files.get(name, base / name), folder)
+
+    data: dict[str, Any] = placed(dict(found.scenario.resolved), place)
+    if isinstance(data.get("robot"), str):
+        data["robot"] = place(data["robot"])
+    for key in ("name", "variant", "expect"):
+        data.pop(key, None)
+    references = {joint: dict(signals) for joint, signals in (data.get("references") or {}).items()}
+    for one in found.references:
+        heading = f"{one.column} [{one.unit}]"
+        references.setdefault(one.joint, {})[one.name] = {"playback": {"file": motion.name, "column": heading}}
+    parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
+    for key, value in found.gains.items():
+        joint, _, name = key.rpartition(".")
+        parameters.setdefault(joint, {})[name] = value
+    return {**data, "duration": found.seconds, "references": references, **({"parameters": parameters} if parameters else {})}
+
+
+def columns(found: Design) -> list[tuple[str, list[str], bool]]:
+    """Of the table: heading, cells (a row a key), whether they stand to the right."""
+    cells = [("parameter", list(found.keys), False)]
+    for name, halves in found.intervals.items():
+        cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
+    return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
+
+
+def remarks(found: Design) -> Iterator[str]:
+    """What is said beside the table."""
+    yield from found.remarks
+    if found.gains:
+        yield "gains: " + ", ".join(f"{key} = {value:g}" for key, value in found.gains.items())
+    for gains, mean in found.choices:
+        yield f"with {', '.join(f'{key} = {value:g}' for key, value in gains.items())}: ± {100.0 * mean:.2g} % in the mean"
+    if found.untold:
+        yield f"not told by this motion, alone at least: {', '.join(found.untold)}"
+    if found.found.name != "design":
+        yield f"nothing better was found than {found.found.name}"
+    if found.interrupted:
+        yield "interrupted: this is the best so far"
+
+
+def _draw(found: Design, time: Any, path: Path) -> list[Path]:
+    with styled(mathematics=False):
+        from matplotlib.figure import Figure
+
+        count = len(found.references)
+        figure = Figure(figsize=(9.0, 1.8 * count + 2.8), layout="constrained")
+        axes = figure.subplots(count + 1, 1, squeeze=False)[:, 0]
+        for axis, one, values in zip(axes, found.references, found.found.motion, strict=False):
+            axis.plot(time, values, linewidth=1.0)
+            for limit in (one.low, one.high):
+                axis.axhline(limit, color="0.6", linestyle="--", linewidth=0.8)
+            axis.set(xlabel="time [s]", ylabel=f"{one.joint}\n{one.name} [{one.unit}]")
+        for name, halves in found.intervals.items():
+            if not name.startswith("with "):
+                axes[-1].semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
+        axes[-1].set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
+        axes[-1].yaxis.set_major_formatter("{x:g}")
+        axes[-1].set(ylabel="95 % interval [± %]")
+        axes[-1].legend(fontsize="x-small")
+        return save_figure(figure, path.parent, path.stem, ("png",))

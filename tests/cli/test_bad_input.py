@@ -1,0 +1,435 @@
+"""Bad input through the command line: each ends with a line that names the fault, an exit code, and no traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.engines.bullet import BulletEngine
+from asrsim.engines.foreign import crashes
+from asrsim.errors import OutputError, Problem
+from asrsim.robot import load_robot
+from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.meshes import mesh_fault
+from asrsim.robot.reader import MAX_MOVING
+from asrsim.scenario import Scenario
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+REFUSED = ("Traceback", "unexpected error")
+
+
+def chain(count: int, *, kind: str = "revolute", name: str = "j") -> str:
+    """A robot of `count` joints in a row."""
+    links = "".join(f'<link name="l{i}">{INERTIAL}</link>' for i in range(count))
+    joints = "".join(
+        f'<joint name="{name}{i}" type="{kind}"><parent link="{f"l{i - 1}" if i else "base"}"/><child link="l{i}"/>'
+        '<axis xyz="0 0 1"/><limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
+        for i in range(count)
+    )
+    return f'<robot name="chain"><link name="base"/>{links}{joints}</robot>'
+
+
+def collision(geometry: str) -> tuple[str, str]:
+    """A change of the tiny robot: a collision on its link."""
+    return "</inertial>", f"</inertial><collision><geometry>{geometry}</geometry></collision>"
+
+
+ROBOTS = {
+    "no text": (None, "", "not well-formed"),
+    "entities": ("<robot name=", '<!DOCTYPE r [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><robot name=', "entities"),
+    "depth": ("</robot>", "<gazebo>" + "<a>" * 10_000 + "</a>" * 10_000 + "</gazebo></robot>", "depth"),
+    "floating joint": ('type="revolute"', 'type="floating"', "base: {fixed: false}"),
+    "planar joint": ('type="revolute"', 'type="planar"', "planar joints cannot be simulated"),
+    "long name": ('name="arm"', f'name="{"m" * 300}"', "longer than 255"),
+    "negative radius": (*collision('<sphere radius="-1"/>'), "radius is negative"),
+    "no length": (*collision('<cylinder radius="1"/>'), "a cylinder without length"),
+    "not finite": (*collision('<box size="1 nan 1"/>'), "size is not finite"),
+    "no shape": (*collision(""), "empty <geometry>"),
+    "no real value": ("<spring_k>10<", "<spring_k>pow(-1, 0.5)<", "has no real value"),
+    "negative inertia": ('ixx="1e-3"', 'ixx="-1e-3"', "negative principal moment"),
+    "mode 9": ("<operation_mode>3<", "<operation_mode>9<", "8 (MotorCurrents)"),
+    "no joint": ("<joint>elbow</joint>", "", "required tag <joint> is missing"),
+    "no mass": ('<mass value="0.5"/>', "", "<inertial> has no <mass>"),
+    "no inertia": (
+        '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>', "", "<inertial> has no <inertia>"
+    ),
+    "two inertials": ("</inertial>", f"</inertial>{INERTIAL}", "more than one <inertial>"),
+    "divided by zero": ("<spring_k>10<", "<spring_k>1 / (2 - 2)<", "divides by zero"),
+    "too large": ("<spring_k>10<", "<spring_k>pow(10, 999)<", "too large for a number"),
+    "too deep": ("<spring_k>10<", f"<spring_k>{'-' * 150}1<", "nested deeper than"),
+    "wrong joint": ("<joint>elbow<", "<joint>ellbow<", "Did you mean 'elbow'?"),
+    "massless": ('<mass value="0.5"/>\n      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>',
+                 '<mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>', "nothing behind this joint"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ROBOTS)
+def test_robots(case: str, tiny, asrsim_command) -> None:
+    old, new, words = ROBOTS[case]
+    text = tiny.robot.read_text()
+    assert old is None or old in text
+    tiny.robot.write_text(new if old is None else text.replace(old, new, 1))
+    for arguments in (("check", tiny.robot), ("run", tiny.scenario, "--no-plot")):
+        outcome = asrsim_command(*arguments)
+        told = outcome.out + outcome.err
+        assert outcome.code == 1
+        assert words in told
+        assert "pendulum.urdf" in told
+        assert not any(word in told for word in REFUSED)
+    assert not (tiny.folder / "out" / "step" / "default" / "log.mcap").exists()
+
+
+def test_a_joint_that_cannot_be_read_is_told_of_once(tiny, asrsim_command) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="spherical"'))
+    told = asrsim_command("check", tiny.robot, "-q").out
+    assert told.count("error") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (chain(MAX_MOVING + 1), f"at most {MAX_MOVING}"),
+        (chain(2, kind="fixed"), "no moving joint"),
+    ],
+)
+def test_robots_that_the_engine_does_not_take(text: str, words: str, tiny, asrsim_command) -> None:
+    tiny.robot.write_text(text)
+    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\n")
+    for arguments in (("check", tiny.robot), ("check", tiny.scenario), ("run", tiny.scenario, "--no-plot")):
+        outcome = asrsim_command(*arguments)
+        assert outcome.code == 1
+        assert words in outcome.out + outcome.err
+
+
+def test_the_largest_robot_that_the_engine_takes(tiny, asrsim_command) -> None:
+    """Beyond it PyBullet mixes up positions and velocities of the last joints: each must stay where it starts."""
+    tiny.robot.write_text(chain(MAX_MOVING))
+    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.002\ngravity: [0, 0, 0]\ninitial: {'*': 0.01}\n")
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--json").code == 0
+    joints = json.loads((tiny.folder / "out/step/default/summary.json").read_text())["joints"]
+    assert [round(joint["steady_state"], 9) for joint in joints] == [0.01] * MAX_MOVING
+
+
+@pytest.mark.parametrize("padding", [0, 4, 8, 12])
+def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> None:
+    """PyBullet reads lines in pieces of 8 kB; a seam inside a tag breaks the document."""
+    text = (
+        chain(28)
+        .replace('value="1"', 'value="1.234567890123456789"')
+        .replace("<link name", f"<!--{'x' * padding}--><link name", 1)
+    )
+    path = tmp_path / "line.urdf"
+    path.write_text(text)
+    robot = load_robot(path)
+    engine = BulletEngine(Scenario(name="line", robot=path), robot)
+    try:
+        np.testing.assert_allclose(engine.model.mass_matrix([0.0] * 28), zero_pose_inertia(robot).matrix, rtol=1e-12)
+    finally:
+        engine.close()
+
+
+def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
+    pytest.importorskip("pybullet")
+    name = "&quot;" * 250  # 250 characters, each written as six
+    text = tiny.robot.read_text().replace('name="arm"', f'name="{name}"').replace('link="arm"', f'link="{name}"')
+    tiny.robot.write_text(text)
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--engine", "bullet")
+    assert outcome.code == 1
+    assert "longer than 1000 bytes" in outcome.err
+
+
+SCENARIOS = {
+    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
+    "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
+    "misspelt variants": ("duration: 1.5", "duration: 1.5\nvarients: {}", "Did you mean 'variants'?"),
+    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "it names a folder too"),
+    "variant outside": ("duration: 1.5", "duration: 1.5\nvariant: a/b", "it names a folder too"),
+    "variant of two lines": ("duration: 1.5", 'duration: 1.5\nvariants: {"a\\nb": {}}', "it names a folder too"),
+    "wrench of nothing": ("duration: 1.5", "duration: 1.5\nwrenches: [{link: arm}]", "a force or a torque"),
+    "twice": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1, spring_stiffness: 2}}", "same parameter"),
+    "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
+    "reversed range": (
+        "duration: 1.5",
+        "duration: 1.5\nreference_ranges: {elbow: {equilibrium_position: [1, -1]}}",
+        "larger than the largest",
+    ),
+    "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
+    "named and variants": ("duration: 1.5", "duration: 1.5\nvariant: a\nvariants: {a: {}}", "names them there"),
+    "manager of nothing": ("duration: 1.5", "duration: 1.5\nmanager: step.yaml", "step.yaml"),
+    "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
+}
+"""Case -> what is replaced in the tiny scenario, by what, and words of the error."""
+
+
+@pytest.mark.parametrize("case", SCENARIOS)
+def test_scenarios(case: str, tiny, asrsim_command) -> None:
+    old, new, words = SCENARIOS[case]
+    tiny.scenario.write_text(tiny.scenario.read_text().replace(old, new))
+    for command in ("check", "run"):
+        outcome = asrsim_command(command, tiny.scenario, *(["--no-plot"] if command == "run" else []))
+        told = outcome.out + outcome.err
+        assert outcome.code == 1
+        assert words in told
+        assert not any(word in told for word in REFUSED)
+
+
+def test_reading_a_scenario_ends(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", "/dev/zero")
+    assert outcome.code == 1
+    assert "at most that many are read" in outcome.err
+
+
+def test_hundreds_of_problems_are_cut_short(tiny, asrsim_command) -> None:
+    tiny.scenario.write_text(tiny.scenario.read_text() + "".join(f"k{i}: 1\n" for i in range(300)))
+    assert "... and 260 more" in asrsim_command("run", tiny.scenario).err
+    assert len(json.loads(asrsim_command("run", tiny.scenario, "--json").out)["errors"][0]["problems"]) == 300
+
+
+def test_a_value_of_a_megabyte_is_cut_short() -> None:
+    assert len(str(Problem(message="is wrong", value="9" * 1_000_000))) < 300
+
+
+def test_variants_cannot_be_set(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--set", "variants.a.duration=1")
+    assert outcome.code == 1
+    assert "--variant" in outcome.err
+
+
+# -- meshes -----------------------------------------------------------------------------------------------------------
+
+
+def stl(*points: float, count: int = 1) -> bytes:
+    """A binary STL file of one triangle that says that it has `count`."""
+    return bytes(80) + struct.pack("<I12fH", count, 0, 0, 1, *(points or (0, 0, 0, 1, 0, 0, 0, 1, 0)), 0)
+
+
+DAE = (
+    '<COLLADA><geometry><mesh><source id="s"><float_array count="9">0 0 0 1 0 0 0 1 0</float_array></source>'
+    '<triangles count="{count}"><input source="#{source}" offset="0"/><p>{indices}</p></triangles></mesh></geometry></COLLADA>'
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("m.stl", stl(), None),
+        ("m.stl", b"", "empty"),
+        ("m.stl", stl(count=10**9), "size"),
+        ("m.stl", stl(*[float("nan")] * 9), "finite"),
+        ("m.stl", b"solid a\nvertex 0 0 0\nendsolid", "binary"),
+        ("m.stl", b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n", "git lfs pull"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 2 -1\n", None),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "not there"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "not there"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", "not there"),
+        ("m.obj", b"o " + b"x" * 5000 + b"\nv 0 0 0\nf 1 1 1\n", "longer"),
+        ("m.obj", b"v 0 0 0\nf a b c\n", "numbers"),
+        ("m.obj", b"v 0 0 nan\nf 1 1 1\n", "finite"),
+        ("m.dae", DAE.format(count=1, source="s", indices="0 1 2").encode(), None),
+        ("m.dae", DAE.format(count=1, source="s", indices="0 1 99").encode(), "not there"),
+        ("m.dae", DAE.format(count=1, source="nope", indices="0 1 2").encode(), "not there"),
+        ("m.dae", DAE.format(count=100, source="s", indices="0 1 2").encode(), "fewer"),
+        ("m.dae", b'<!DOCTYPE a [<!ENTITY a "a">]><COLLADA/>', "entities"),
+        ("m.dae", b"<COLLADA/>", "no triangle"),
+        ("m.png", b"x", "none of"),
+    ],
+)
+def test_meshes(name: str, data: bytes, words: str | None, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(data)
+    fault = mesh_fault(tmp_path / name)
+    assert fault is None if words is None else words in str(fault)
+
+
+def test_a_broken_mesh_is_a_warning_that_names_the_link(tiny, asrsim_command) -> None:
+    (tiny.folder / "bad.obj").write_text("o " + "x" * 5000 + "\n")
+    old, new = collision('<mesh filename="bad.obj"/>')
+    tiny.robot.write_text(tiny.robot.read_text().replace(old, new))
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 0
+    assert "arm: collision mesh has a line longer" in outcome.err
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_crash_of_the_engine_happens_to_a_child() -> None:
+    assert crashes(lambda: os.kill(os.getpid(), signal.SIGKILL))
+    assert not crashes(lambda: None)
+    assert not crashes(lambda: 1 / 0)
+
+
+def test_a_robot_without_name_or_with_blanks_in_names_runs(tiny, asrsim_command) -> None:
+    text = tiny.robot.read_text().replace(' name="pendulum"', "").replace('name="elbow"', 'name=" elbow "')
+    tiny.robot.write_text(text.replace('link="arm"', 'link=" arm"'))
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 0
+
+
+# -- streams and JSON -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "command", [("actuators", "nope"), ("check", "--actuator", "nope"), ("check", "--plugin", "nope.py", "x")]
+)
+def test_errors_are_json_where_json_is_asked_for(command: tuple[str, ...], asrsim_command) -> None:
+    outcome = asrsim_command(*command, "--json")
+    assert outcome.code == 1
+    assert json.loads(outcome.out)["ok"] is False
+
+
+def test_quiet_check_of_a_sound_file_says_nothing(tiny, asrsim_command) -> None:
+    assert asrsim_command("check", tiny.scenario, "--quiet").out == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(("redirection", "code"), [(">&-", 0), (">/dev/full", 1), ("2>&-", 0)])
+def test_streams_that_are_closed_or_full(redirection: str, code: int, tiny) -> None:
+    command = f'"{sys.executable}" -m asrsim.cli.app actuators {redirection}'
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == code
+    assert not any(word in done.stdout + done.stderr for word in REFUSED)
+
+
+# -- plugins ----------------------------------------------------------------------------------------------------------
+
+PLUGIN = """
+from asrsim.actuators import Actuator, Parameter, max_deflection
+
+print("loaded")
+
+class Mine(Actuator):
+    name = "mine_{name}"
+    title = "Mine"
+    source = "mine"
+    motors = 1
+    parameters = (Parameter(name="k", default=10.0, unit="N m/rad", doc="k"), max_deflection(1.0))
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        {line}
+        return parameters[0] * (theta_1 - q), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return parameters[0]
+"""
+
+
+@pytest.fixture
+def registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test registers is gone after it."""
+    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
+
+
+@pytest.mark.usefixtures("registry")
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("raise ValueError('no')", "raised ValueError: no"),
+        ("return None", "must give 2 numbers"),
+        ("return 1.0, 2.0, 3.0", "must give 2 numbers"),
+        ("raise SystemExit(7)", "raised SystemExit: 7"),
+        ("if theta_1 > 0.4: raise ValueError('late')", "elastic_torques: the law raised ValueError: late"),
+    ],
+)
+def test_laws_that_fail(line: str, words: str, tiny, asrsim_command) -> None:
+    name = f"n{abs(hash(line))}"
+    plugin = tiny.folder / "mine.py"
+    plugin.write_text(PLUGIN.format(name=name, line=line))
+    text = tiny.robot.read_text().replace("libsea_plugin.so", f"libmine_{name}_plugin.so")
+    tiny.robot.write_text(text.replace("<spring_k>10</spring_k>", ""))
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--plugin", plugin)
+    assert outcome.code == 1
+    assert words in outcome.err
+    assert "mine.py:" in outcome.err
+    assert not any(word in outcome.out + outcome.err for word in REFUSED)
+
+
+@pytest.mark.usefixtures("registry")
+def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
+    plugin = tiny.folder / "mine.py"
+    plugin.write_text(PLUGIN.format(name="printing", line="pass"))
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--plugin", plugin, "--json")
+    assert json.loads(outcome.out)["ok"] is True
+    assert "loaded" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [("raise RuntimeError('boom')", "RuntimeError: boom"), ("Nope = 3", "no class derived")]
+)
+def test_an_installed_actuator_that_is_broken_harms_nobody_else(code: str, words: str, tiny) -> None:
+    info = tiny.folder / "mine-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[asrsim.actuators]\nmine = broken_package:Nope\n")
+    (tiny.folder / "broken_package.py").write_text(code)
+    paths = os.pathsep.join([str(tiny.folder), str(ROOT)])
+
+    def call(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "asrsim.cli.app", *arguments]
+        environment = {**os.environ, "PYTHONPATH": paths}
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+
+    assert call("actuators").returncode == 0
+    named = call("actuators", "mine")
+    assert named.returncode == 1
+    assert words in named.stderr
+
+
+# -- what cannot be drawn ---------------------------------------------------------------------------------------------
+
+
+def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_keys: object) -> None:
+        raise OutputError("joints.png: cannot be written: No space left on device")
+
+    monkeypatch.setattr("asrsim.cli.run._drawn", fail)
+    outcome = asrsim_command("run", tiny.scenario)
+    assert outcome.code == 1
+    assert "elbow" in outcome.out
+    assert "No space left" in outcome.err
+    document = json.loads(asrsim_command("run", tiny.scenario, "--json").out)
+    assert [run["variant"] for run in document["runs"]] == ["default"]
+    assert not document["ok"]
+    assert asrsim_command("rerun", tiny.folder / "out/step/default/log.mcap").code == 0
+
+
+def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> None:
+    text = chain(2).replace(f'<link name="l0">{INERTIAL}</link>', '<link name="l0"/>')
+    tiny.robot.write_text(text)
+    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\n")
+    for command in ("check", "run"):
+        outcome = asrsim_command(command, tiny.scenario)
+        assert outcome.code == 1
+        assert "'j0', 'j1'" in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize(
+    ("command", "wanted"),
+    [
+        (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
+        (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
+        (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
+        (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
+        (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
+    ],
+)
+def test_a_name_that_is_nearly_a_files_is_told_which(tmp_path, monkeypatch, asrsim_command, command, wanted) -> None:
+    (tmp_path / "robot.urdf").write_text(chain(1))
+    (tmp_path / "scenario.yaml").write_text("robot: robot.urdf\nduration: 1\n")
+    (tmp_path / "motion.csv").write_text("t,j0\n0,0\n1,0\n")
+    monkeypatch.chdir(tmp_path)
+    outcome = asrsim_command(*command)
+    assert outcome.code == 1
+    assert wanted in outcome.err + outcome.out
+    assert not any(word in outcome.err for word in REFUSED)

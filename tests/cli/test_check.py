@@ -1,0 +1,170 @@
+"""`asrsim check` and `asrsim actuators`, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from support.paths import EXAMPLES
+
+GOOD = """<robot name="p"><link name="world"/>
+<joint name="elbow" type="revolute"><parent link="world"/><child link="l"/><axis xyz="0 1 0"/>
+<limit effort="300" velocity="100" lower="-3" upper="3"/></joint>
+<link name="l"><inertial><mass value="0.2"/><inertia ixx="1e-6" iyy="3.21e-4" izz="3.21e-4"/></inertial></link>
+<gazebo><plugin name="a" filename="libsea_plugin.so"><joint>elbow</joint><operation_mode>3</operation_mode>
+<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>
+<spring_k>400</spring_k><sprang>1</sprang>
+</plugin></gazebo></robot>"""
+
+
+@pytest.fixture
+def runner() -> CliRunner:
+    return CliRunner(env={"COLUMNS": "200", "NO_COLOR": "1"})
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    path = tmp_path / "good.urdf"
+    path.write_text(GOOD)
+    return path
+
+
+def test_a_prismatic_joint_has_units_of_its_own(runner: CliRunner, good: Path) -> None:
+    turning = runner.invoke(app, ["check", str(good)]).stdout
+    sliding = good.with_name("slide.urdf")
+    sliding.write_text(GOOD.replace("revolute", "prismatic"))
+    found = runner.invoke(app, ["check", str(sliding)]).stdout
+    units = ("N m/rad", "N m s/rad", "kg m^2", "kg m²", "rad/s", "N m/(rad s)")
+    assert all(f" {unit} " in turning for unit in units)
+    assert not any(f" {unit} " in found for unit in units)
+    for unit in ("N/m", "N s/m", "kg", "m/s", "N/(m s)"):
+        assert f" {unit} " in found
+
+
+def test_table_shows_values_units_and_origins(runner: CliRunner, good: Path) -> None:
+    result = runner.invoke(app, ["check", str(good)])
+    assert result.exit_code == 0
+    rows = {line.split()[0]: line for line in result.stdout.splitlines() if line.split()}
+    assert "400" in rows["spring_stiffness"]
+    assert "N m/rad" in rows["spring_stiffness"]
+    assert "<spring_k>, line 7" in rows["spring_stiffness"]
+    assert "default <max_def>" in rows["max_deflection"]
+    assert f"{good}:7" in result.stdout
+    assert "unknown tag <sprang>" in result.stdout
+    assert "0 errors, 1 warning" in result.stdout
+
+
+def test_step_changes_the_verdict(runner: CliRunner, good: Path) -> None:
+    assert "too stiff" not in runner.invoke(app, ["check", str(good), "--quiet"]).stdout
+    assert "too stiff" in runner.invoke(app, ["check", str(good), "--quiet", "--step", "0.01"]).stdout
+    assert runner.invoke(app, ["check", str(good), "--step", "0"]).exit_code == 2
+
+
+def test_json_for_machines(runner: CliRunner, good: Path) -> None:
+    result = runner.invoke(app, ["check", "--json", str(good)])
+    data = json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    (entry,) = data["files"]
+    assert data["ok"] is True
+    parameters = {parameter["name"]: parameter for parameter in entry["actuators"][0]["parameters"]}
+    assert parameters["spring_stiffness"] == {
+        "name": "spring_stiffness", "value": 400.0, "unit": "N m/rad", "origin": "tag", "tag": "spring_k", "line": 7,
+        "text": "400",
+    }  # fmt: skip
+    assert parameters["motor_1_max_position"]["value"] == "inf"
+    assert entry["warnings"][0]["code"] == "unknown-tag"
+    assert entry["warnings"][0]["line"] == 7
+    assert entry["figures"][0]["substeps"] == 6
+
+
+def test_errors_of_every_file_and_exit_code_1(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad.urdf"
+    bad.write_text(GOOD.replace("<operation_mode>3", "<operation_mode>7"))
+    result = runner.invoke(app, ["check", str(bad), str(tmp_path / "none.urdf"), str(good)])
+    assert result.exit_code == 1
+    assert f"{bad}:5" in result.stdout
+    assert "no such file" in result.stdout
+    assert "3 files: 2 errors, 3 warnings" in result.stdout  # the bad file's misspelt tag and its own mode are told too
+    assert json.loads(runner.invoke(app, ["check", "--json", str(bad)]).stdout)["ok"] is False
+
+
+def test_xacro_arguments_and_packages(runner: CliRunner, tmp_path: Path) -> None:
+    (tmp_path / "pkg").mkdir()
+    (tmp_path / "pkg/body.xacro").write_text(GOOD.replace("400", "$(arg k)"))
+    path = tmp_path / "robots/r.xacro"
+    path.parent.mkdir()
+    include = '<xacro:include filename="$(find parts)/body.xacro"/>'
+    path.write_text(f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{include}</robot>')
+    command = ["check", "--json", str(path), "--arg", "k:=123", "--package", f"parts={tmp_path / 'pkg'}"]
+    result = runner.invoke(app, command)
+    values = {entry["name"]: entry["value"] for entry in json.loads(result.stdout)["files"][0]["actuators"][0]["parameters"]}
+    assert values["spring_stiffness"] == 123.0
+    assert runner.invoke(app, ["check", str(path), "--arg", "k"]).exit_code == 2
+    assert runner.invoke(app, ["check", str(path)]).exit_code == 1
+
+
+def test_scenario_with_its_robot(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text(
+        "robot: good.urdf\nduration: 1\nstep: 0.01\nparameters:\n  elbow: {spring_k: 300}\n"
+        "references:\n  elbow: {equilibrium_position: 0.1}\n"
+    )
+    result = runner.invoke(app, ["check", str(scenario)])
+    assert result.exit_code == 0, result.stdout
+    row = next(line for line in result.stdout.splitlines() if line.lstrip().startswith("spring_stiffness"))
+    assert "300" in row
+    assert "scenario" in row
+    assert "too stiff at a step of 10 ms" in result.stdout
+    scenario.write_text(scenario.read_text().replace("elbow: {spring_k", "elbwo: {spring_k"))
+    result = runner.invoke(app, ["check", str(scenario)])
+    assert result.exit_code == 1
+    assert "elbwo" in result.stdout
+
+
+def test_check_needs_something_to_check(runner: CliRunner) -> None:
+    assert runner.invoke(app, ["check"]).exit_code == 2
+
+
+def test_check_of_a_law(runner: CliRunner) -> None:
+    plugin = str(EXAMPLES / "plugins/my_vsa.py")
+    result = runner.invoke(app, ["check", "--actuator", "my_vsa", "--plugin", plugin])
+    assert result.exit_code == 0
+    assert "all checks passed" in result.stdout
+    report = json.loads(runner.invoke(app, ["check", "--actuator", "bavs", "--json"]).stdout)
+    assert report["passed"] is True
+    assert {check["name"] for check in report["checks"]} >= {"stiffness", "finite", "passive"}
+
+
+def test_list_of_actuators(runner: CliRunner) -> None:
+    text = runner.invoke(app, ["actuators"]).stdout
+    assert all(name in text for name in ("sea", "qbmove", "bavs", "awas_ii", "libawas_ii_plugin.so"))
+    data = json.loads(runner.invoke(app, ["actuators", "bavs", "--json"]).stdout)
+    parameter = next(entry for entry in data[0]["parameters"] if entry["tag"] == "spring_k_e")
+    assert (parameter["default"], parameter["unit"]) == (8.71, "1/rad")
+    shown = runner.invoke(app, ["actuators", "awas_ii"]).stdout
+    assert "<spring_r_t>" in shown
+    assert "Jafari" in shown
+
+
+def test_alterego_fits_a_screen_because_alike_blocks_share_a_table(runner: CliRunner, shared: Path) -> None:
+    path = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
+    result = runner.invoke(app, ["check", str(path)])
+    assert result.exit_code == 0
+    assert result.stdout.count("spring_a_1 ") == 3
+    assert "26 times: collision mesh" in result.stdout
+
+
+@pytest.mark.parametrize("name", ["scenario.json", "scenario.JSON", "scenario", "scenario.txt"])
+def test_a_scenario_is_known_by_its_text_where_its_name_says_nothing(tiny, asrsim_command, name: str) -> None:
+    keys = {"robot": "pendulum.urdf", "duration": 1.0, "references": {"elbow": {"equilibrium_position": 0.2}}}
+    (tiny.folder / name).write_text(json.dumps(keys))
+    assert asrsim_command("check", name).code == 0
+    (tiny.folder / name).write_text(json.dumps({**keys, "duration": -1}))
+    outcome = asrsim_command("check", name)
+    assert outcome.code == 1
+    assert "duration" in outcome.out + outcome.err
+    robot = tiny.robot.rename(tiny.folder / f"robot_of_{Path(name).stem}")
+    assert "elbow" in asrsim_command("check", robot.name).out

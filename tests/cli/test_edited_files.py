@@ -1,0 +1,184 @@
+"""Files of ours that somebody edited, checksums and all: read, or refused in words; never an error of the program's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import AsrsimError, InputError, RecordingError
+from asrsim.log import Log, LogWriter, read_log
+from asrsim.log import writer as writing
+from asrsim.plots import draw_run
+from asrsim.plots.claims import judge
+from asrsim.recordings import read_recording
+from asrsim.report import write_report
+from asrsim.runs.repeat import repeat
+from support.edits import changed, edits
+
+pytestmark = pytest.mark.once
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
+    """A short run with claims, an object and a recording of its own."""
+    from support.tiny import PENDULUM
+
+    folder = tmp_path_factory.mktemp("edited")
+    (folder / "pendulum.urdf").write_text(PENDULUM)
+    (folder / "play.csv").write_text("time,value\n0,0\n0.01,0.1\n0.05,0.2\n")
+    (folder / "step.yaml").write_text(
+        "robot: pendulum.urdf\nduration: 0.05\nlink_damping: {'*': {constant: 0.1}}\n"
+        "references: {elbow: {equilibrium_position: {playback: {file: play.csv, column: value}}}}\n"
+        "world: {ground: true, objects: {ball: {shape: sphere, size: 0.05, mass: 0.1, position: [1, 1, 1]}}}\n"
+        "expect:\n  - {joint: elbow, quantity: link_position, measure: maximum, comparison: '<', value: 9}\n"
+        "  - {body: ball, quantity: z, measure: final, value: 1, tolerance: 1}\n"
+    )
+    return asrsim.run(folder / "step.yaml", out=folder / "out", certify=True)
+
+
+def use(log: Path) -> None:
+    """Everything that reads a log."""
+    for reader in (
+        lambda: read_log(log),
+        lambda: read_recording(log),
+        lambda: judge(asrsim.log.open_log(log)),
+        lambda: repeat(log),
+        lambda: draw_run(log, log.parent),
+        lambda: write_report(log, log.parent / "page.html", film=False),
+    ):
+        with suppress(AsrsimError):
+            reader()
+
+
+def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The log again, with other data under a name, checksums and all."""
+    plain = writing.info_attachments(log.info)
+    with monkeypatch.context() as patch:
+        if name == "columns":
+            dumps = json.dumps
+            patch.setattr("asrsim.log.container.json.dumps", lambda value, **_: dumps(data))
+        else:
+            text = json.dumps(data).encode()
+            patch.setattr(writing, "info_attachments", lambda _: {**plain, name: ("application/json", text)})
+        with LogWriter(path, log.info) as writer:
+            writer.write(log.samples)
+
+
+@pytest.mark.parametrize("name", ["run.json", "resolved.json", "columns"])
+@pytest.mark.parametrize(("seed", "most"), [(0, 8), pytest.param(1, 200, marks=pytest.mark.slow)])
+def test_edited_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, seed: int, most: int
+) -> None:
+    log = read_log(run.log)
+    columns = [[20, "value", "link_position", "elbow"]]
+    data: Any = columns if name == "columns" else json.loads(writing.info_attachments(log.info)[name][1])
+    for number, other in enumerate(edits(data, seed=seed, most=most)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        write_edited(folder / "log.mcap", log, name, other, monkeypatch)
+        use(folder / "log.mcap")
+
+
+@pytest.mark.parametrize(
+    ("name", "way", "value", "told"),
+    [
+        ("resolved.json", ("parameters", "elbow", "max_deflection"), "x", "parameters.elbow.max_deflection is 'x'"),
+        ("run.json", ("joints",), [], "holds nothing of any joint"),
+    ],
+)
+def test_edited_logs_are_no_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, way: tuple[str, ...], value: Any, told: str
+) -> None:
+    log, path = read_log(run.log), tmp_path / "log.mcap"
+    data = json.loads(writing.info_attachments(log.info)[name][1])
+    write_edited(path, log, name, changed(data, way, value), monkeypatch)
+    with pytest.raises(RecordingError, match=told):
+        read_recording(path)
+    use(path)
+
+
+@pytest.mark.parametrize(("seed", "most"), [(0, None), pytest.param(1, 3000, marks=pytest.mark.slow)])
+def test_edited_summaries_and_metrics(tmp_path: Path, run: asrsim.Result, seed: int, most: int | None) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_bytes(run.log.read_bytes())
+    row = {"source": "a", "joint": "elbow", "quantity": "link_position", "measure": "rmse", "value": 0.1, "unit": "rad"}
+    texts = {"summary.json": run.summary.as_dict(), "metrics.json": {"generator": "asrsim 1", "metrics": [row]}}
+    for name, whole in texts.items():
+        for other in edits(whole, seed=seed, most=most):
+            (tmp_path / name).write_text(json.dumps(other))
+            assert "elbow" in write_report(tmp_path, film=False).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("flips", [60, pytest.param(3000, marks=pytest.mark.slow)])
+def test_flipped_bits_of_a_learning_state(tmp_path: Path, flips: int) -> None:
+    from asrsim.learning.state import load_state, save_state, state_origin
+
+    trials = _trials()
+    path = tmp_path / "state.npz"
+    save_state(path, "mark", trials, origin=("here", ""))
+    whole = path.read_bytes()
+    generator = np.random.default_rng(0)
+    for _ in range(flips):
+        data = bytearray(whole)
+        data[generator.integers(len(data))] ^= 1 << int(generator.integers(8))
+        path.write_bytes(data)
+        state_origin(path)
+        try:
+            again = load_state(path, "mark")
+        except InputError:
+            continue
+        assert np.array_equal(again[0].inputs, trials[0].inputs)
+
+
+def test_edited_learning_states(tmp_path: Path) -> None:
+    from asrsim.learning.state import load_state, save_state, state_origin
+
+    path = tmp_path / "state.npz"
+    save_state(path, "mark", _trials(), origin=("here", ""))
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    for other in edits(json.loads(str(arrays["head"])), seed=0, most=300):
+        np.savez(path, **{**arrays, "head": np.array(json.dumps(other))})
+        state_origin(path)
+        with suppress(InputError):
+            assert all(len(trial.largest) == len(trial.rms) == 2 for trial in load_state(path, "mark"))
+
+
+def _trials() -> list[Any]:
+    from asrsim.learning import iterate
+
+    numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
+    return [
+        iterate.Trial(
+            number=0, largest=(0.1, 0.2), norm=0.3, rms=(0.1, 0.1), seconds=1.0, ratio=None,
+            inputs=numbers, outputs=numbers,
+        )
+    ]  # fmt: skip
+
+
+PARTS: dict[str, Callable[[str], str]] = {
+    "name": lambda text: f"name: {text}",
+    "reference": lambda text: f"references: {{elbow: {{{text}: 0.1}}}}",
+    "joint": lambda text: f"references: {{{text}: {{equilibrium_position: 0.1}}}}",
+    "signal": lambda text: f"references: {{elbow: {{equilibrium_position: {{{text}: 1}}}}}}",
+    "value": lambda text: f"duration: {text}",
+    "key": lambda text: f"{text}: 1",
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_half_a_character_in_a_scenario_is_an_error_in_words(tiny, asrsim_command, part: str) -> None:
+    text = PARTS[part]('"\\ud800"')
+    tiny.scenario.write_text("{robot: pendulum.urdf, duration: 0.1, " + text + "}\n")
+    for command in ("run", "check"):
+        outcome = asrsim_command(command, tiny.scenario)
+        assert outcome.code == 1
+        assert "unexpected" not in outcome.err
+        assert "step.yaml" in outcome.err + outcome.out

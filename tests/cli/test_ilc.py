@@ -1,0 +1,117 @@
+"""`asrsim ilc` from end to end: its folder, transfer, interruption, and playing what was learned."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from support.paths import EXAMPLES
+
+pytestmark = pytest.mark.once
+
+CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
+LIFT = f"""\
+robot: {CUBE}
+duration: 1.0
+step: 0.002
+references: {{joint_1: {{stiffness_preset: 0.2}}}}
+ilc:
+  trajectory: {{joint_1: {{minimum_jerk: {{duration: 0.8, to: 0.3}}}}}}
+  tolerance: 0.05
+  law: paper
+  gain: 0.8
+  transfer: {{draws: 24, spread: {{mass: 0.3, parameters: {{spring_k_1: 0.3}}}}}}
+"""
+
+
+@pytest.fixture
+def lift(tmp_path):
+    path = tmp_path / "lift.yaml"
+    path.write_text(LIFT)
+    return path
+
+
+def test_the_learned_input_is_played_by_asrsim_run(asrsim_command, lift, tmp_path):
+    assert asrsim_command("ilc", lift, "--out", "learned", "--no-plot").code == 0
+    played = asrsim_command("run", "learned/learned.yaml", "--out", "played", "--no-plot", "--json")
+    assert played.code == 0, played.err
+    (claim,) = json.loads(played.out)["runs"][0]["expect"]
+    assert claim["holds"]
+    from asrsim.log import read_log
+
+    learned, again = (read_log(tmp_path / name).samples for name in ("learned/learned.mcap", "played/log.mcap"))
+    assert np.array_equal(learned.values["link_position"], again.values["link_position"])
+
+
+def test_a_fresh_run_of_the_same_scenario_says_what_it_replaces(asrsim_command, lift, tmp_path):
+    asrsim_command("ilc", lift, "--out", "here", "--transfer", "--processes", "1")
+    assert (tmp_path / "here" / "transfer.png").is_file()
+    again = asrsim_command("ilc", lift, "--out", "here", "--no-plot")
+    assert again.code == 0
+    assert "replaced 8 files of an earlier learning run of this scenario" in again.out
+    # Nothing of the earlier run stands beside the new one.
+    assert not (tmp_path / "here" / "transfer.png").exists()
+    assert not (tmp_path / "here" / "ilc.png").exists()
+
+
+def test_results_of_another_scenario_are_kept(asrsim_command, lift, tmp_path):
+    asrsim_command("ilc", lift, "--out", "here", "--no-plot")
+    other = tmp_path / "other.yaml"
+    other.write_text(LIFT.replace("to: 0.3", "to: 0.2"))
+    before = {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()}
+    refused = asrsim_command("ilc", other, "--out", "here", "--no-plot")
+    assert refused.code == 1
+    assert "lift.yaml" in refused.err
+    assert "--overwrite" in refused.err
+    assert {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()} == before
+    assert asrsim_command("ilc", other, "--out", "here", "--no-plot", "--overwrite").code == 0
+
+
+def test_transfer_is_printed_and_written(asrsim_command, lift, tmp_path):
+    said = asrsim_command("ilc", lift, "--out", "here", "--transfer", "--processes", "1", "--no-plot")
+    assert "of 24 plants stay within 0.05 rad" in said.out
+    data = json.loads((tmp_path / "here" / "ilc.json").read_text())["transfer"]
+    errors = [max(row["largest_error"]) for row in data["errors"]]
+    assert data["within_tolerance"] == pytest.approx(np.mean(np.array(errors) <= 0.05))
+    assert data["largest_error_quantiles"]["0.5"] == pytest.approx(np.quantile(errors, 0.5, method="inverted_cdf"))
+
+
+def trials_in(state):
+    with np.load(state) as stored:
+        return len(json.loads(str(stored["head"]))["trials"])
+
+
+@pytest.mark.slow
+def test_ctrl_c_and_resume_give_the_same_bits_on_the_real_robot(asrsim_command, tmp_path):
+    """Interrupted by SIGINT in the middle of the paper's learning; what it learns in the end is the same."""
+    scenario = EXAMPLES / "scenarios" / "ilc_2dof.yaml"
+    arguments = ["--set", "ilc.max_iterations=4", "--no-plot", "--keep-logs", "none"]
+    asrsim_command("ilc", scenario, "--out", "whole", *arguments)
+    command = [sys.executable, "-m", "asrsim.cli.app", "ilc", str(scenario), "--out", "cut", *arguments]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, env=dict(os.environ))
+    state, deadline = tmp_path / "cut" / "state.npz", time.monotonic() + 120.0
+    while not (state.exists() and trials_in(state) >= 2):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"--resume" in said
+    assert 2 <= trials_in(state) < 5
+    asrsim_command("ilc", scenario, "--out", "cut", "--resume", *arguments)
+    assert (tmp_path / "cut" / "learned.csv").read_bytes() == (tmp_path / "whole" / "learned.csv").read_bytes()
+
+
+def test_a_transfer_needs_its_block(tiny, asrsim_command):
+    outcome = asrsim_command("ilc", tiny.scenario, "--transfer", "-o", "learn")
+    assert outcome.code == 1
+    assert outcome.err.endswith(
+        "step.yaml: ilc.transfer: --transfer needs the block `ilc.transfer`: what differs, and by how much\n"
+    )

@@ -1,0 +1,255 @@
+"""`asrsim init`: starters that load, fit and run."""
+
+from __future__ import annotations
+
+import math
+import re
+import shlex
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import asrsim
+from asrsim.cli.app import app
+from asrsim.errors import OutputError, RobotError
+from asrsim.robot import load_robot
+from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.scenario.starter import SCHEMA_FILE, write_starter
+from asrsim.summary.table import joint_columns
+from support.paths import ROOT
+
+URDF = """<robot name="{name}">
+  <link name="world"/>
+  {joints}
+</robot>"""
+JOINT = """
+  <link name="{name}_link"><inertial><mass value="0.2"/><origin xyz="0.04 0 0"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}" type="{kind}"><parent link="world"/><child link="{name}_link"/><axis xyz="0 1 0"/>
+    <limit lower="{lower}" upper="{upper}" effort="100" velocity="100"/><dynamics damping="0.02"/></joint>
+  <gazebo><plugin name="{name}" filename="lib{actuator}_plugin.so"><joint>{name}</joint>
+    <operation_mode>{mode}</operation_mode><pub_eltau>true</pub_eltau><pub_state>true</pub_state>
+    <sub_ext_tau>true</sub_ext_tau></plugin></gazebo>"""
+
+
+def write_robot(folder, *joints):
+    texts = [
+        JOINT.format(**{"kind": "revolute", "lower": -2, "upper": 2, "actuator": "qbmove", "mode": 6, **joint})
+        for joint in joints
+    ]
+    path = folder / "arm.urdf"
+    path.write_text(URDF.format(name="arm", joints="".join(texts)))
+    return path
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
+    names = ("sea", "qbmove", "bavs", "awas_ii")
+    robot = write_robot(tmp_path, *({"name": f"j_{name}", "actuator": name} for name in names))
+    out = tmp_path / "scenarios" / "start.yaml"
+    write_starter(robot, out, mode=mode)
+    scenarios = load_scenario(out)
+    assert [scenario.variant for scenario in scenarios] == (
+        ["soft", "stiff"] if mode in (2, 3, 4, 5, 6) and mode != 4 else ["default"]
+    )
+    for scenario in scenarios:
+        assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("name", "actuator"), [("dof5_arm", None), ("dof2_vertical", None), ("plain_arm", "qbmove"), ("plain_arm", "awas_ii")]
+)
+def test_no_variant_of_a_starter_is_doubted_by_check(tmp_path, name, actuator):
+    """Soft springs of the five-joint arm would sag by 0.36 rad under its own weight."""
+    robot = ROOT / "examples" / "urdf" / f"{name}.urdf"
+    write_starter(robot, tmp_path / "start.yaml", actuators={"*": actuator} if actuator else None)
+    for scenario in load_scenario(tmp_path / "start.yaml"):
+        errors, warnings = check_against_robot(scenario, load_robot(robot))
+        assert not errors
+        assert not [str(problem) for problem in warnings if problem.file == scenario.path]
+
+
+def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
+    robot = write_robot(tmp_path, {"name": "weld", "kind": "fixed"})
+    robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
+    assert [problem.code for problem in load_robot(robot).warnings] == []
+    with pytest.raises(RobotError, match="no moving joint"):
+        write_starter(robot, tmp_path / "start.yaml", actuators={"*": "qbmove"})
+    assert not (tmp_path / "start.yaml").exists()
+
+
+@pytest.mark.parametrize("upper", [-0.6108652381980153, -0.03, 0.0, 0.25, math.pi])
+def test_a_joint_whose_zero_is_on_or_beyond_its_stop_starts_away_from_it(tmp_path, upper):
+    robot = write_robot(tmp_path, {"name": "calf", "lower": -2.7, "upper": upper})
+    out = tmp_path / "start.yaml"
+    write_starter(robot, out)
+    for scenario in load_scenario(out):
+        assert scenario.initial_positions.get("calf", 0.0) == pytest.approx(min(0.0, upper - 0.3), abs=1e-3)
+        assert check_against_robot(scenario, load_robot(robot))[0] == []
+
+
+@pytest.mark.parametrize("mode", [5, 6])
+def test_the_stiff_variant_leaves_the_motors_torque_to_move_with(tmp_path, mode):
+    """Springs of AlterEgo's shoulder, which at a preset of 0.6 rad would pull with far more than the motors have."""
+    robot = write_robot(tmp_path, {"name": "shoulder", "mode": mode})
+    law = "<spring_a1>22.9</spring_a1><spring_k1>0.02</spring_k1><spring_a2>22.9</spring_a2><spring_k2>0.02</spring_k2>"
+    robot.write_text(robot.read_text().replace("</plugin>", f"{law}</plugin>"))
+    write_starter(robot, tmp_path / "s.yaml")
+    result = asrsim.run(tmp_path / "s.yaml", variant="stiff")
+    assert abs(result["shoulder"].motor_1_torque[-1]) < 0.7 * 6.0
+    assert result["shoulder"].link_position[-1] == pytest.approx(0.3, abs=0.02)
+
+
+def test_starter_is_commented_and_names_every_joint(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
+    write_starter(robot, tmp_path / "s.yaml")
+    text = (tmp_path / "s.yaml").read_text()
+    assert text.startswith(f"# yaml-language-server: $schema={SCHEMA_FILE}\n")
+    assert (tmp_path / SCHEMA_FILE).exists()
+    assert re.search(r"shoulder:  # qbMove.*mode 6 \(PIDEqPres", text)
+    assert re.search(r"equilibrium_position: .*# rad", text)
+    assert "robot: arm.urdf" in text
+    assert max(map(len, text.splitlines())) < 140
+
+
+def test_units_of_a_prismatic_joint_are_metres(tmp_path):
+    robot = write_robot(tmp_path, {"name": "rail", "kind": "prismatic"})
+    write_starter(robot, tmp_path / "s.yaml")
+    text = (tmp_path / "s.yaml").read_text()
+    assert re.search(r"equilibrium_position: .*to: 0.05.*# m$", text, re.M)
+    assert re.search(r"stiffness_preset: .*# m$", text, re.M)
+    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
+    assert "steady\nm" in [column.heading for column in columns]
+
+
+def test_a_joint_that_is_to_follow_another_gets_what_that_ones_motion_asks_of_it(tmp_path):
+    robot = write_robot(tmp_path, {"name": "knee"}, {"name": "ankle"})
+    follows = '<joint name="ankle" type="revolute">'
+    robot.write_text(robot.read_text().replace(follows, f'{follows}<mimic joint="knee" multiplier="-0.5" offset="0.1"/>'))
+    write_starter(robot, tmp_path / "s.yaml")
+    assert re.search(
+        r"ankle:.*\n    equilibrium_position: {step: {at: 0.1, from: 0.1, to: -0.05}}", (tmp_path / "s.yaml").read_text()
+    )
+
+
+def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "rail", "kind": "prismatic"})
+    write_starter(robot, tmp_path / "s.yaml")
+    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
+    assert "steady\nrad or m" in [column.heading for column in columns]
+
+
+def test_what_is_commented_out_in_a_starter_is_valid_too(tmp_path):
+    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
+    out = tmp_path / "s.yaml"
+    write_starter(robot, out)
+    head, more = out.read_text().split("# More that a scenario can say:\n")
+    out.write_text(head.replace("# log_rate", "log_rate") + re.sub(r"^# ", "", more, flags=re.M))
+    for scenario in load_scenario(out):
+        assert len(scenario.expect) == 1
+        assert scenario.log_every == 2
+        assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
+
+
+def test_step_stays_within_the_limits(tmp_path):
+    robot = write_robot(
+        tmp_path,
+        {"name": "up", "lower": 0.5, "upper": 2},
+        {"name": "down", "lower": -2, "upper": 0.1},
+        {"name": "narrow", "lower": 0, "upper": 0.1},
+        {"name": "below", "lower": -2, "upper": -0.5},
+        {"name": "centred", "lower": -0.2, "upper": 0.2},
+    )
+    write_starter(robot, tmp_path / "s.yaml")
+    (scenario, _) = load_scenario(tmp_path / "s.yaml")
+    assert scenario.initial_positions == {"up": 0.8, "down": -0.2, "narrow": 0.025, "below": -0.8}
+    steps = {joint: references["equilibrium_position"] for joint, references in scenario.references.items()}
+    assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below", "centred")] == [
+        (0.8, 1.1), (-0.2, -0.5), (0.025, 0.055), (-0.8, -1.1), (0.0, 0.08),
+    ]  # fmt: skip
+    # Without damping a joint swings to twice its step.
+    for joint in load_robot(robot).joints:
+        swing = 2 * steps[joint.name].after - steps[joint.name].before
+        assert joint.lower < swing < joint.upper
+
+
+def test_names_that_yaml_would_misread_are_quoted(tmp_path):
+    robot = write_robot(tmp_path, {"name": "1"}, {"name": "true"}, {"name": "joint: 2"})
+    write_starter(robot, tmp_path / "s.yaml")
+    assert set(load_scenario(tmp_path / "s.yaml")[0].references) == {"1", "true", "joint: 2"}
+
+
+def test_a_file_in_the_way_stays_unless_forced(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    out = tmp_path / "s.yaml"
+    out.write_text("mine")
+    with pytest.raises(OutputError, match="--overwrite"):
+        write_starter(robot, out)
+    assert out.read_text() == "mine"
+    write_starter(robot, out, force=True)
+    assert out.read_text() != "mine"
+
+
+def test_a_foreign_schema_file_is_left_alone(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    (tmp_path / SCHEMA_FILE).write_text("{}")
+    with pytest.raises(OutputError, match="--no-schema"):
+        write_starter(robot, tmp_path / "s.yaml")
+    assert (tmp_path / SCHEMA_FILE).read_text() == "{}"
+
+
+def test_command_line(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    result = CliRunner().invoke(app, ["init", str(robot), "--out", str(tmp_path / "s.yaml"), "--mode", "5", "--no-schema"])
+    assert result.exit_code == 0, result.output
+    assert "asrsim run" in result.output
+    assert not (tmp_path / SCHEMA_FILE).exists()
+    assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
+
+
+def test_a_robot_that_nothing_drives_is_told_of_with_what_drives_it(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    robot.write_text(re.sub("<gazebo>.*</gazebo>", "", robot.read_text(), flags=re.DOTALL))
+    out = tmp_path / "my start.yaml"
+    _, (note,) = write_starter(robot, out, schema=False)
+    assert note.code == "no-actuators"
+    command = shlex.split(note.hint.partition("asrsim ")[2])
+    result = CliRunner().invoke(app, [*command, "--no-schema"])
+    assert result.exit_code == 0, result.output
+    assert "qbmove" in out.read_text()
+
+
+def test_xacro_arguments_are_kept(tmp_path):
+    robot = write_robot(tmp_path, {"name": "j"})
+    write_starter(robot, tmp_path / "s.yaml", arguments={"side": "left", "length": "2"}, packages={"d": tmp_path / "meshes"})
+    scenario = load_scenario(tmp_path / "s.yaml")[0]
+    assert scenario.xacro_arguments == {"side": "left", "length": "2"}
+    assert scenario.package_paths["d"].resolve() == tmp_path / "meshes"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "toolbox/nmmi_qbmove_template",
+        "toolbox/nmmi_template_description",
+        "alterego/alterego_v3_fixedbase-true_fixedhands-true",
+    ],
+)
+def test_starters_of_real_robots_fit(tmp_path, shared, name):
+    file = shared / "robots" / f"{name}.urdf"
+    write_starter(file, tmp_path / "s.yaml")
+    robot = load_robot(file)
+    for scenario in load_scenario(tmp_path / "s.yaml"):
+        assert check_against_robot(scenario, robot) == ([], [])
+        assert set(scenario.references) == {block.joint for block in robot.actuators}
+
+
+def test_starter_runs(tmp_path):
+    from asrsim.simulation.run import simulate
+
+    write_starter(write_robot(tmp_path, {"name": "j"}, {"name": "k", "actuator": "awas_ii"}), tmp_path / "s.yaml")
+    for scenario in load_scenario(tmp_path / "s.yaml", overrides=["duration=0.2"]):
+        samples = simulate(scenario).samples
+        assert samples.time[-1] == pytest.approx(0.2)
+        assert np.all(np.isfinite(samples.values["link_position"]))

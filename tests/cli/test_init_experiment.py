@@ -1,0 +1,420 @@
+"""`asrsim init --experiment`: the recorded commands played, the motion compared, and the same numbers from run and plot."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import asrsim
+from asrsim.cli.app import app
+from asrsim.errors import AsrsimError, RecordingError
+from asrsim.identification import task_of
+from asrsim.identification.setup import set_up
+from asrsim.kinematics.sizing import sizing
+from asrsim.robot import load_robot
+from asrsim.runs.from_recording import Written, write_from_recording
+from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario, make_scenario
+from support.lab_files import TIME as MOVED
+from support.lab_files import B as ELBOW
+from support.lab_files import write_bag
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+EXAMPLES = ROOT / "examples" / "urdf"
+TIME = np.arange(0, 0.8, 0.01)
+STEP = np.where(TIME >= 0.2, 0.3, 0.05)
+SMOOTH = 0.05 + 0.2 * np.sin(4 * TIME)
+
+
+def lab(folder: Path, *, zero: float = 0.0, scale: float = 1.0, header: str = "time,q1,q1_ref,current", command=SMOOTH) -> Path:
+    response = np.interp(TIME - 0.03, TIME, command)
+    table = np.column_stack([zero + TIME, scale * response, scale * command, TIME])
+    np.savetxt(folder / "lab.csv", table, delimiter=",", header=header, comments="", fmt="%.12g")
+    return folder / "lab.csv"
+
+
+def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: object) -> tuple[Written, Scenario]:
+    made = write_from_recording(EXAMPLES / f"{robot}.urdf", experiment, folder / "s.yaml", **options)  # type: ignore[arg-type]
+    (scenario,) = load_scenario(folder / "s.yaml")
+    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    assert errors == []
+    assert warnings == []
+    return made, scenario
+
+
+def test_a_text_file_is_played_as_it_is_and_smoothly_between_its_samples(tmp_path: Path) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path))
+    assert [path.name for path in made.files] == ["s.yaml", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"]
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
+    np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.05 + 0.2 * np.sin(4 * TIME[:-1] + 0.02), atol=1e-7)
+    assert scenario.duration == pytest.approx(0.79)
+    assert scenario.initial_positions == {"joint_1": pytest.approx(0.05)}
+    assert made.compared
+
+
+def test_commands_in_stairs_are_held(tmp_path: Path) -> None:
+    _, scenario = make(tmp_path, lab(tmp_path, command=STEP))
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    assert signal.values(np.array([0.195]))[0] == 0.05
+    assert 0.2 in signal.jumps(0.0, 1.0)
+
+
+def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_path: Path) -> None:
+    robot, recording = EXAMPLES / "dof2_vertical.urdf", EXAMPLES.parent / "recordings" / "two_joints.csv"
+    write_from_recording(robot, recording, tmp_path / "s.yaml")
+    task = task_of(tmp_path / "s.fit.yaml")
+    assert [key for key in task.free if "motor" in key and "joint_2" in key] == []
+    assert "joint_1.reference_1.delay" in task.free
+    ties = {tie.key: tie.to for tie in task.ties}
+    assert ties["joint_2.motor_1_*"] == ties["joint_2.motor_2_*"] == "joint_1.motor_1_*"
+    assert ties["joint_2.reference_1.delay"] == "joint_1.reference_1.delay"
+
+
+@pytest.mark.parametrize(
+    ("robot", "header", "told"),
+    [
+        ("dof1_sea", "time,q1,q1_ref,current", ""),
+        ("dof1_sea", "time,joint_1.link_position,joint_1.equilibrium_position,n", "no command was recorded"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "played in its place"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
+    ],
+)
+def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_command(
+    tmp_path: Path, robot: str, header: str, told: str
+) -> None:
+    write_from_recording(EXAMPLES / f"{robot}.urdf", lab(tmp_path, header=header), tmp_path / "s.yaml")
+    task = task_of(tmp_path / "s.fit.yaml")
+    with ExitStack() as stack:
+        setup = set_up(task, stack)
+    assert set(task.free) <= {entry.parameter.key for entry in setup.problem.layout.entries}
+    text = (tmp_path / "s.yaml").read_text()
+    assert told in text
+
+
+@pytest.mark.parametrize(
+    ("zero", "header", "scale", "lag"),
+    [
+        (0.5, "time,q1,q1_ref,current", 1.0, 0.0),
+        (100.0, "time,q1,q1_ref,current", 1.0, 100.0),
+        (1.7e9, "time,q1,q1_ref,current", 1.0, 0.0),
+        (-2.0, "t [s],q1 [deg],q1_ref [deg],current", 180 / np.pi, -2.0),
+    ],
+)
+def test_the_command_is_played_on_the_recordings_clock(
+    tmp_path: Path, zero: float, header: str, scale: float, lag: float
+) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path, zero=zero, header=header, scale=scale))
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    start = 0.5 if zero == 0.5 else 0.0
+    np.testing.assert_allclose(signal.values(start + TIME), SMOOTH, atol=1e-6)  # a float of 1.7e9 s resolves 2.4e-7 s
+    assert {claim.options["lag"] for claim in scenario.expect} == {lag}
+    assert scenario.duration == pytest.approx(start + 0.79, abs=1.1e-3)
+    assert made.compared
+
+
+def test_what_playback_cannot_read_is_written_beside(tmp_path: Path) -> None:
+    """Milliseconds that nobody states, a duplicate, and a cell without a number."""
+    path = lab(tmp_path, header="time,q1,q1_ref,current")
+    rows = path.read_text().splitlines()
+    rows = [rows[0], *(re.sub(r"^[^,]*", f"{10 * i}", row) for i, row in enumerate(rows[1:]))]
+    rows.insert(5, rows[4])
+    rows[20] = ",".join([*rows[20].split(",")[:2], "", "0"])
+    path.write_text("\n".join(rows) + "\n")
+    made, scenario = make(tmp_path, path)
+    assert "s_commands.csv" in {file.name for file in made.files}
+    assert "s_commands.csv" in (tmp_path / "s.yaml").read_text()
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-3)
+
+
+def test_matlab_is_written_beside(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "lab.mat", {"t": TIME, "q1": SMOOTH, "q1_ref": SMOOTH})
+    made, scenario = make(tmp_path, tmp_path / "lab.mat")
+    assert "s_commands.csv" in {file.name for file in made.files}
+    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+
+
+@pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
+def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_bag(tmp_path / "bag", storage, "own")
+    made, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
+    assert "s_commands.csv" in {file.name for file in made.files}
+    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(MOVED), ELBOW, atol=1e-6)
+    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--set", "duration=1.0"])
+    shutil.rmtree(tmp_path / "bag")
+    plot = CliRunner().invoke(app, ["plot", "out/s/default/log.mcap"])
+    said = re.findall(r"rmse of link_position against bag is \S+", run.output)
+    assert said == re.findall(r"rmse of link_position against bag is \S+", plot.output)
+    assert len(said) == len(scenario.expect) > 0
+
+
+@pytest.mark.parametrize("name", ["s.fit.yaml", "s.yaml"])
+def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: Path, name: str) -> None:
+    """The fit beside the scenario, the scenario itself; --force changes nothing in that."""
+    text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
+    (tmp_path / name).write_bytes(text)
+    with pytest.raises(AsrsimError, match="is read by this command"):
+        make(tmp_path, tmp_path / name, force=True)
+    assert (tmp_path / name).read_bytes() == text
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.5, 0.7004, 3.1, 100.0, 100.0037, 86399.9, 1.7e9, 1_715_000_000.123, -2.0, -0.35])
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
+    """However the clock is offset, and however the offset's rounding falls."""
+    from asrsim.simulation.run import simulate
+
+    stairs = 0.05 + 0.1 * np.floor(TIME / 0.07 + 1e-9)
+    rows = [f"{zero + t:.{decimals}f},{q:.6f},{q:.6f},0" for t, q in zip(TIME, stairs, strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time [s],q1,q1_ref,current", *rows]) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", schema=False)
+    samples = simulate(scenario).samples
+    assert samples is not None
+    start = round(zero, decimals) if 0.0 <= zero <= 0.8 else 0.0
+    changed = samples.time[1:][np.diff(samples.values["reference_1"][:, 0]) != 0.0]
+    recorded = start + TIME[1:][np.diff(stairs) != 0.0]
+    np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
+
+
+def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:
+    path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
+    mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
+    _, scenario = make(tmp_path, path, mapping=mapping)
+    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+    assert all(claim.options["map"] == mapping for claim in scenario.expect)
+
+
+@pytest.mark.parametrize(("mode", "unit", "taken"), [(2, "rad", 3), (5, "rad", 6), (4, "rad", 6), (6, "N m", 0), (0, "rad", 1)])
+def test_modes_that_cannot_take_the_command_are_replaced(tmp_path: Path, mode: int, unit: str, taken: int) -> None:
+    mapping = [f"q1_ref=joint_1.reference_1 [{unit}]"]
+    made, scenario = make(tmp_path, lab(tmp_path), mapping=mapping, mode=mode, robot="dof1_qbmove")
+    assert scenario.modes["joint_1"] == taken
+    assert any(f"mode {taken} in the place of {mode}" in remark for remark in made.remarks)
+
+
+@pytest.mark.parametrize(
+    ("header", "played"),
+    [
+        ("time,q1,motor_1_torque,current", "motor_1_torque"),
+        ("time,q1,motor_torque1 [N m],current", "motor_torque1 [N m]"),
+        ("time,q1,q1_ref,motor1_torque", "motor1_torque"),
+        ("time,q1,q1_ref [N m],motor1_torque", "q1_ref [N m]"),
+    ],
+)
+def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: str) -> None:
+    made, scenario = make(tmp_path, lab(tmp_path, header=header), mode=4)
+    assert set(scenario.references["joint_1"]) == {"motor_1_torque"}
+    assert played in (tmp_path / "s.yaml").read_text().partition("references:")[2]
+    assert not any("in the place of" in remark for remark in made.remarks)
+
+
+@pytest.mark.parametrize(("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
+                                                ("time,dq1,q1_ref [N m],current", {})])  # fmt: skip
+def test_a_joint_whose_place_is_not_recorded_begins_at_its_command(
+    tmp_path: Path, header: str, begins: dict[str, float]
+) -> None:
+    """Unless that is a torque, which says nothing of a place."""
+    mode = None if begins else 4
+    _, scenario = make(tmp_path, lab(tmp_path, header=header), mode=mode)
+    assert scenario.initial_positions == pytest.approx(begins)
+
+
+@pytest.mark.parametrize(
+    ("command", "response", "words"),
+    [
+        (0 * TIME + 0.05, 0.05 + 0.2 * np.sin(4 * TIME), "the simulation does not move"),
+        (SMOOTH, 0.1 - SMOOTH, "R2 is -"),
+        (SMOOTH, SMOOTH + 0.5, "R2 is -"),
+    ],
+)
+def test_a_simulation_that_rests_or_is_no_nearer_than_a_constant_claims_nothing(
+    tmp_path: Path, command: np.ndarray, response: np.ndarray, words: str
+) -> None:
+    rows = [f"{t:.2f},{q:.9g},{r:.9g}" for t, q, r in zip(TIME, response, command, strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time,q1,q1_ref", *rows]) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
+    assert scenario.expect == ()
+    assert words in (tmp_path / "s.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    "header", ["time,q1 [m],q1_ref,current", "time,q1,q1_ref [m],current", "time,q1 [mm],q1_ref [mm],current"]
+)
+def test_metres_are_no_angle(tmp_path: Path, header: str) -> None:
+    with pytest.raises(RecordingError, match="is in m, but joint_1 is revolute") as error:
+        make(tmp_path, lab(tmp_path, header=header))
+    assert len(str(error.value).splitlines()) <= 3
+
+
+def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
+    (tmp_path / "map.yaml").write_text(
+        "map:\n  alpha: joint_1.link_position [deg] - 0.01\n  beta: joint_1.reference_1 [deg]\nwindow: [0.1, 0.6]\n"
+    )
+    command = ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--map", "map.yaml", "--out", "s.yaml"]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
+    (tmp_path / "map.yaml").unlink()
+    (scenario,) = load_scenario(tmp_path / "s.yaml")
+    inside = (TIME >= 0.1) & (TIME < 0.595)
+    signal = scenario.references["joint_1"]["equilibrium_position"]
+    np.testing.assert_allclose(signal.values(TIME[inside]), SMOOTH[inside], atol=1e-9)
+    (claim,) = scenario.expect
+    assert claim.options["map"] == [
+        "alpha=joint_1.link_position [deg] - 0.01", "beta=joint_1.reference_1 [deg]", "window=0.1..0.6",
+    ]  # fmt: skip
+    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot"])
+    assert run.exit_code == 0, run.output
+
+
+def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
+    lab(tmp_path, header="time,q1,motor_pos1,current")
+    made, _ = make(tmp_path, tmp_path / "lab.csv")
+    assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
+    lab(tmp_path, header="time,q1,foo,current")
+    with pytest.raises(RecordingError, match=r"no such column, named by lab\.csv\.yaml"):
+        make(tmp_path, tmp_path / "lab.csv", force=True)
+    (tmp_path / "lab.csv.yaml").unlink()
+    with pytest.raises(RecordingError, match=r"no column is a command.*foo.*--map COLUMN=joint_1.reference_1"):
+        make(tmp_path, tmp_path / "lab.csv", force=True)
+
+
+def test_limits_are_a_fifth_above_the_first_comparison(tmp_path: Path) -> None:
+    _, scenario = make(tmp_path, lab(tmp_path))
+    (claim,) = scenario.expect
+    said = re.search(r"# (\S+) in the first comparison", (tmp_path / "s.yaml").read_text())
+    assert said is not None
+    assert 1.2 * float(said[1]) <= claim.value * 1.01
+    assert claim.value <= 1.35 * float(said[1])
+
+
+def test_a_simulation_s_own_log_claims_no_rounding(tmp_path: Path) -> None:
+    """Its first comparison is off by 1e-17; another machine's rounding is no failure."""
+    robot = EXAMPLES / "dof1_sea.urdf"
+    steps = {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.2}}}}
+    run = asrsim.run(make_scenario(robot, duration=0.5, references=steps), out=tmp_path / "made")
+    _, scenario = make(tmp_path, run.log)
+    assert scenario.expect
+    for claim in scenario.expect:
+        moved = np.ptp(run.samples.joint(claim.joint)[claim.quantity])
+        assert claim.value == 0.0 or claim.value >= 1e-6 * moved
+
+
+def test_comments_show_mapping_and_guesses(tmp_path: Path) -> None:
+    make(tmp_path, lab(tmp_path))
+    text = (tmp_path / "s.yaml").read_text()
+    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +by its name", text)
+    assert "not used: current" in text
+
+
+def test_run_and_plot_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    # Of a command held from sample to sample, the correlation finds a clock that is half a sample early.
+    rows = [f"{t + 12.5:.4f},{q:.9g},{r:.9g}" for t, q, r in zip(TIME, SMOOTH, np.round(SMOOTH, 1), strict=True)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time,q1,q1_ref", *rows]) + "\n")
+    runner = CliRunner()
+    made = runner.invoke(app, ["init", str(EXAMPLES / "dof1_sea.urdf"), "--experiment", "lab.csv", "--out", "s.yaml"])
+    assert made.exit_code == 0, made.output
+    assert "joint_1.reference_1" in made.output
+    run = runner.invoke(app, ["run", "s.yaml", "--no-plot", "--json"])
+    assert run.exit_code == 0, run.output
+    claims = json.loads(run.stdout)["runs"][0]["expect"]
+    # The log carries the recording of its claims.
+    moved = tmp_path / "elsewhere.csv"
+    (tmp_path / "lab.csv").rename(moved)
+    log = "out/s/default/log.mcap"
+    plot = runner.invoke(app, ["plot", log, "--experiment", str(moved), "--json"])
+    assert plot.exit_code == 0, plot.output
+    told = json.loads(plot.stdout)
+    metrics = {(m["quantity"], m["measure"]): m["value"] for m in told["metrics"]}
+    assert [claim["measured"] for claim in claims] == [claim["measured"] for claim in told["expect"]]
+    assert claims[0]["measured"] == metrics["link_position", "rmse"]
+
+
+@pytest.mark.slow
+class TestRealRecordings:
+    """The three real recordings, as they are."""
+
+    def test_an_arm_with_two_elastic_joints(self, tmp_path: Path, shared: Path) -> None:
+        mapping = [f"tip_deflection{i}_rad=-joint_{i}.deflection" for i in (1, 2)]
+        made, scenario = make(
+            tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping
+        )
+        limits = {(claim.joint, claim.quantity): claim.value for claim in scenario.expect}
+        assert limits["joint_1", "motor_1_position"] < 0.04
+        assert limits["joint_2", "motor_1_position"] < 0.015
+        assert limits["joint_1", "deflection"] < 0.004
+        assert limits["joint_2", "deflection"] < 0.004
+        assert made.remarks == ()
+
+    def test_turned_deflections_are_suspected(self, tmp_path: Path, shared: Path) -> None:
+        make(tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints")
+        text = (tmp_path / "s.yaml").read_text()
+        assert text.count("# - {joint") == 2  # the deflections, the other way round
+
+    def test_series_elastic_module(self, tmp_path: Path, shared: Path) -> None:
+        _, scenario = make(tmp_path, shared / "recordings/hebi_sine_1hz.csv", mode=6)
+        assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
+
+    @pytest.mark.parametrize("mapping", [(), ("force_N=axis.reference_1", "reference_m=ignore")])
+    def test_prismatic_axis(self, tmp_path: Path, shared: Path, mapping: tuple[str, ...]) -> None:
+        (tmp_path / "axis.urdf").write_text(
+            "<robot name='axis'><link name='world'/><link name='carriage'><inertial><mass value='95'/>"
+            "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
+            "<joint name='axis' type='prismatic'><parent link='world'/><child link='carriage'/><axis xyz='1 0 0'/>"
+            "<limit lower='-1' upper='1' effort='5000' velocity='10'/><dynamics damping='200' friction='20'/></joint>"
+            "<gazebo><plugin name='axis' filename='libsea_plugin.so'><joint>axis</joint><operation_mode>1</operation_mode>"
+            "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>true</sub_ext_tau>"
+            "<ctrl_P>160000</ctrl_P><ctrl_D>7000</ctrl_D></plugin></gazebo></robot>"
+        )
+        made = write_from_recording(
+            tmp_path / "axis.urdf", shared / "recordings/emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
+        )
+        (scenario,) = load_scenario(tmp_path / "s.yaml")
+        assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}
+        assert made.compared
+
+
+def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):
+        make(tmp_path, lab(tmp_path), "plain_arm")
+    for unit, mode in (("rad", 6), ("V", 7)):
+        experiment = lab(tmp_path, header="time,q1,u,current")
+        mapping = ["q1=shoulder.link_position", f"u=shoulder.reference_1 [{unit}]"]
+        made, scenario = make(tmp_path, experiment, "plain_arm", actuators={"*": "sea"}, mapping=mapping, force=True)
+        mounted = scenario.actuators["shoulder"]
+        assert (mounted.type, mounted.mode) == ("sea", mode)
+        assert mounted.parameters.get("motor_1_torque_constant") == (1.0 if mode > 6 else None)
+        assert made.fit is not None
+        assert ("# shoulder.motor_1_torque_constant" in made.fit.read_text()) == (mode > 6)
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
+def test_springs_of_given_actuators_hold_the_arm_where_the_recorded_commands_begin(tmp_path: Path, actuator: str) -> None:
+    """At the defaults a qbMove at the shoulder would sag by 0.8 rad."""
+    pose = 1.2 + 0.1 * np.sin(6.0 * TIME)
+    names = [f"{joint}.{quantity}" for joint in ("shoulder", "elbow") for quantity in ("reference_1", "link_position")]
+    np.savetxt(
+        tmp_path / "lab.csv", np.column_stack([TIME, *[pose] * 4]), delimiter=",", header=f"time,{','.join(names)}", comments=""
+    )
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", "plain_arm", actuators={"*": actuator}, mode=6)
+    assert not sizing(scenario, apply_to_robot(scenario, load_robot(scenario.robot))).weak
+
+
+def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
+    lab(tmp_path, header="time,q1,motor_pos1,current")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
+    assert scenario.modes == {"joint_1": 2}

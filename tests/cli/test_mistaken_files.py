@@ -1,0 +1,88 @@
+"""A file of another kind than a command takes is called what it is, beside the command that takes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from asrsim.document.mistaken import COMMANDS, kind_of
+from support.paths import EXAMPLES
+
+TAKES = {
+    "scenario": ("run", "live", "ilc", "check", "sweep", "identify"),
+    "robot": ("init",),
+    "log": ("plot", "render", "report", "rerun"),
+}
+"""Kind of file -> commands that take it first."""
+ALSO = {"check": {"robot"}, "sweep": {"study"}, "identify": {"fit"}}
+"""Command -> further kinds that it takes."""
+
+
+@pytest.fixture
+def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
+    """One file of each kind; the log is the example that plots are tested with."""
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "made").code == 0
+    found = {
+        "robot": EXAMPLES / "urdf" / "dof1_sea.urdf",
+        "scenario": tiny.scenario,
+        "fit": tmp_path / "made.fit.yaml",
+        "study": tmp_path / "study.yaml",
+        "recording": EXAMPLES / "recordings" / "two_joints.csv",
+        "limits": EXAMPLES / "recordings" / "limits.yaml",
+        "log": next(tmp_path.rglob("log.mcap")),
+        "summary": next(tmp_path.rglob("summary.json")),
+    }
+    found["fit"].write_text(f"scenario: {tiny.scenario}\nexperiments: [lab.csv]\nfree: {{elbow.damping: }}\n", encoding="utf-8")
+    found["study"].write_text(f"scenario: {tiny.scenario}\nover: {{elbow.damping: [0.1, 0.2]}}\n", encoding="utf-8")
+    return found
+
+
+def test_every_kind_is_known_by_its_file(files) -> None:
+    assert {kind: kind_of(path) for kind, path in files.items()} == {kind: kind for kind in COMMANDS}
+    assert kind_of(files["log"].parent) == "log"
+
+
+def test_a_studys_folder_is_no_run(tmp_path: Path, asrsim_command) -> None:
+    folder = tmp_path / "swept"
+    folder.mkdir()
+    (folder / "study.json").write_text("{}", encoding="utf-8")
+    for command in TAKES["log"]:
+        assert f"is a study, no log. What takes it: asrsim sweep {folder}" in asrsim_command(command, folder).err
+
+
+@pytest.mark.parametrize("wanted", TAKES)
+def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -> None:
+    for command in TAKES[wanted]:
+        for kind, path in files.items():
+            if kind in {wanted} | ALSO.get(command, set()):
+                continue
+            done = asrsim_command(command, path)
+            assert done.code == 1, (command, kind)
+            assert f"is a {kind}, no {wanted}" in done.err + done.out, (command, kind)
+            known = COMMANDS[kind].format(path=path, folder=path.parent)
+            assert f"What takes it: {known}" in done.err + done.out, (command, kind)
+
+
+def test_recordings_that_are_none(files, asrsim_command) -> None:
+    for kind in ("robot", "scenario", "fit", "study", "summary"):
+        for arguments in (("plot", files["log"], "--experiment"), ("init", files["robot"], "--experiment")):
+            done = asrsim_command(*arguments, files[kind])
+            assert done.code == 1
+            assert f"is a {kind}, no recording" in done.err
+
+
+def test_a_recording_may_have_keys_of_a_scenario(tmp_path: Path, files, asrsim_command) -> None:
+    recording = tmp_path / "lab.json"
+    rows = [[k / 100, k / 1000] for k in range(300)]
+    times, places = zip(*rows, strict=True)
+    recording.write_text(f'{{"duration": 3, "time": {list(times)}, "elbow.link_position": {list(places)}}}', encoding="utf-8")
+    assert asrsim_command("plot", files["log"], "--experiment", recording).code == 0
+
+
+def test_a_missing_file_is_missing_whatever_it_is_called(tmp_path: Path, asrsim_command) -> None:
+    for command in (*TAKES["scenario"], *TAKES["log"]):
+        for name in ("nowhere.yaml", "nowhere.mcap", "nowhere.csv", "nowhere.urdf"):
+            done = asrsim_command(command, tmp_path / name)
+            assert done.code in (1, 2)
+            assert "No such file" in done.err + done.out or "no such file" in done.err + done.out, (command, name, done.err)

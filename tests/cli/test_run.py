@@ -1,0 +1,542 @@
+"""`asrsim run` and `asrsim rerun`, as a user and a shell meet them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.cli.app import COMMANDS
+from asrsim.errors import InputError, OutputError
+from asrsim.log import LogWriter, read_log
+from support.paths import ROOT
+
+FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
+LOAD = "external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"
+"""A torque that no joint bears."""
+LIMIT = 60.0
+"""s in which a subprocess must come to something, on a slow machine."""
+
+
+def start(tiny, *arguments: object, **options: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "asrsim.cli.app", *map(str, arguments)],
+        cwd=tiny.folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        **options,
+    )
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def log_of(tiny, variant: str = "default") -> Path:
+    return tiny.folder / "out" / "step" / variant / "log.mcap"
+
+
+def test_a_run_leaves_log_summary_and_table(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 0
+    assert outcome.err == ""
+    log = read_log(log_of(tiny))
+    assert log.status == "complete"
+    assert log.samples.time[-1] == 1.5
+    assert len(log.samples.time) == 1501
+    row = next(line for line in outcome.out.splitlines() if line.split()[:1] == ["elbow"])
+    steady = log.samples.joint("elbow")["link_position"][-150:].mean()
+    assert f"{steady:.4f}"[:5] in row
+    assert "out/step/default" in outcome.out
+    assert "\x1b[" not in outcome.out
+
+
+def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json", "--set", "duration=0.3")
+    document = json.loads(outcome.out)
+    assert outcome.err == ""
+    assert document["ok"] is True
+    run = document["runs"][0]
+    assert run["status"] == "complete"
+    assert run["samples"] == 301
+    assert [joint["name"] for joint in run["joints"]] == ["elbow"]
+    assert json.loads(Path(run["files"]["summary"]).read_text()) == run
+
+
+def test_json_of_a_bad_scenario_names_every_problem(tiny, asrsim_command) -> None:
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("duration: 1.5", "duraton: 1.5\nstep: -1"))
+    outcome = asrsim_command("run", tiny.scenario, "--json")
+    assert outcome.code == 1
+    problems = json.loads(outcome.out)["errors"][0]["problems"]
+    assert {problem.get("key") for problem in problems} >= {"duraton", "step"}
+    assert {problem.get("line") for problem in problems} >= {2, 3}
+
+
+def test_quiet_says_nothing_when_all_is_well(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--quiet")
+    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
+
+
+def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
+    assert asrsim_command("run", tiny.scenario, "--set", "duration=0.2").code == 0
+    pictures = list(log_of(tiny).parent.glob("*.png"))
+    assert pictures
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert sorted(summary["files"]["plots"]) == sorted(f"out/step/default/{path.name}" for path in pictures)
+
+
+def test_a_report_is_written_when_asked_for(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--report", "--json", "--set", "duration=0.2")
+    assert outcome.code == 0, outcome.out
+    page = Path(json.loads(outcome.out)["runs"][0]["files"]["report"])
+    assert "elbow" in page.read_text()
+
+
+def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
+    soft_and_stiff = "variants:\n  soft: {parameters: {elbow: {spring_k: 5}}}\n  stiff: {parameters: {elbow: {spring_k: 50}}}\n"
+    tiny.scenario.write_text(tiny.scenario.read_text() + soft_and_stiff)
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 0
+    soft, stiff = (read_log(log_of(tiny, name)).samples.joint("elbow")["stiffness"][0] for name in ("soft", "stiff"))
+    assert (soft, stiff) == (5.0, 50.0)
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "both").code == 0
+    assert (tiny.folder / "both" / "soft" / "log.mcap").is_file()
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--variant", "stiff", "--out", "one").code == 0
+    assert read_log(tiny.folder / "one" / "log.mcap").info.variant == "stiff"
+
+
+def test_a_variant_that_cannot_be_built_is_named_and_ends_the_command(tiny, asrsim_command) -> None:
+    variants = "variants:\n  a: {duration: 0.1}\n  b: {parameters: {elbow: {spring_k: 1e12}}}\n  c: {duration: 0.1}\n"
+    tiny.scenario.write_text(tiny.scenario.read_text() + variants)
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 1
+    assert "step / b: " in outcome.err
+    assert read_log(log_of(tiny, "a")).status == "complete"
+    assert not log_of(tiny, "b").exists()
+    assert not log_of(tiny, "c").exists()
+
+
+def test_a_failed_claim_does_not_keep_the_other_variants_from_running(tiny, asrsim_command) -> None:
+    claim = "{variant: a, joint: elbow, quantity: link_position, measure: final, comparison: '>', value: 9}"
+    tiny.scenario.write_text(tiny.scenario.read_text() + f"variants: {{a: {{}}, b: {{}}}}\nexpect: [{claim}]\n")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json")
+    assert outcome.code == 1
+    assert [(run["variant"], run["ok"]) for run in json.loads(outcome.out)["runs"]] == [("a", False), ("b", True)]
+
+
+def test_nothing_is_lost_if_drawing_fails(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_: object) -> None:
+        raise OutputError("joints.png: cannot write: disk full")
+
+    monkeypatch.setattr("asrsim.plots.draw_run", fail)
+    outcome = asrsim_command("run", tiny.scenario)
+    assert outcome.code == 1
+    assert "disk full" in outcome.err
+    assert read_log(log_of(tiny)).status == "complete"
+    assert json.loads((log_of(tiny).parent / "summary.json").read_text())["status"] == "complete"
+
+
+def test_warnings_of_all_variants_are_told_once(tiny, asrsim_command) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace("<spring_k>", "<sprang>1</sprang><spring_k>"))
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot")
+    assert outcome.code == 0
+    warnings = [line for line in outcome.err.splitlines() if line.startswith("warning ")]
+    assert len(warnings) == 1
+    assert "pendulum.urdf:25: " in warnings[0]
+    assert "warning " not in outcome.out
+
+
+@pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])
+def test_expectations_decide_the_exit_code(tiny, asrsim_command, value: float, code: int) -> None:
+    claim = f"{{joint: elbow, quantity: link_position, measure: steady_state, value: {value}, tolerance: 0.05}}"
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", f"expect=[{claim}]")
+    assert outcome.code == code
+    assert ("pass" in outcome.out) == (code == 0)
+    assert ("FAIL" in outcome.err) == (code == 1)
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["expect"][0]["holds"] is (code == 0)
+    assert summary["ok"] is (code == 0)
+
+
+def test_a_claim_that_cannot_be_evaluated_is_told_before_the_run(tiny, asrsim_command) -> None:
+    claim = "{joint: elbow, quantity: motor_2_position, measure: final, value: 0}"
+    outcome = asrsim_command("run", tiny.scenario, "--set", f"expect=[{claim}]", *FOREVER)
+    assert outcome.code == 1
+    assert "motor_2_position" in outcome.err
+    assert not log_of(tiny).exists()
+
+
+def test_the_same_scenario_replaces_its_results_and_says_so(tiny, asrsim_command) -> None:
+    assert "replaced" not in asrsim_command("run", tiny.scenario, "--no-plot").out
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2")
+    assert outcome.code == 0
+    assert "replaced 2 files" in outcome.out
+    assert read_log(log_of(tiny)).samples.time[-1] == 0.2
+
+
+def test_another_scenarios_results_are_kept(tiny, asrsim_command) -> None:
+    other = tiny.folder / "other.yaml"
+    shutil.copy(tiny.scenario, other)
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "results").code == 0
+    before = (tiny.folder / "results" / "log.mcap").read_bytes()
+    outcome = asrsim_command("run", other, "--no-plot", "--out", "results")
+    assert outcome.code == 1
+    assert "step.yaml" in outcome.err
+    assert "--overwrite" in outcome.err
+    assert (tiny.folder / "results" / "log.mcap").read_bytes() == before
+    assert asrsim_command("run", other, "--no-plot", "--out", "results", "--overwrite").code == 0
+    assert read_log(tiny.folder / "results" / "log.mcap").info.scenario_path.endswith("other.yaml")
+
+
+def test_a_file_that_is_no_log_of_ours_is_kept(tiny, asrsim_command) -> None:
+    (tiny.folder / "results").mkdir()
+    (tiny.folder / "results" / "log.mcap").write_text("my diary")
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "results").code == 1
+    assert (tiny.folder / "results" / "log.mcap").read_text() == "my diary"
+
+
+def test_a_repetition_that_ends_before_its_log_says_how_much_is_missing(tiny, asrsim_command, monkeypatch) -> None:
+    from asrsim.runs import repeat
+    from asrsim.simulation.run import simulate
+
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "-q", "--set", "duration=0.1")
+    shorter = lambda scenario, *given, **how: simulate(replace(scenario, duration=0.04), *given, **how)  # noqa: E731
+    monkeypatch.setattr("asrsim.runs.repeat.simulate", shorter)
+    found = repeat.repeat(tiny.folder / "out" / "log.mcap")
+    assert (found.samples, found.missing, found.logged_samples, found.identical) == (41, 60, 101, False)
+    outcome = asrsim_command("rerun", "out/log.mcap")
+    assert outcome.code == 1
+    assert "60 samples before the log" in outcome.err
+
+
+def test_what_a_run_no_longer_makes_goes_with_the_earlier_one(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "--report", "-q")
+    assert (tiny.folder / "out" / "report.html").exists()
+    asrsim_command("run", tiny.scenario, "-o", "out", "--no-plot", "-q")
+    assert sorted(path.name for path in (tiny.folder / "out").iterdir()) == ["log.mcap", "summary.json"]
+
+
+def test_a_run_that_cannot_be_built_leaves_the_earlier_results(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot")
+    before = log_of(tiny).read_bytes()
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "initial={elbow: 9}")
+    assert outcome.code == 1
+    assert "initial" in outcome.err
+    assert log_of(tiny).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "changes", [("stepping=toolbox", "parameters={elbow: {spring_k: 1e5}}"), ("stepping=toolbox", LOAD), (LOAD,)]
+)
+def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes: tuple[str, ...]) -> None:
+    tiny.robot.write_text(tiny.robot.read_text().replace('effort="50"', 'effort="1e9"').replace("revolute", "continuous"))
+    settings = [part for change in changes for part in ("--set", change)]
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", *settings)
+    assert outcome.code == 1
+    assert "joint 'elbow' diverged at t = " in outcome.err
+    log = read_log(log_of(tiny))
+    assert log.status == "diverged"
+    assert not log.truncated
+    assert len(log.samples.time) > 0
+    assert log.metadata["joint"] == "elbow"
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    assert "elbow" in summary["message"]
+
+
+def test_ctrl_c_ends_a_run_cleanly(tiny) -> None:
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
+    wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 200_000, process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=LIMIT)
+    assert process.returncode == 130
+    assert "Traceback" not in err
+    assert "interrupted" in out
+    log = read_log(log_of(tiny))
+    assert log.status == "interrupted"
+    assert not log.truncated
+    assert np.all(np.diff(log.samples.time) > 0)
+    summary = json.loads((log_of(tiny).parent / "summary.json").read_text())
+    assert summary["status"] == "interrupted"
+    assert summary["samples"] == len(log.samples.time)
+
+
+def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
+    """While the loop is compiled nobody asks whether to stop; once somebody has, the first signal is left to them."""
+    from asrsim.cli.interrupt import Interruption
+
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), Interruption():
+        signal.raise_signal(signal.SIGINT)
+    with Interruption() as interruption:
+        assert not interruption.stop()
+        signal.raise_signal(signal.SIGINT)
+        assert interruption.stop()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interruption_that_a_compiler_swallows_ends_the_run_at_the_next_question() -> None:
+    from asrsim.cli.interrupt import Interruption
+
+    with Interruption() as interruption:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert interruption.stop()
+
+
+@pytest.mark.parametrize("place", ["asrsim.cli.app", "asrsim.robot", "asrsim.document.yaml_reader", "at the end"])
+def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
+    """While a library is imported, in the command, and behind it, where it is too late; in a process of its own."""
+    code = (
+        "import signal, sys, atexit\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # of a parent in the background it is ignored
+        "class Finder:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        f"        if name == {place!r}: sys.meta_path.remove(self); signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Finder())\n"
+        f"if {place == 'at the end'}: atexit.register(signal.raise_signal, signal.SIGINT)\n"
+        f"sys.argv = ['asrsim', 'check', {str(tiny.scenario)!r}]\n"
+        "from asrsim.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
+                          env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    if place == "at the end":
+        assert (done.returncode, done.stderr) == (0, "")
+    else:
+        assert (done.returncode, done.stderr) == (130, "asrsim: aborted\n")
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_an_import_that_ctrl_c_ends_is_an_interruption(tiny, asrsim_command, monkeypatch, wrapped: bool) -> None:
+    """Libraries in C then raise an ImportError, which is neither a fault of theirs nor a missing library."""
+    import asrsim.scenario.load as load
+
+    def interrupted(*arguments: object, **options: object) -> None:
+        try:
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as signal_:
+                raise ImportError("initialization failed") from signal_
+        except ImportError:
+            if wrapped:
+                raise InputError("the engine is not installed") from None
+            raise
+
+    monkeypatch.setattr(load, "build_scenario", interrupted)
+    done = asrsim_command("run", tiny.scenario)
+    assert done.code == 130
+    assert done.err.strip() == "asrsim: aborted"
+
+
+def test_a_killed_run_leaves_a_readable_log_that_can_be_repeated(tiny, asrsim_command) -> None:
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER)
+    # Beyond the first chunk with its index (576 kB): a kill in the midst of its writing would leave no sample.
+    wait_for(lambda: log_of(tiny).exists() and log_of(tiny).stat().st_size > 1_000_000, process)
+    process.kill()
+    process.communicate(timeout=LIMIT)
+    log = read_log(log_of(tiny))
+    assert log.truncated
+    assert len(log.samples.time) > 1000
+    outcome = asrsim_command("rerun", log_of(tiny), "--json")
+    assert outcome.code == 0
+    document = json.loads(outcome.out)
+    assert document["identical"] is True
+    assert document["samples"] == len(log.samples.time)
+
+
+def test_a_full_disk_ends_with_one_error_and_a_readable_log(tiny) -> None:
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+
+    process = start(tiny, "run", tiny.scenario, "--no-plot", *FOREVER, preexec_fn=little_room)
+    _, err = process.communicate(timeout=LIMIT)
+    assert process.returncode == 1
+    assert "cannot write the log" in err
+    assert "Traceback" not in err
+    assert len(read_log(log_of(tiny)).samples.time) > 1000
+
+
+def test_output_that_cannot_be_written(tiny, asrsim_command) -> None:
+    (tiny.folder / "taken").write_text("a file")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "taken")
+    assert outcome.code == 1
+    assert "cannot make the folder" in outcome.err
+    (tiny.folder / "full").mkdir()
+    (tiny.folder / "full" / "log.mcap").symlink_to("/dev/full")
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "full")
+    assert outcome.code == 1
+    assert "No space left" in outcome.err
+
+
+def test_a_missing_scenario_is_one_line(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", "nowhere.yaml")
+    assert outcome.code == 1
+    assert len(outcome.err.splitlines()) == 1
+    assert "nowhere.yaml" in outcome.err
+
+
+def test_certify_reports_the_numerical_error(tiny, asrsim_command) -> None:
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--certify", "--json", "--set", "duration=0.5")
+    certificate = json.loads(outcome.out)["runs"][0]["certificate"]
+    assert 0.0 < certificate["joints"]["elbow"]["position_max"] < 1e-3
+    assert json.loads(read_log(log_of(tiny)).metadata["certificate"])["joints"] == certificate["joints"]
+
+
+def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4", "--set", "step=5e-4")
+    log = tiny.folder / "alone.mcap"
+    shutil.move(log_of(tiny), log)
+    tiny.scenario.unlink()
+    tiny.robot.unlink()
+    outcome = asrsim_command("rerun", log, "--out", "again")
+    assert outcome.code == 0
+    assert "identical" in outcome.out
+    again = read_log(tiny.folder / "again" / "log.mcap")
+    assert again.samples.time[-1] == 0.4
+    assert asrsim_command("rerun", tiny.folder / "again" / "log.mcap").code == 0
+
+
+def test_rerun_takes_folders_of_one_run_and_of_many(tiny, asrsim_command) -> None:
+    """What `report` takes, `rerun` takes."""
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {seed: 3}}\n")
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", tiny.folder / "out").code == 0
+    logs = sorted((tiny.folder / "out").rglob("log.mcap"))
+    assert len(logs) == 2
+    assert asrsim_command("rerun", logs[0].parent).out.count("identical, bit for bit") == 1
+    many = asrsim_command("rerun", logs[0].parent.parent, "--json")
+    assert [run["identical"] for run in json.loads(many.out)["runs"]] == [True, True]
+
+
+def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4")
+    log = read_log(log_of(tiny))
+    velocity = log.samples.values["link_velocity"].copy()
+    velocity[123, 0] = np.nextafter(velocity[123, 0], np.inf)
+    tampered = tiny.folder / "tampered.mcap"
+    with LogWriter(tampered, log.info) as writer:
+        writer.write(replace(log.samples, values={**log.samples.values, "link_velocity": velocity}))
+    outcome = asrsim_command("rerun", tampered)
+    assert outcome.code == 1
+    assert "link_velocity of elbow" in outcome.err
+    assert "t = 0.123 s" in outcome.err
+    document = json.loads(asrsim_command("rerun", tampered, "--json").out)
+    assert [(one["name"], one["joint"], one["sample"], one["count"]) for one in document["differences"]] == [
+        ("link_velocity", "elbow", 123, 1)
+    ]
+
+
+def test_one_of_many_that_differs_decides_and_further_series_are_counted(tiny, asrsim_command) -> None:
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2", "--out", tiny.folder / "a")
+    log = read_log(next((tiny.folder / "a").rglob("log.mcap")))
+    (tiny.folder / "b").mkdir()
+    values = {name: column + 1.0 for name, column in log.samples.values.items()}
+    with LogWriter(tiny.folder / "b" / "log.mcap", log.info) as writer:
+        writer.write(replace(log.samples, values=values))
+    other = asrsim_command("rerun", tiny.folder / "b" / "log.mcap", "--overwrite")
+    said = [line for line in other.err.splitlines() if line.startswith("differs")]
+    assert other.code == 1
+    assert len(said) > 2
+    assert int(said[-1].split()[1]) + len(said) - 1 == len(values)
+    both = asrsim_command("rerun", tiny.folder)
+    assert both.code == 1
+    assert both.out.count("identical, bit for bit") == both.out.count(": different") == 1
+
+
+def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
+    # Without stops, which would hold the link.
+    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="continuous"'))
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
+    outcome = asrsim_command("rerun", log_of(tiny), "--json")
+    assert outcome.code == 0
+    assert json.loads(outcome.out)["status"] == "diverged"
+
+
+@pytest.mark.once
+def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
+    plugin = tiny.folder / "my_drive.py"
+    plugin.write_text(
+        "from asrsim.actuators.sea import Sea\n\nclass MyDrive(Sea):\n    name = 'my_drive'\n    title = 'My drive'\n"
+    )
+    tiny.robot.write_text(tiny.robot.read_text().replace("libsea", "libmy_drive"))
+    run = start(tiny, "run", tiny.scenario, "--no-plot", "--plugin", plugin, "--set", "duration=0.1")
+    _, err = run.communicate(timeout=LIMIT)
+    assert run.returncode == 0, err
+    plugin.unlink()
+    refused = start(tiny, "rerun", log_of(tiny))
+    _, err = refused.communicate(timeout=LIMIT)
+    assert refused.returncode == 1
+    assert "--trust-plugins" in err
+    trusted = start(tiny, "rerun", log_of(tiny), "--trust-plugins", "--out", "again")
+    out, err = trusted.communicate(timeout=LIMIT)
+    assert trusted.returncode == 0, err
+    assert "identical" in out
+    assert read_log(tiny.folder / "again" / "log.mcap").info.attachments == read_log(log_of(tiny)).info.attachments
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example(asrsim_command, name: str) -> None:
+    outcome = asrsim_command(name, "--help")
+    assert outcome.code == 0
+    assert f"Example: asrsim {name}" in outcome.out
+    usage = outcome.out.splitlines()[0]
+    assert re.search(rf" {name} \[OPTIONS\]( [A-Z]+| \[[A-Z]+\](\.\.\.)?)*$", usage), usage
+
+
+def test_the_list_of_commands_says_whole_sentences(asrsim_command) -> None:
+    """Nothing is cut off with dots, however narrow the terminal is."""
+    listed = asrsim_command("-h").out.split("Commands:\n")[1]
+    told = [" ".join(entry.split()) for entry in re.split(r"^  (?=\w)", listed, flags=re.MULTILINE)[1:]]
+    assert [entry.split()[0] for entry in told] == list(COMMANDS)
+    assert "..." not in listed
+    assert all(entry.endswith(".") for entry in told)
+
+
+def test_version_and_unknown_commands(asrsim_command) -> None:
+    assert asrsim_command("--version").out.startswith("asrsim ")
+    assert asrsim_command("rum").code == 2
+
+
+def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_arguments: object, **_options: object) -> None:
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr("asrsim.scenario.load_scenario", fail)
+    outcome = asrsim_command("run", "any.yaml")
+    assert outcome.code == 1
+    assert "ZeroDivisionError" in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_start_imports_nothing_heavy(tiny) -> None:
+    code = (
+        "import sys; sys.argv = ['asrsim', 'run', 'step.yaml', '--no-plot', '--set', 'duration=1e-3']\n"
+        "from asrsim.cli.app import main\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "heavy = {'matplotlib', 'scipy', 'numba', 'rosbags', 'xacro', 'rich', 'pandas', 'mcap_ros2'}\n"
+        "print(sorted(heavy & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.stderr.splitlines()[-1] == "[]"

@@ -1,0 +1,130 @@
+"""Names from files that a terminal or a browser would obey."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from types import SimpleNamespace
+
+import pytest
+
+from asrsim.cli.console import SHOWN, problem_lines, shown, styled
+from asrsim.errors import Problem
+from asrsim.report.html import script_json
+from support.paths import ROOT
+
+EVIL = "\x1b]0;owned\x07\x1b[2Jelbow\x9b31m\u202e\r"
+_BAD = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+def named(tiny, name: str) -> None:
+    """The pendulum with another joint's name, and the scenario with another variant's."""
+    escaped = "".join(f"\\u{ord(c):04x}" for c in name)
+    tiny.scenario.write_text(
+        f'{{robot: pendulum.urdf, duration: 0.1, references: {{"{escaped}": {{equilibrium_position: 0.1}}}}, '
+        f'"{escaped}": 3, expect: [{{joint: "{escaped}", quantity: link_position, measure: final, value: 1}}]}}\n'
+    )
+
+
+@pytest.mark.parametrize("command", ["run", "check", "ilc"])
+@pytest.mark.parametrize("json_wanted", [False, True])
+def test_what_a_file_says_is_shown_and_not_obeyed(tiny, asrsim_command, command: str, json_wanted: bool) -> None:
+    named(tiny, EVIL)
+    outcome = asrsim_command(command, tiny.scenario, *(["--json"] if json_wanted else []))
+    assert outcome.code == 1
+    assert "owned" in outcome.out + outcome.err
+    assert not _BAD.search(outcome.out + outcome.err)
+    assert not json_wanted or json.loads(outcome.out)["ok"] is False
+
+
+def test_our_own_styles_stay_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("asrsim.cli.console.is_terminal", lambda stream=None: True)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    text = styled("good", "green") + " \x1b[2J\x1b[5m"
+    assert shown(text, styles=True) == "\x1b[32mgood\x1b[0m \\x1b[2J\\x1b[5m"
+    assert "\x1b" not in shown(text)
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
+    """Tables have lines and signs that ASCII has not, and so may names; JSON loses none."""
+    tiny.robot.write_text(tiny.robot.read_text().replace("elbow", "coudé"), encoding="utf-8")
+    old = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "asrsim", "check", str(tiny.robot), *options]
+    done = subprocess.run(command, env=old, capture_output=True, text=True, check=True, encoding="ascii")
+    assert "coudé" in json.dumps(json.loads(done.stdout), ensure_ascii=False) if options else "coud?" in done.stdout
+
+
+class Scripts(HTMLParser):
+    """The texts of a page's scripts, as a browser parts them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+        self.inside = False
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.inside = tag == "script"
+        self.found += [""] if self.inside else []
+
+    def handle_endtag(self, tag: str) -> None:
+        self.inside = self.inside and tag != "script"
+
+    def handle_data(self, data: str) -> None:
+        if self.inside:
+            self.found[-1] += data
+
+
+@pytest.mark.parametrize("name", ["<!--<script>", "</script><script>alert(1)</script>", "a&amp;<b>", "]]>-->"])
+def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
+    from xml.sax.saxutils import quoteattr
+
+    import asrsim
+    from asrsim.report import write_report
+
+    quoted = quoteattr(name)
+    text = tiny.robot.read_text().replace('"elbow"', quoted).replace(">elbow<", f">{quoted[1:-1]}<")
+    tiny.robot.write_text(text)
+    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\nreferences: {'*': {equilibrium_position: 0.1}}\n")
+    result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
+    assert result.joints == (name,)
+    text = write_report(tiny.folder / "out", film=False).read_text(encoding="utf-8")
+    page = Scripts()
+    page.feed(text)
+    assert len(page.found) == 3
+    assert json.loads(page.found[0])["joints"]
+    assert "<!--" not in text
+    assert text.count("<script") == 3
+
+
+@pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])
+def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
+    problems = [Problem(message="odd", key=f"joint_{i}", code="odd") for i in range(count)]
+    (line,) = problem_lines(problems)
+    assert "None" not in line
+    assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
+    assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
+
+
+def test_json_in_a_script_reads_back() -> None:
+    data = {"<!--<script>": ["</script>", "&lt;", "é\u2028"]}
+    assert json.loads(script_json(data)) == data
+    assert "<" not in script_json(data)
+
+
+def test_a_run_s_bar_shows_simulated_seconds_a_second(monkeypatch):
+    from asrsim.cli import progress
+
+    told = []
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 10.0)
+    bar = progress.RunBar("a", 5.0, show=True)
+    bar.start()
+    bar._show, bar._bar = True, SimpleNamespace(update=lambda task, **fields: told.append(fields), stop=lambda: None)
+    monkeypatch.setattr(progress.clock, "perf_counter", lambda: 14.0)
+    bar.update(2.0)
+    assert told == [{"completed": 2.0, "speed": "0.5 x real time"}]

@@ -1,0 +1,122 @@
+"""Worlds with contacts: what nothing touches moves as it would without them, and a fixed base stands in the way of things."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import ScenarioError
+from validation.models import INSTALLED
+
+FAR = {"objects": {"stone": {"shape": "sphere", "size": 0.1, "position": [50, 0, 0]}}}
+LINK = """<link name="{0}"><inertial><origin xyz="0.02 0.01 0.1"/><mass value="0.8"/>
+<inertia ixx="4e-3" iyy="3e-3" izz="2e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+ARM = f"""<robot name="arm"><link name="base"/>{LINK.format("upper")}{LINK.format("tool")}
+<joint name="one" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+<joint name="two" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.3"/><axis xyz="1 0 0"/>
+<limit lower="LOW" upper="HIGH" effort="50" velocity="100"/></joint>{LINK.format("fore")}
+<joint name="weld" type="fixed"><parent link="fore"/><child link="tool"/><origin xyz="0.05 0 0.2" rpy="0.7 -0.4 1.1"/></joint>
+</robot>"""
+NONE: dict[str, Any] = {}
+MOTIONS: dict[str, tuple[str, str, dict[str, Any], float]] = {
+    "a wrench in the frame of a link that is fixed to another": (
+        "-60", "60", {"wrenches": [{"link": "tool", "frame": "link", "point": [0.1, 0.02, 0], "force": [3, 1, 2],
+                                    "torque": [0.2, 0.1, -0.3]}]}, 1e-12,
+    ),
+    "a wrench in the world's frame": (
+        "-60", "60", {"wrenches": [{"link": "tool", "point": [0.1, 0.02, 0], "force": [3, 1, 2], "torque": [0.2, 0.1, -0.3]}]},
+        1e-12,
+    ),
+    "a stop after turns": ("-11.5", "60", {"external_torques": {"two": -2.0}, "gravity": [0, 0, 0]}, 1e-3),
+    "a stop on one side": ("-inf", "0.3", {"external_torques": {"two": 2.0}, "gravity": [0, 0, 0]}, 1e-3),
+}  # fmt: skip
+"""Limits of the second joint (rad), keys, and by how much a solver with contacts may differ (rad): stops give way a little."""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_stone_far_away_changes_nothing(tmp_path: Path, engine: str, name: str) -> None:
+    low, high, keys, near = MOTIONS[name]
+    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", low).replace("HIGH", high))
+    found = []
+    for world in (NONE, FAR):
+        scenario = asrsim.make_scenario(
+            tmp_path / "arm.urdf",
+            engine=engine,
+            duration=1.0,
+            compiled=False,
+            world=world,
+            base={"position": [0, 0, 5]},
+            **keys,
+        )
+        found.append(asrsim.run(scenario).samples.values["link_position"])
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=near)
+    assert np.abs(found[0][-1]).max() > 0.2
+    if "stop" in name:
+        ends = found[1][:, 1].min(), found[1][:, 1].max()
+        assert ends["turns" not in name] == pytest.approx(float(low if "turns" in name else high), abs=0.03)  # a step's way
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path: Path, engine: str) -> None:
+    """With the friction of both; the base stands in the ground, which does not push it."""
+    table = '<link name="base"><collision><geometry><box size="2 2 1"/></geometry></collision></link>'
+    (tmp_path / "arm.urdf").write_text(ARM.replace('<link name="base"/>', table).replace("LOW", "-1").replace("HIGH", "1"))
+    objects = {
+        "ball": {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [0.3, 0.2, 0.62]},
+        "ice": {"shape": "box", "size": [0.2, 0.2, 0.1], "mass": 0.4, "position": [-0.8, 0.6, 0.55], "friction": 0.1},
+    }
+    scenario = asrsim.make_scenario(
+        tmp_path / "arm.urdf", engine=engine, duration=0.5, compiled=False, world={"ground": {}, "objects": objects},
+        gravity=[2.0, 0, -9.6],
+    )  # fmt: skip
+    run = asrsim.run(scenario)
+    assert run.bodies["ball"][-1, 2] == pytest.approx(0.6, abs=2e-3)
+    assert run.samples.contacts["ball/robot"][-1, 2] == pytest.approx(0.5 * 9.6, rel=0.02)
+    assert run.bodies["ice"][-1, 0] + 0.8 == pytest.approx(0.5 * (2.0 - 0.1 * 9.6) * 0.5**2, rel=0.05)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("height", [-0.7, 0.4])
+def test_the_ground_is_where_it_is_said_to_be(tmp_path: Path, engine: str, height: float) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
+    ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, height + 0.12]}
+    scenario = asrsim.make_scenario(
+        tmp_path / "arm.urdf", engine=engine, duration=0.5, compiled=False,
+        world={"ground": {"height": height}, "objects": {"ball": ball}},
+    )  # fmt: skip
+    assert asrsim.run(scenario).bodies["ball"][-1, 2] == pytest.approx(height + 0.1, abs=2e-3)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_path: Path, engine: str) -> None:
+    """A ball on a slide pushes a box over the ground, stops at its limit, and the box slides on and comes to rest."""
+    ball = "<collision><geometry><sphere radius='0.02'/></geometry></collision>"
+    (tmp_path / "slide.urdf").write_text(f"""<robot name="slide"><link name="base"/><link name="ball"><inertial>
+<mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>{ball}</link>
+<joint name="push" type="prismatic"><parent link="base"/><child link="ball"/><axis xyz="1 0 0"/>
+<limit lower="-1" upper="0.05" effort="1000" velocity="100"/></joint></robot>""")
+    mass, gravity = 2.0, np.array([0.0, 0.0, -9.81])
+    box = {"shape": "box", "size": [0.2, 0.2, 0.2], "mass": mass, "friction": 0.23, "position": [0.1201, 0.0, 0.1]}
+    scenario = asrsim.make_scenario(
+        tmp_path / "slide.urdf", engine=engine, duration=0.7, compiled=False, base={"position": [0, 0, 0.1]},
+        gravity=gravity.tolist(), external_torques={"push": 7.2}, world={"ground": {}, "objects": {"box": box}},
+    )  # fmt: skip
+    run = asrsim.run(scenario)
+    place = run.bodies["box"][:, :3]
+    acceleration = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / 1e-3**2
+    force = run.contacts["box/ground"][2:] + run.contacts["box/robot"][2:]
+    np.testing.assert_allclose(force, mass * (acceleration - gravity), rtol=0.0, atol=0.01)
+    assert 0.05 < place[-1, 0] - place[0, 0] < 0.1
+    assert np.abs(acceleration[-20:]).max() < 0.01
+
+
+def test_a_bounce_that_no_engine_has_right_is_refused_with_the_reason(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
+    ball = {"shape": "sphere", "size": 0.05, "mass": 0.1, "restitution": 0.5}
+    with pytest.raises(ScenarioError, match="depends on the step"):
+        asrsim.make_scenario(tmp_path / "arm.urdf", world={"objects": {"ball": ball}})

@@ -1,0 +1,172 @@
+"""The run in another engine: equal where nothing touches, told where it is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim.engines import ENGINES
+from asrsim.engines import mujoco as mujoco_engine
+from asrsim.engines.base import FRICTION, EngineEntry
+from asrsim.errors import SimulationError
+from asrsim.robot import load_robot
+from asrsim.simulation.crosscheck import LIMIT, other_engine
+from support.paths import ROOT
+
+EXAMPLES = ROOT / "examples" / "scenarios"
+pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
+
+
+def example(name: str, variant: str, **fields: object) -> asrsim.Scenario:
+    (scenario,) = asrsim.load_scenario(EXAMPLES / f"{name}.yaml", variant=variant)
+    return replace(scenario, expect=(), **fields)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize(("asked", "runs"), [({}, 0), ({"cross_check": True}, 1), ({"certify": True}, 1)])
+def test_another_engine_runs_when_it_is_asked_for(tiny, tmp_path, monkeypatch, asked, runs, kept) -> None:
+    """Once, into a folder or not; and never otherwise, since it takes as long as the run."""
+    made = []
+    real = ENGINES.get("mujoco").make
+    entry = EngineEntry(make=lambda *given: made.append(1) or real(*given), doc="counted", module="mujoco")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    overrides = ["engine=bullet", "compiled=false", "duration=0.1"]
+    result = asrsim.run(tiny.scenario, overrides=overrides, out=tmp_path / "o" if kept else None, **asked)
+    assert (len(made) > 0, bool(result.summary.cross_check)) == (runs > 0, runs > 0)
+
+
+@pytest.fixture
+def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A MuJoCo engine that pulls by a millionth too much."""
+
+    def make(scenario, robot):
+        return mujoco_engine.make_mujoco(replace(scenario, gravity=(0.0, -9.81 * (1 + 1e-6), 0.0)), robot)
+
+    monkeypatch.setitem(ENGINES._entries, "mujoco", EngineEntry(make=make, doc="wrong", module="mujoco"))
+
+
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_engines_agree_where_nothing_touches(engine: str, tmp_path: Path) -> None:
+    result = asrsim.run(example("step_2dof", "soft", engine=engine, duration=1.0), out=tmp_path, cross_check=True)
+    check = result.summary.cross_check
+    assert result.ok
+    assert check["agrees"]
+    assert not check["note"]
+    assert {check["engine"], check["other"]} == {"bullet", "mujoco"}
+    assert check["engine"] == engine
+    assert all(word in version for word, version in zip((engine, check["other"]), check["versions"], strict=True))
+    for joint in check["joints"].values():
+        assert 0.0 <= joint["position_rms"] <= joint["position_max"] < LIMIT
+        assert 0.0 <= joint["torque_rms"] <= joint["torque_max"] < 1e-6
+    written = json.loads((tmp_path / "summary.json").read_text())
+    assert written["cross_check"] == json.loads(json.dumps(check))
+    assert written["engine"] == engine
+    assert written["loop"] in ("plain", "compiled")
+
+
+@pytest.mark.usefixtures("wrong_mujoco")
+@pytest.mark.parametrize("out", [True, False])
+def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Path) -> None:
+    scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
+    result = asrsim.run(scenario, out=tmp_path if out else None, certify=True)
+    check = result.summary.cross_check
+    assert "one of them is wrong" in check["finding"]
+    assert not check["agrees"]
+    assert not result.ok
+    assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT
+    assert result.summary.certificate
+
+
+class HalfFriction(mujoco_engine.MujocoEngine):
+    """Joints rub half as much."""
+
+    native = None
+
+    def step(self, exchange, wrenches, fraction=1.0):
+        """As its base."""
+        rubbing = exchange.copy()
+        rubbing[:, FRICTION] *= 0.5
+        super().step(rubbing, wrenches, fraction)
+        exchange[:, :FRICTION] = rubbing[:, :FRICTION]
+
+
+class MovedStop(mujoco_engine.MujocoEngine):
+    """A stop is 10 mrad off."""
+
+    def __init__(self, scenario, robot):
+        super().__init__(scenario, robot)
+        self._room.upper[0] += 0.01
+
+
+@pytest.mark.parametrize("wrong", [HalfFriction, MovedStop])
+def test_friction_or_stops_that_one_engine_has_wrong_are_found(wrong: type, tmp_path: Path, monkeypatch) -> None:
+    """A link that rubs falls onto its stop."""
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
+        '<inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute">'
+        '<parent link="a"/><child link="b"/><axis xyz="0 1 0"/><limit lower="-3" upper="0.5" effort="9" velocity="99"/>'
+        '<dynamics friction="0.2"/></joint></robot>'
+    )
+    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 0.6\ninitial: {j: -1.2}\nengine: bullet\n")
+    assert asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
+    entry = EngineEntry(make=lambda *given: (wrong(*given), ()), doc="wrong", module="mujoco")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    assert not asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
+
+
+def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) -> None:
+    """Three free links fall over and over: what is 1e-12 rad at the start is 1e-3 at the end, in one engine too.
+
+    The first begins on its stop.
+    """
+    stop = '<limit lower="-60" upper="2.5" effort="9" velocity="99"/>'
+    links = "".join(
+        f'<joint name="j{i}" type="{"revolute" if i == 1 else "continuous"}">{stop if i == 1 else ""}'
+        f'<origin xyz="0 0 {-0.2 if i > 1 else 0}"/><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><axis xyz="0 1 0"/></joint><link name="l{i}"><inertial><origin xyz="0 0 -0.1"/>'
+        '<mass value="1"/><inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for i in (1, 2, 3)
+    )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r"><link name="l0"/>{links}</robot>')
+    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 12\ninitial: {j1: 2.5, j2: 1.0, j3: 0.5}\n")
+    check = asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check
+    assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT
+    assert check["agrees"]
+    assert "multiplies differences" in check["note"]
+
+
+def test_contacts_may_differ_and_it_is_said() -> None:
+    check = asrsim.run(example("box_push_5dof", "soft", duration=0.2, task=None), cross_check=True).summary.cross_check
+    assert check["contacts"]
+    assert check["agrees"]
+    assert "legitimate" in check["note"]
+
+
+def test_without_another_engine_the_check_is_refused_and_certify_goes_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = replace(ENGINES.get("mujoco"), module="no_such_module_here")
+    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
+    assert other_engine("bullet") is None
+    assert other_engine("bench") is None
+    scenario = example("step_2dof", "soft", engine="bullet", duration=0.1)
+    with pytest.raises(SimulationError, match="no engine to hold 'bullet' against"):
+        asrsim.run(scenario, cross_check=True)
+    assert not asrsim.run(scenario, certify=True).summary.cross_check
+    with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; here are: bullet"):
+        asrsim.run(replace(scenario, engine="mujoco"))
+
+
+@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("asked", [{"cross_check": True}, {"certify": True}], ids=str)
+def test_a_robot_that_was_given_is_the_one_that_both_engines_and_finer_steps_run(tiny, tmp_path, asked, kept) -> None:
+    """Three times as heavy as the scenario's file says: another robot's motion would be far off."""
+    robot = load_robot(tiny.robot)
+    heavy = replace(robot, links=tuple(replace(link, mass=3.0 * link.mass) if link.mass else link for link in robot.links))
+    overrides = ["engine=mujoco", "compiled=false", "duration=0.2"]
+    result = asrsim.run(tiny.scenario, robot=heavy, overrides=overrides, out=tmp_path / "o" if kept else None, **asked)
+    errors = [one["position_max"] for one in (result.summary.certificate or {"joints": {}})["joints"].values()]
+    assert all(error < 1e-4 for error in errors)
+    assert result.summary.cross_check["agrees"]

@@ -1,0 +1,173 @@
+"""`initial: equilibrium`: a run begins at rest and stays there, whatever carries the arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
+from asrsim.actuators.modes import Mode
+from asrsim.scenario.data import Scenario
+from asrsim.signals import Constant
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
+from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.steppings import STEPPINGS
+from support.random_runs import random_run
+from validation.models import INSTALLED, Body, chain, column, run
+
+ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
+HELD = tuple(mode for mode in MODES.values() if (mode.spring or mode.controller) and not mode.direct)
+FIRST, PRESET = 0.5, 0.004
+"""rad, and rad or m: references."""
+
+
+class Coupled(Actuator):
+    """Two motors whose spring torques depend on both: a spring between them, and one from each to the link."""
+
+    name, title, source, motors = "coupled", "Coupled", "test", 2
+    parameters = (Parameter(name="k", default=20.0, unit="N m/rad", doc="of all springs"),)
+
+    @staticmethod
+    def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
+        (k,) = parameters
+        return k * (theta_1 - q) + k * (theta_1 - theta_2), k * (theta_2 - q) - k * (theta_1 - theta_2)
+
+    @staticmethod
+    def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        return 2.0 * parameters[0]
+
+    @staticmethod
+    def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_1 - theta_2) ** 2)
+
+
+@pytest.fixture(autouse=True)
+def coupled() -> None:
+    ACTUATORS.add(Coupled.name, Coupled, replace=True)
+
+
+def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
+    """How far links and motors of an arm of two joints move in 50 ms, and what the first one's motor stands off by."""
+    second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
+    values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
+    robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
+    result = run(
+        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, stepping=stepping,
+        parameters=parameters, references=dict(zip(mode.references, values, strict=False)),
+    )  # fmt: skip
+    names = [name for name in ("link_position", "motor_1_position", "motor_2_position") if name in result.samples.values]
+    return {name: max(float(np.ptp(column(result, name, j))) for j in (0, 1)) for name in names} | {
+        "droop": float(FIRST - column(result, "link_position")[0])
+    }
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
+@pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("integral", [0.0, 30.0])
+@pytest.mark.parametrize("stepping", STEPPINGS.names())
+def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
+    gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
+    moved = start(actuator, mode, stepping, **gains)
+    droop = moved.pop("droop")
+    assert max(moved.values()) < 1e-8
+    # The arm leans on what holds it, but for an integral action on the link itself.
+    assert (abs(droop) > 1e-5) == (mode.number != 1 or integral == 0.0)
+
+
+@pytest.mark.parametrize("integral", [0.0, 5.0])
+def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
+    electric = {"motor_1_torque_constant": 0.5, "motor_1_resistance": 2.0, "motor_1_gear_ratio": 2.0}
+    moved = start("sea", MODES[5], controller_1_integral=integral, **electric)
+    moved.pop("droop")
+    assert max(moved.values()) < 1e-8
+
+
+@pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float, engine: str) -> None:
+    """References of .3 rad and stops at .2: where the springs alone would carry the links lies beyond."""
+    stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
+    bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
+    result = run(
+        chain(*bodies), mode=6, duration=0.05, initial_equilibrium=True, compiled=False, engine=engine,
+        references={"equilibrium_position": 0.3 * side},
+    )  # fmt: skip
+    for number, body in enumerate(bodies):
+        position = column(result, "link_position", number)
+        assert np.ptp(position) < 1e-8
+        assert (position[0] == 0.2 * side) == bool(body.limits)
+
+
+@pytest.mark.parametrize("seed", [310, 315, 319, 326])
+def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> None:
+    given = random_run(seed, moving=3, fixed=False, passive=0.0, jumps=False)
+    still = [replace(wave, amplitude=0.0) for joint in given.joints for wave in joint.references]
+    assert all(joint.mode not in (0, 4) for joint in given.joints)
+    joints = tuple(
+        replace(joint, references=tuple(still.pop(0) for _ in joint.references), external=None) for joint in given.joints
+    )
+    keys = {**replace(given, joints=joints).keys(), "initial": "equilibrium", "duration": 0.1}
+    result = simulate(asrsim.make_scenario(given.write(tmp_path), compiled=False, **keys))
+    assert np.ptp(result.samples.values["link_position"], axis=0).max() < 1e-8
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
+def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, dict[str, float]], engine: str) -> None:
+    robot = chain(*[Body(actuator="sea", **ARM)] * 2)
+    scenario = Scenario(
+        name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
+        initial_equilibrium=True, references={"*": {"equilibrium_position": Constant(value=FIRST)}}, compiled=False,
+    )  # fmt: skip
+    given = prepare(scenario, robot)
+    with Simulation(given) as simulation, Simulation(given.vary(parameters)) as fresh:
+        before = simulation.observe().link_position
+        simulation.advance(20)
+        simulation.reset(parameters=parameters)
+        assert np.array_equal(simulation.observe().link_position, fresh.observe().link_position)
+        assert not np.array_equal(simulation.observe().link_position, before)
+        simulation.advance(50)
+        np.testing.assert_allclose(simulation.observe().link_position, fresh.observe().link_position, atol=1e-8)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("weight", [0.0, 9.81])
+def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(way: float, weight: float) -> None:
+    """On the stop, unless its weight takes the link back inside."""
+    limits = '<limit lower="-0.5" upper="0.5" effort="1000" velocity="100"/>'
+    result = run(
+        chain(Body(actuator="sea", limits=limits, **ARM)), mode=3, duration=0.05, initial_equilibrium=True, compiled=False,
+        gravity=weight, parameters={"spring_stiffness": 0.2}, references={"equilibrium_position": way * 0.6},
+    )  # fmt: skip
+    place = column(result, "link_position")
+    assert np.ptp(place) < 1e-6
+    if weight:
+        assert 0.35 < way * place[0] < 0.5
+        # The spring carries what hangs on it: 0.2 kg at 0.05 m.
+        assert abs(column(result, "link_torque")[0]) == pytest.approx(0.2 * (0.6 - way * place[0]), rel=1e-6)
+        assert 0.2 * (0.6 - way * place[0]) == pytest.approx(0.2 * weight * 0.05 * np.sin(way * place[0]), rel=1e-3)
+    else:
+        assert way * place[0] == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("starts", [(0.0, 0.0), (0.9, -2.5), (np.pi, 0.0), (np.pi, np.pi)])
+def test_joints_without_actuator_hang_behind_one_that_has_one(starts: tuple[float, float], engine: str) -> None:
+    bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))
+    result = run(
+        chain(*bodies), mode=6, duration=0.5, engine=engine, initial_equilibrium=True, initial=(0.0, *starts),
+        references={"equilibrium_position": 0.6, "stiffness_preset": 0.2},
+    )  # fmt: skip
+    positions = np.array([column(result, "link_position", j) for j in range(3)])
+    assert np.ptp(positions, axis=1) == pytest.approx(0.0, abs=1e-8)
+    # The links behind the first hang straight down; angles are counted from joint to joint.
+    assert np.cos(positions[0] + positions[1])[0] == pytest.approx(1.0, abs=1e-12)
+    assert np.cos(positions[2])[0] == pytest.approx(1.0, abs=1e-12)

@@ -1,0 +1,217 @@
+"""Faults that gave wrong numbers in silence: axes, link controllers, sticking, energies, delays, strong damping."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.signals import Sinusoid
+from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
+from support.random_runs import RandomRun, Wave
+from validation.models import INSTALLED, Body, chain, column, run
+
+# -- axes --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("axis", ["0 2 0", "0 1.0005 0", "0.3 0.3 -0.1", "1e-3 0 0"])
+def test_of_an_axis_its_direction_counts(tmp_path: Path, engine: str, axis: str) -> None:
+    unit = np.array([float(part) for part in axis.split()])
+    unit /= np.linalg.norm(unit)
+    given = plan(links(axis, "0 1 0"), (joint("j1", start=0.4), joint("j2", start=-0.3)), 0.3)
+    exact = replace(given, urdf=links(" ".join(map(repr, unit.tolist())), "0 1 0"))
+    found = samples(given, tmp_path, engine=engine)
+    np.testing.assert_allclose(found.values["link_position"], truth(exact, found.time), atol=5e-5)
+
+
+# -- the link's controller (mode 1) ------------------------------------------------------------------------------------
+
+GAINS = {"controller_1_proportional": 12.0, "controller_1_integral": 60.0, "controller_1_derivative": 0.5}
+AT_REST = {"controller_1_proportional": 30.0, "spring_stiffness": 20.0, "motor_1_friction_torque": 0.0}
+JUMP = Wave(offset=0.3, amplitude=0.2, frequency=2.0, at=0.1, jump=0.4)
+
+
+def controlled(effort: float = np.inf) -> RandomRun:
+    """Mode 1 beside a joint with a motor, whose substeps are none of the link controller's."""
+    first = joint("j1", effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
+    parameters = {
+        "spring_stiffness": 20.0, "max_deflection": 1.5, "motor_1_inertia": 0.02, "motor_1_damping": 0.1,
+        "motor_1_max_torque": 8.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 1e3,
+        "controller_1_proportional": 40.0, "controller_1_integral": 20.0, "controller_1_derivative": 1.0,
+    }  # fmt: skip
+    second = joint("j2", effort=effort, actuator="sea", mode=6, parameters=parameters, references=(NEVER,))
+    text = links("0 1 0", "0 1 0", effort=1e6 if np.isinf(effort) else effort)
+    return plan(text, (first, second), 0.4, (0.1,))
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("motor_substeps", [1, 3, 11])
+def test_integral_action_on_a_link_does_not_know_the_motors_substeps(tmp_path: Path, engine: str, motor_substeps: int) -> None:
+    given = controlled()
+    found = samples(given, tmp_path, engine=engine, substeps=2, motor_substeps=motor_substeps)
+    np.testing.assert_allclose(found.values["link_position"], truth(given, found.time), atol=1e-4)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("effort", [1.5, 3.0])
+def test_an_effort_limit_cuts_the_whole_of_a_controller(tmp_path: Path, engine: str, effort: float) -> None:
+    """sat(PI - D v), and not sat(PI) - D v."""
+    given = controlled(effort)
+    found = samples(given, tmp_path, engine=engine)
+    torque = found.values["link_torque"]
+    assert np.abs(torque[:, 0]).max() == effort, "the limit is met"
+    np.testing.assert_allclose(found.values["link_position"], truth(given, found.time), atol=3e-4)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("effort", [1.5, 1e6])
+@pytest.mark.parametrize("mode", [1, 3, 6])
+def test_the_logged_torque_is_what_moved_the_link(engine: str, effort: float, mode: int) -> None:
+    """I (v_n - v_0) = h sum of the kicks, without gravity: to rounding."""
+    limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
+    name = "link_position" if mode == 1 else "equilibrium_position"
+    result = run(
+        chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA, damping=0.02, limits=limits)), mode=mode,
+        gravity=0.0, duration=0.3, engine=engine, references={name: Sinusoid(amplitude=0.5, frequency=3.0)}, substeps=1,
+        motor_substeps=1, parameters={"controller_1_proportional": 20.0, "controller_1_derivative": 0.3},
+    )  # fmt: skip
+    pushed = column(result, "link_torque") + column(result, "damping_torque")
+    q = column(result, "link_position")
+    # Velocities at half steps are differences of positions.
+    momentum = (INERTIA + MASS * REACH**2) * np.diff(q) / 1e-3
+    assert np.abs(momentum).max() > 1e-3
+    np.testing.assert_allclose(momentum[1:] - momentum[:-1], 1e-3 * pushed[1:-1], atol=1e-12)
+
+
+# -- friction that holds -----------------------------------------------------------------------------------------------
+
+
+def held_chain(count: int, share: float) -> list[Body]:
+    """Stretched out level; friction of each joint: `share` of what hangs on it."""
+    bodies = []
+    for j in range(count):
+        load = 9.81 * MASS * sum(0.2 * (k - j) + REACH for k in range(j, count))
+        bodies.append(Body(mass=MASS, reach=REACH, inertia=1e-3, length=0.2, friction=share * load))
+    return bodies
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("count", [4, 7])
+def test_a_chain_that_friction_holds_does_not_move(engine: str, count: int) -> None:
+    result = run(chain(*held_chain(count, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
+    assert result.samples is not None
+    q = result.samples.values["link_position"]
+    assert np.abs(q - q[0]).max() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_eighty_links_that_friction_holds(engine: str) -> None:
+    """The loads span five orders of magnitude, and rounding with them."""
+    result = run(chain(*held_chain(80, 1.2)), initial=[np.pi / 2], duration=0.2, engine=engine)
+    assert result.samples is not None
+    q = result.samples.values["link_position"]
+    assert np.abs(q - q[0]).max() < 1e-8
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_friction_below_the_load_lets_go(engine: str) -> None:
+    result = run(chain(*held_chain(3, 0.9)), initial=[np.pi / 2], duration=0.1, engine=engine, compiled=False)
+    assert np.abs(column(result, "link_position") - np.pi / 2).max() > 1e-3
+
+
+# -- energies ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("mode", [3, 6])
+def test_what_the_effort_limit_takes_is_no_friction(engine: str, mode: int) -> None:
+    limits = f'<limit lower="-3" upper="3" effort="{0.5 if mode == 3 else 0.2}" velocity="100"/>'
+    bodies = [Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA, limits=limits, length=0.2)] * 2
+    result = run(
+        chain(*bodies), mode=mode, duration=1.0, engine=engine,
+        references={"equilibrium_position": Sinusoid(amplitude=0.6, frequency=1.5)}, parameters={"spring_stiffness": 20.0},
+    )  # fmt: skip
+    for j in range(2):
+        work = np.abs(column(result, "motor_work", j)).max() + np.abs(column(result, "link_work", j)).max()
+        assert np.abs(column(result, "limit_loss", j)).max() > 0.02 * work, "the limit cuts"
+        assert np.abs(column(result, "energy_residual", j)).max() < 2e-3 * work
+        if mode == 6:
+            taken = column(result, "friction_loss", j)
+            # Bristles give back what bent them: 2 x slip^2 / (2 K).
+            assert np.max(np.maximum.accumulate(taken) - taken) < 1e-3 * work
+    # The links' own balance: what pushed them is in their motion, which the engine knows.
+    given = column(result, "link_work", 0) + column(result, "link_work", 1)
+    assert np.abs(given).max() > 0.01
+
+
+# -- sensors -----------------------------------------------------------------------------------------------------------
+
+
+def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.ndarray:
+    """Positions each ms of a pendulum under a PD controller that sees it `delay` s late; Heun's rule on a fine grid."""
+    p, d, inertia = 12.0, 0.25, INERTIA + MASS * REACH**2
+    late, count = round(delay / fine), round(duration / fine)
+    q, v = np.zeros(count + 1), np.zeros(count + 1)
+
+    def rate(x: float, seen: int) -> float:
+        past = max(seen, 0)
+        torque = p * (0.5 - q[past]) - d * v[past]
+        return (torque - MASS * 9.81 * REACH * np.sin(x)) / inertia
+
+    for k in range(count):
+        first = rate(q[k], k - late)
+        ahead = q[k] + fine * v[k]
+        q[k + 1], v[k + 1] = ahead, v[k] + fine * first
+        second = rate(ahead, k + 1 - late)
+        q[k + 1] = q[k] + 0.5 * fine * (2.0 * v[k] + fine * first)
+        v[k + 1] = v[k] + 0.5 * fine * (first + second)
+    return np.asarray(q[:: round(1e-3 / fine)])
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("delay", [0.004, 0.012])
+def test_a_late_sensor_is_late_in_position_and_velocity(tmp_path: Path, engine: str, delay: float) -> None:
+    gains = {"controller_1_proportional": 12.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.25}
+    goal = replace(NEVER, offset=0.5)
+    given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=1, parameters=gains, references=(goal,)),), 0.4)
+    expected = delayed_pendulum(delay, 0.4)
+    found = []
+    for substeps in (1, 4):
+        result = samples(given, tmp_path, engine=engine, effects={"sensors": {"*": {"delay": delay}}}, substeps=substeps)
+        found.append(float(np.abs(result.values["link_position"][:, 0] - expected).max()))
+    assert np.abs(expected - delayed_pendulum(1e-5, 0.4)).max() > 0.02, "the delay matters"
+    assert found[0] < 2e-3
+    assert found[1] < 0.3 * found[0] or found[1] < 1e-6
+
+
+# -- strong damping ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("damping", [0.5, 3.0, 20.0, 300.0])
+def test_strong_damping_is_no_fault_of_the_numbers(tmp_path: Path, engine: str, damping: float) -> None:
+    """c h / I from 0.25 to 150 about the last joint."""
+    joints = tuple(joint(f"j{i}", start=0.5, damping=damping) for i in (1, 2, 3))
+    given = plan(links("0 1 0", "0 1 0", "1 0 0", damping=damping), joints, 0.3)
+    found = samples(given, tmp_path, engine=engine)
+    times = found.time[::10]
+    np.testing.assert_allclose(found.values["link_position"][::10], truth(given, times), atol=1e-3)
+    for stepping in ("euler", "toolbox"):
+        explicit = samples(given, tmp_path, engine=engine, stepping=stepping)
+        np.testing.assert_allclose(explicit.values["link_position"][::10], truth(given, times), atol=2e-2)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_damping_between_coupled_joints_is_of_second_order(tmp_path: Path, engine: str) -> None:
+    """Once c h / I is below 1."""
+    joints = tuple(joint(f"j{i}", start=0.5, damping=0.4) for i in (1, 2, 3))
+    given = plan(links("0 1 0", "0 1 0", "1 0 0", damping=0.4), joints, 0.2)
+    found = []
+    for substeps in (1, 4):
+        result = samples(given, tmp_path, engine=engine, substeps=substeps)
+        found.append(float(np.abs(result.values["link_position"][::10] - truth(given, result.time[::10])).max()))
+    assert np.log2(found[0] / found[1]) / 2.0 > 1.8

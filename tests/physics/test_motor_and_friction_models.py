@@ -1,0 +1,567 @@
+"""Optional models beside the toolbox's, held against closed forms and an ODE of our own: electric motors, friction that
+depends on speed and load, hysteresis of springs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import exp, tanh
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.actuators.hysteresis import dahl
+from asrsim.engines import ENGINES
+from asrsim.errors import RobotError, ScenarioError
+from asrsim.robot import Robot
+from asrsim.robot.edit import edited_urdf
+from asrsim.signals import Ramp, Sinusoid
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.simulation import Simulation
+from support.paths import ROOT
+from support.stick_slip import stick_slip
+from validation.models import Body, chain, column, read, run
+
+ENGINES_HERE = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
+FREE = {"motor_1_damping": 0.0, "motor_1_friction_torque": 0.0, "motor_1_max_torque": 1e3, "motor_1_max_velocity": 1e3}
+"""A motor with nothing that hinders it."""
+DC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 20.0, "motor_1_resistance": 2.0, "motor_1_inertia": 0.02}
+"""n k_t = 1 N m/A, R = 2 ohm: (n k_t)^2 / R = 0.5 N m s/rad, a time constant of 40 ms."""
+EVERYTHING = {
+    "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "friction_stiffness": 300.0,
+    "torque_constant": 0.05, "gear_ratio": 30.0, "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
+}  # fmt: skip
+
+
+def rubbing(robot: Robot, **friction: float) -> Robot:
+    """The robot with friction of its moving joints."""
+    changed: dict[str, Any] = dict(friction)
+    return replace(robot, joints=tuple(replace(joint, **changed) if joint.moves else joint for joint in robot.joints))
+
+
+def bench(mode: int, parameters: dict[str, float], *, link: Any = 0.0, **how: Any) -> Any:
+    """An SEA on a test bench that holds its link, or moves it."""
+    motion = {} if link == 0.0 else {"motion": {"joint_1": link}}
+    robot = chain(Body(actuator="sea", inertia=1e-2))
+    return run(robot, mode=mode, engine="bench", parameters=parameters, compiled=False, **motion, **how)
+
+
+# -- electric motors -----------------------------------------------------------------------------------------------------
+
+
+def test_a_motor_under_voltage_runs_up_to_its_no_load_speed() -> None:
+    """tau = n k_t i, u = R i + n k_t omega: omega = u / (n k_t) (1 - exp(-t / T)), T = J R / (n k_t)^2, to second order."""
+    errors = []
+    for substeps in (1, 2):
+        result = bench(7, {**FREE, **DC, "spring_stiffness": 1e-12}, references={"motor_1_voltage": 6.0}, duration=0.3,
+                       substeps=substeps, motor_substeps=1)  # fmt: skip
+        time = np.asarray(result.samples.time)
+        errors.append(np.abs(column(result, "motor_1_velocity") - 6.0 * (1.0 - np.exp(-time / 0.04)))[1:].max())
+    assert errors[0] < 6e-4
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert column(result, "motor_1_voltage")[50:] == pytest.approx(6.0, abs=1e-12)
+    current = column(result, "motor_1_current")
+    assert current[-1] == pytest.approx(3.0 * np.exp(-0.3 / 0.04), rel=1e-3)
+    # R int i^2 dt = u^2 / R T / 2 (1 - exp(-2 t / T)); the motor's work is in its own inertia.
+    assert column(result, "winding_loss")[-1] == pytest.approx(18.0 * 0.02, rel=2e-3)
+    assert column(result, "motor_work")[-1] == pytest.approx(0.5 * 0.02 * 36.0, rel=3e-3)
+    assert np.abs(column(result, "energy_residual")).max() < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("mode", "reference", "limits", "torque"),
+    [
+        (7, {"motor_1_voltage": 6.0}, {}, 3.0),
+        (7, {"motor_1_voltage": -6.0}, {"motor_1_max_voltage": 4.0}, -2.0),
+        (7, {"motor_1_voltage": 6.0}, {"motor_1_max_current": 1.5}, 1.5),
+        (7, {"motor_1_voltage": 6.0}, {"motor_1_max_torque": 1.0}, 1.0),
+        (8, {"motor_1_current": 2.5}, {}, 2.5),
+        (8, {"motor_1_current": 2.5}, {"motor_1_max_voltage": 4.0}, 2.0),
+        (8, {"motor_1_current": -2.5}, {"motor_1_max_current": 0.5}, -0.5),
+        (4, {"motor_1_torque": 2.5}, {"motor_1_max_voltage": 4.0}, 2.0),
+        (4, {"motor_1_torque": 2.5}, {}, 2.5),
+        (5, {"reference_1": 1.0}, {"controller_1_proportional": 1e4, "motor_1_max_voltage": 4.0}, 2.0),
+    ],
+)  # fmt: skip
+def test_stall_torque_and_limits(mode: int, reference: dict[str, float], limits: dict[str, float], torque: float) -> None:
+    """Against a locked link the motor comes to rest where the spring holds n k_t u / R, or what a limit leaves of it."""
+    parameters = {**FREE, **DC, "motor_1_damping": 5.0, "spring_stiffness": 50.0, "max_deflection": 3.0, **limits}
+    result = bench(mode, parameters, references=reference, duration=2.0)
+    assert column(result, "elastic_torque_1")[-1] == pytest.approx(torque, rel=1e-6)
+    assert column(result, "motor_1_current")[-1] == pytest.approx(torque, rel=1e-6)
+    assert column(result, "motor_1_voltage")[-1] == pytest.approx(2.0 * torque, rel=1e-6)
+
+
+def test_a_servo_of_voltage_droops_by_its_gain_in_volts() -> None:
+    """u = P (r - theta), tau = n k_t u / R: under load the motor stands off by tau R / (n k_t P); a start at rest knows it."""
+    values = {**FREE, **DC, "spring_stiffness": 20.0, "max_deflection": 3.0, "controller_1_proportional": 40.0}
+    robot = chain(Body(actuator="sea", mass=0.3, reach=0.2, inertia=1e-3, damping=0.05))
+    how: dict[str, Any] = {"parameters": values, "references": {"reference_1": 0.6}, "compiled": False}
+    result = run(robot, mode=5, duration=0.2, initial_equilibrium=True, **how)
+    torque = column(result, "elastic_torque_1")[-1]
+    assert abs(torque) > 0.1
+    assert 0.6 - column(result, "motor_1_position")[-1] == pytest.approx(torque * 2.0 / (1.0 * 40.0), rel=1e-9)
+    assert np.ptp(column(result, "link_position")) < 1e-10
+
+
+# -- friction ------------------------------------------------------------------------------------------------------------
+
+INERTIA, SPRING, SPEED = 0.01, 4.0, 0.1
+COULOMB, EXCESS, FADE = 0.2, 0.15, 0.05
+
+
+@pytest.fixture(scope="module")
+def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
+    """Time and place of a mass that a spring pulls along at a steady speed: it sticks and slips."""
+    time = np.arange(0.0, 3.0005, 1e-3)
+    place, speed = stick_slip(
+        time, lambda t, x: SPRING * (SPEED * t - x), lambda v, _: COULOMB + EXCESS * exp(-((v / FADE) ** 2)), mass=INERTIA
+    )
+    assert np.sum(np.diff((speed > 0.0).astype(int)) == 1) >= 2
+    return time, place
+
+
+def test_a_joint_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
+    """The belt's limit cycle: to second order, events and all."""
+    robot = rubbing(
+        chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=COULOMB)),
+        stribeck_friction=EXCESS,
+        stribeck_velocity=FADE,
+    )
+    pull = Ramp(duration=10.0, final=10.0 * SPEED)
+    for engine in ENGINES_HERE:
+        errors = []
+        for substeps in (1, 4):
+            result = run(
+                robot, mode=2, engine=engine, references={"reference_1": pull}, duration=3.0, substeps=substeps,
+                parameters={"spring_stiffness": SPRING, "max_deflection": 3.0}, gravity=0.0, compiled=False,
+            )  # fmt: skip
+            errors.append(np.abs(column(result, "link_position") - limit_cycle[1]).max())
+        assert errors[0] < 1.5e-3
+        assert errors[1] < errors[0] / 10.0
+
+
+def test_a_motor_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
+    """The same of a motor that winds up its spring; its bristles give way by 0.35 mrad before it slips."""
+    parameters = {
+        **FREE, "motor_1_inertia": INERTIA, "motor_1_friction_torque": COULOMB, "motor_1_stribeck_friction": EXCESS,
+        "motor_1_stribeck_velocity": FADE, "spring_stiffness": SPRING, "max_deflection": 3.0,
+    }  # fmt: skip
+    pull = Ramp(duration=10.0, final=10.0 * SPRING * SPEED)
+    result = bench(4, parameters, references={"motor_1_torque": pull}, duration=3.0)
+    error = np.abs(column(result, "motor_1_position") - limit_cycle[1])
+    assert error.max() < 3e-3
+    assert error.mean() < 7e-4
+    # Bristles give back what they hold, and no more.
+    lost = column(result, "friction_loss")
+    assert (np.maximum.accumulate(lost) - lost).max() < 1.01 * 0.5 * (COULOMB + EXCESS) ** 2 / 1000.0
+    assert np.abs(column(result, "energy_residual")).max() < 2e-6
+
+
+@pytest.mark.parametrize("engine", ENGINES_HERE)
+def test_a_joint_rubs_by_its_load(engine: str) -> None:
+    """I a = tau (1 - c) - tau_c where it moves; it stands up to tau_c / (1 - c)."""
+    robot = rubbing(chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1)), load_friction=0.2)
+    for torque in (0.124, 0.5):
+        result = run(
+            robot, mode=0, engine=engine, references={"link_torque": torque}, duration=0.5, gravity=0.0, compiled=False
+        )
+        moved = 0.5 * max(torque * 0.8 - 0.1, 0.0) / INERTIA * 0.25
+        assert column(result, "link_position")[-1] == pytest.approx(moved, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("stiffness", [200.0, 1000.0, 5000.0])
+def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None:
+    numbers = {"motor_1_friction_torque": 0.5, "motor_1_friction_stiffness": stiffness, "motor_1_damping": 2.0}
+    result = bench(4, {**FREE, **numbers, "spring_stiffness": 1e-12}, references={"motor_1_torque": 0.2}, duration=0.5)
+    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
+
+
+def test_bristles_of_which_nothing_is_said_have_the_released_codes_1000_newton_metres_per_radian() -> None:
+    numbers = {"motor_1_friction_torque": 0.5, "motor_1_damping": 2.0, "spring_stiffness": 1e-12}
+    result = bench(4, {**FREE, **numbers}, references={"motor_1_torque": 0.2}, duration=0.5)
+    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / 1000.0, rel=1e-6)
+
+
+def test_a_motor_rubs_by_its_load() -> None:
+    """Winding its spring up slowly it gives k theta (1 + c) + tau_c; letting it go k theta (1 - c) - tau_c."""
+    parameters = {
+        **FREE, "motor_1_friction_torque": 0.1, "motor_1_load_friction": 0.2, "motor_1_damping": 1.0, "spring_stiffness": 5.0,
+        "max_deflection": 3.0,
+    }  # fmt: skip
+    slow = Sinusoid(amplitude=1.0, frequency=0.02)
+    result = bench(4, parameters, references={"motor_1_torque": slow}, duration=23.0)
+    time, spring = result.samples.time, column(result, "elastic_torque_1")
+    torque = column(result, "motor_1_torque")
+    up, down = np.searchsorted(time, (8.0, 22.5))
+    assert spring[up] * 1.2 + 0.1 == pytest.approx(torque[up], abs=0.03)
+    assert spring[down] * 0.8 - 0.1 == pytest.approx(torque[down], abs=0.03)
+
+
+@pytest.mark.parametrize("engine", ENGINES_HERE)
+def test_contacts_leave_a_joint_its_friction(engine: str) -> None:
+    """With a ground the engines' own solvers hold the joint: the same motion as without, as closely as they do it."""
+    from asrsim.scenario.data import World
+
+    robot = rubbing(
+        chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=1e-3, friction=0.05)),
+        stribeck_friction=0.1,
+        stribeck_velocity=0.3,
+    )
+    how: dict[str, Any] = {"mode": 3, "references": {"equilibrium_position": 0.8}, "duration": 0.5, "compiled": False}
+    plain = run(robot, engine=engine, **how)
+    ground = run(robot, engine=engine, world=World(ground=True), base_position=(0.0, 0.0, 3.0), **how)
+    coulomb = run(rubbing(robot, stribeck_friction=0.0), engine=engine, **how)
+    distance = np.abs(column(plain, "link_position") - column(ground, "link_position")).max()
+    assert distance < 5e-4
+    assert np.abs(column(plain, "link_position") - column(coulomb, "link_position")).max() > 20.0 * distance
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"motor_1_load_friction": 0.05}, {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0}]
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_no_motor_is_recorded_faster_than_it_may_be(more: dict[str, float], way: float) -> None:
+    """Pushed on by its torque, it turns as fast as it may, step by step."""
+    fastest = 3.0
+    result = run(
+        chain(Body(actuator="sea", mass=0.1, reach=0.01, inertia=5e-3)), mode=4, references={"motor_1_torque": 5.0 * way},
+        parameters={"motor_1_max_velocity": fastest, **more}, gravity=0.0, duration=0.1, compiled=False, substeps=1,
+    )  # fmt: skip
+    speed, place = (way * column(result, f"motor_1_{name}") for name in ("velocity", "position"))
+    assert speed.max() <= fastest
+    assert speed[-20:] == pytest.approx(fastest, abs=1e-12)
+    assert np.diff(place[-20:]) == pytest.approx(fastest * 1e-3, rel=1e-9)
+
+
+# -- hysteresis ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("length", [0.005, 0.05, 0.5])
+def test_a_loop_takes_what_its_law_says(length: float) -> None:
+    level, amplitude = 0.3, 0.1
+    result = bench(
+        2, {"hysteresis_torque": level, "hysteresis_deflection": length, "max_deflection": 3.0},
+        link=Sinusoid(amplitude=amplitude, frequency=1.0), references={"reference_1": 0.0}, duration=20.0, substeps=1,
+    )  # fmt: skip
+    lost = column(result, "hysteresis_loss")
+    assert lost[20_000] - lost[19_000] == pytest.approx(4.0 * level * (amplitude - length * tanh(amplitude / length)), rel=1e-6)
+    assert np.diff(lost).min() >= -1e-15
+    assert np.abs(column(result, "energy_residual")).max() < 2e-4 * lost[-1]
+    # Where the loop is wide, it is tau up and tau down.
+    q = column(result, "link_position")[19_000:]
+    extra = column(result, "elastic_torque_1")[19_000:] + 10.0 * q
+    if length < 0.01:
+        assert extra.max() == pytest.approx(level, rel=1e-3)
+        assert extra.min() == pytest.approx(-level, rel=1e-3)
+
+
+def test_hysteresis_is_passive_and_depends_on_the_way_alone() -> None:
+    """No way round gives more than it took; and the way in one stride ends where many small steps do."""
+    random = np.random.default_rng(1)
+    level, length = 0.4, 0.02
+    h = work = place = 0.0
+    for goal in random.uniform(-0.1, 0.1, 300):
+        whole = dahl(h, goal - place, level, length)
+        for _ in range(200):
+            before = h
+            h = dahl(h, (goal - place) / 200, level, length)
+            work += 0.5 * (before + h) * (goal - place) / 200
+        place = goal
+        assert h == pytest.approx(whole, abs=1e-12)
+        assert abs(h) <= level
+        assert work >= 0.5 * h * h * length / level - 1e-5
+
+
+def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
+    """Two springs of a VSA, in a mode with motors: the energy of the swing is what the loops took."""
+    robot = chain(Body(actuator="qbmove", mass=0.3, reach=0.1, inertia=1e-3))
+    values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
+    result = run(
+        robot, mode=3, references={"equilibrium_position": 0.0, "stiffness_preset": 0.3}, parameters=values, initial=[0.3],
+        duration=4.0, gravity=0.0, compiled=False,
+    )  # fmt: skip
+    q = column(result, "link_position")
+    assert np.ptp(q[-500:]) < 1e-2 * np.ptp(q)
+    energy = column(result, "spring_energy")
+    assert column(result, "hysteresis_loss")[-1] == pytest.approx(energy[0] - energy[-1], rel=2e-2)
+    assert np.abs(column(result, "energy_residual")).max() < 1e-3 * column(result, "hysteresis_loss")[-1]
+
+
+@pytest.mark.parametrize("substeps", [3, 5])
+@pytest.mark.parametrize(("actuator", "near"), [("sea", 2e-4), ("qbmove", 5e-5)])
+def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator: str, near: float, substeps: int) -> None:
+    """Of a link that swings against motors which hold still."""
+    references = {"equilibrium_position": 0.0, "stiffness_preset": 0.3}
+    values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
+    motors = (1, 2) if actuator == "qbmove" else (1,)
+    values |= {f"controller_{i}_proportional": 400.0 for i in motors}
+    found = []
+    for motor_substeps in (1, substeps):
+        result = run(
+            chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), mode=6, parameters=values, initial=[0.3],
+            references={name: references[name] for name in list(references)[: len(motors)]}, duration=1.0, gravity=0.0,
+            compiled=False, substeps=1, motor_substeps=motor_substeps,
+        )  # fmt: skip
+        found.append([column(result, name) for name in ("link_position", "hysteresis_loss")])
+    (q, lost), (same, as_much) = found
+    np.testing.assert_allclose(same, q, rtol=0.0, atol=near)
+    assert as_much[-1] == pytest.approx(lost[-1], rel=2e-3)
+    # It takes most of the swing.
+    assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.1])
+@pytest.mark.parametrize("frequency", [1.0, 3.0])
+def test_springs_are_foreseen_as_far_bent_as_motors_can_throw_the_link(frequency: float, spread: float) -> None:
+    """Twice as fast as the references move, and no faster than motors are: J v^2 / 2 goes into the springs, beyond the
+    pretension that the motors hold."""
+    a, k, inertia, amplitude, fastest = 7.0, 0.02, 5e-3, 0.3, 8.0
+    robot = chain(Body(actuator="qbmove", mass=1e-9, reach=0.0, inertia=inertia))
+    wave = {"amplitude": amplitude, "frequency": frequency}
+    values = {"spring_a_1": a, "spring_a_2": a, "spring_k_1": k, "spring_k_2": k, "max_deflection": 3.0}
+    result = run(
+        robot, mode=5, parameters={**values, "motor_1_max_velocity": fastest}, gravity=0.0, duration=0.5, compiled=False,
+        references={"reference_1": Sinusoid(offset=spread, **wave), "reference_2": Sinusoid(offset=-spread, **wave)},
+        substeps=1, step=1e-3,
+    )  # fmt: skip
+
+    def stored(bend: float) -> float:
+        return sum(k / a * (np.cosh(a * (bend + side)) - np.cosh(a * side)) for side in (spread, -spread))
+
+    speed = min(2.0 * amplitude * 2.0 * np.pi * frequency, fastest)
+    energy = 0.5 * inertia * speed**2
+    low, high = 0.0, 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stored(middle) < energy else (low, middle)
+    # What one spring reaches, the other is granted, too.
+    assert result.resolution.stiffness[0] == pytest.approx(2.0 * a * k * np.cosh(a * (spread + low)), rel=0.01)
+
+
+@pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])
+def test_hysteresis_is_foreseen_as_stiff_as_it_is_where_a_motion_turns(actuator: str, springs: int) -> None:
+    robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
+    for values in ({}, {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}):
+        result = run(
+            robot, mode=3, parameters=values, references={"equilibrium_position": 0.2, **({"stiffness_preset": 0.2}
+            if springs == 2 else {})}, duration=0.01, compiled=False,
+        )  # fmt: skip
+        found.append(result.resolution.stiffness[0])
+    assert found[1] - found[0] == pytest.approx(springs * 0.05 / 0.02)
+
+
+# -- all of it, everywhere -----------------------------------------------------------------------------------------------
+
+
+def all_on(name: str) -> dict[str, float]:
+    """Every optional parameter of an actuator."""
+    motors = range(1, ACTUATORS.get(name).motors + 1)
+    values = {f"motor_{i}_{key}": value for i in motors for key, value in EVERYTHING.items()}
+    return {**values, "hysteresis_torque": 0.02, "hysteresis_deflection": 0.05}
+
+
+def full_run(name: str, mode: int, **how: Any) -> Any:
+    """A swing of a link under gravity with everything on."""
+    law = ACTUATORS.get(name)
+    first, second = law.motor_references(0.3, law.typical_preset)
+    second = law.typical_preset if law.adjuster else second
+    references = {
+        3: {"equilibrium_position": 0.3, "stiffness_preset": law.typical_preset},
+        5: {"reference_1": first, "reference_2": second},
+        7: {"motor_1_voltage": 3.0, "motor_2_voltage": second if law.adjuster else 3.0},
+    }[mode]  # fmt: skip
+    robot = rubbing(
+        chain(Body(actuator=name, mass=0.3, reach=0.05, inertia=1e-3, damping=0.02, friction=0.01)),
+        stribeck_friction=0.01, load_friction=0.05,
+    )  # fmt: skip
+    how = {"duration": 0.4, "compiled": False, **how}
+    return run(robot, mode=mode, references=references, parameters=all_on(name), **how)
+
+
+@pytest.mark.parametrize("mode", [3, 5, 7])
+@pytest.mark.parametrize("name", ACTUATORS.names())
+def test_everything_works_on_every_actuator(name: str, mode: int) -> None:
+    runs = [full_run(name, mode, engine=engine) for engine in ENGINES_HERE]
+    for result in runs:
+        assert all(np.isfinite(values).all() for values in result.samples.values.values())
+        assert np.diff(column(result, "hysteresis_loss")).min() >= -1e-15
+        assert np.abs(column(result, "energy_residual")).max() < 1e-3
+        assert ("motor_1_current" in result.samples.values) == (mode != 3)
+    for quantity, values in runs[0].samples.values.items():
+        assert values == pytest.approx(runs[-1].samples.values[quantity], rel=1e-7, abs=1e-9), quantity
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [3, 5, 7])
+@pytest.mark.parametrize("name", ["sea", "qbmove"])
+def test_everything_is_the_same_compiled(name: str, mode: int) -> None:
+    for engine in ENGINES_HERE:
+        plain, compiled = (full_run(name, mode, engine=engine, compiled=each).samples.values for each in (False, True))
+        for quantity, values in plain.items():
+            assert np.array_equal(values, compiled[quantity], equal_nan=True), quantity
+
+
+def state_of(simulation: Simulation) -> list[list[float]]:
+    """Positions and velocities of links and motors."""
+    seen = simulation.observe()
+    names = ("link_position", "link_velocity", *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity")))
+    return [np.nan_to_num(getattr(seen, name)).tolist() for name in names]
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mode", [3, 5])
+def test_a_snapshot_holds_all_of_it(mode: int, compiled: bool) -> None:
+    result = full_run("qbmove", mode, duration=0.1)
+    with Simulation(prepare(result.scenario, result.robot), compiled=compiled) as simulation:
+        simulation.advance_to(120)
+        kept = simulation.snapshot()
+        simulation.advance_to(200)
+        ends = state_of(simulation)
+        simulation.restore(kept)
+        simulation.advance_to(200)
+        assert state_of(simulation) == ends
+        simulation.reset()
+        simulation.advance_to(200)
+        assert state_of(simulation) == ends
+
+
+def test_a_model_may_be_switched_on_between_runs() -> None:
+    """Other kinds of joints than a loop was made for: a fit goes from none of something to some."""
+    result = run(
+        chain(Body(actuator="sea", inertia=1e-2)), mode=5, references={"reference_1": 0.3}, duration=0.1, compiled=False
+    )
+    for values in ({"hysteresis_torque": 0.1}, {"motor_1_stribeck_friction": 0.1}, {"stribeck_friction": 0.1}):
+        ends = []
+        for start in ({}, values):
+            with Simulation(prepare(result.scenario, result.robot).vary({"joint_1": start}), compiled=False) as simulation:
+                simulation.reset(parameters={"joint_1": values})
+                simulation.advance_to(100)
+                ends.append(state_of(simulation))
+        assert ends[0] == ends[1]
+
+
+# -- files ---------------------------------------------------------------------------------------------------------------
+
+TAGS = "<stribeckFriction>0.1</stribeckFriction><stribeckVelocity>0.2</stribeckVelocity><loadFriction>0.05</loadFriction>"
+
+
+def robot_with(joint: str = "", block: str = "") -> Robot:
+    """One joint with tags of its own, and of its actuator."""
+    text = chain(Body(actuator="qbmove")).text.replace("</robot>", f"{joint}</robot>").replace("</plugin>", f"{block}</plugin>")
+    return read(text)
+
+
+def test_tags_are_read_and_written() -> None:
+    robot = robot_with(f'<gazebo reference="joint_1">{TAGS}</gazebo>', "<mot_1_kt>0.05</mot_1_kt><hyst_tau>0.3</hyst_tau>")
+    joint, values = robot.joint("joint_1"), robot.actuators[0].values()
+    assert (joint.stribeck_friction, joint.stribeck_velocity, joint.load_friction) == (0.1, 0.2, 0.05)
+    assert (values["motor_1_torque_constant"], values["motor_2_torque_constant"], values["hysteresis_torque"]) == (
+        0.05,
+        0.0,
+        0.3,
+    )
+    changes = {
+        "joint_1": {"stribeck_friction": 0.7, "load_friction": 0.2, "hysteresis_deflection": 0.03, "motor_2_resistance": 2.0}
+    }
+    for source in (robot, chain(Body(actuator="qbmove"))):
+        again = read(edited_urdf(source.text.encode(), source, changes).decode())
+        joint, values = again.joint("joint_1"), again.actuators[0].values()
+        assert (joint.stribeck_friction, joint.load_friction) == (0.7, 0.2)
+        assert (values["hysteresis_deflection"], values["motor_2_resistance"]) == (0.03, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("joint", "block", "said"),
+    [
+        ('<gazebo reference="joint_1"><stribeckVelocity>0</stribeckVelocity></gazebo>', "", "must be larger than 0"),
+        ('<gazebo reference="joint_1"><stribeckFriction>-0.1</stribeckFriction></gazebo>', "", "above the Coulomb level"),
+        ('<gazebo reference="joint_1"><loadFriction>much</loadFriction></gazebo>', "", "loadFriction"),
+        ("", "<mot_1_velStribeck>0</mot_1_velStribeck>", "must be larger than 0 rad/s"),
+        ("", "<mot_1_tauStribeck>-1</mot_1_tauStribeck>", "must be at least 0 N m"),
+        ("", "<hyst_def>0</hyst_def>", "must be larger than 0 rad"),
+        ("", "<mot_2_R>-3</mot_2_R>", "must be at least 0 ohm"),
+    ],
+)  # fmt: skip
+def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
+    with pytest.raises(RobotError, match=said):
+        robot_with(joint, block)
+
+
+@pytest.mark.parametrize(
+    ("joint", "block", "said"),
+    [
+        ('<gazebo reference="joint_1"><stribeckVelocity>0.1</stribeckVelocity></gazebo>', "", "has no effect"),
+        ('<gazebo reference="joint_9"><loadFriction>0.1</loadFriction></gazebo>', "", "no such joint"),
+        ('<gazebo reference="joint_1"><loadFriction>1.5</loadFriction></gazebo>', "", "nothing moves it"),
+        ("", "<mot_1_velStribeck>0.3</mot_1_velStribeck>", "no effect without motor_1_stribeck_friction"),
+        ("", "<mot_2_R>3</mot_2_R><mot_2_gear>50</mot_2_gear>", "no effect without motor_2_torque_constant"),
+        ("", "<mot_1_kt>0.1</mot_1_kt><mot_1_voltMax>12</mot_1_voltMax>", "no effect without motor_1_resistance"),
+        ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
+        ("", "<mot_1_fricLoad>1.2</mot_1_fricLoad>", "never turns the motor back"),
+    ],
+)  # fmt: skip
+def test_doubtful_values_are_said(joint: str, block: str, said: str) -> None:
+    assert any(said in str(warning) for warning in robot_with(joint, block).warnings)
+
+
+def test_what_the_released_order_has_not_is_said() -> None:
+    with pytest.raises(ScenarioError, match="cannot drive its motors"):
+        run(chain(Body(actuator="sea")), mode=7, references={"motor_1_voltage": 1.0}, duration=0.1)
+    result = run(
+        chain(Body(actuator="sea")), mode=5, references={"reference_1": 0.1}, duration=0.1, stepping="toolbox",
+        parameters={"hysteresis_torque": 0.1, "motor_1_load_friction": 0.1},
+    )  # fmt: skip
+    said = " ".join(str(warning) for warning in result.warnings)
+    assert "hysteresis_torque" in said
+    assert "motor_1_load_friction" in said
+    assert "hysteresis_loss" not in result.samples.values
+
+
+def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
+    import asrsim
+    from asrsim.log import read_log
+
+    (tmp_path / "arm.urdf").write_text(robot_with(f'<gazebo reference="joint_1">{TAGS}</gazebo>').text)
+    (tmp_path / "run.yaml").write_text(
+        "robot: arm.urdf\nduration: 0.05\nmodes: {'*': 7}\ncompiled: false\n"
+        "parameters: {joint_1: {motor_1_torque_constant: 1.0, motor_1_resistance: 2, motor_2_torque_constant: 1.0,\n"
+        "  motor_2_resistance: 2, hysteresis_torque: 0.01}}\n"
+        "references: {joint_1: {motor_1_voltage: 1.0, motor_2_voltage: 1.0}}\n"
+    )
+    out = asrsim.run(tmp_path / "run.yaml", out=tmp_path / "out")
+    log = read_log(tmp_path / "out" / "log.mcap")
+    for name in ("motor_1_current", "motor_2_voltage", "winding_loss", "hysteresis_loss"):
+        assert np.array_equal(log.samples.values[name], out.run.samples.values[name]), name
+
+
+def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
+
+    from asrsim.actuators.user import load_plugin_file
+
+    (own,) = load_plugin_file(ROOT / "examples" / "plugins" / "my_vsa.py")
+    result = full_run(own.name, 5, engine=ENGINES_HERE[0])
+    assert column(result, "hysteresis_loss")[-1] > 1e-4
+    assert np.abs(column(result, "motor_2_voltage")).max() <= 12.0 + 1e-9
+    assert np.abs(column(result, "energy_residual")).max() < 1e-3
+
+
+@pytest.mark.parametrize("motor_substeps", [1, 3, 9])
+def test_a_spring_that_moves_along_keeps_what_it_remembers(motor_substeps: int) -> None:
+    """Motor and link go 3 rad together, a hundred times the deflection of memory, and the spring between stays as it is."""
+    parameters = {
+        **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
+        "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,
+    }  # fmt: skip
+    moving: dict[str, Any] = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
+    result = run(
+        chain(Body(actuator="sea", mass=1e-3, reach=1e-3, inertia=1e3)), mode=4, gravity=0.0, duration=1.0, compiled=False,
+        references={"motor_1_torque": 0.6 + 0.5 * 3.0}, parameters=parameters, substeps=1, motor_substeps=motor_substeps,
+        **moving,
+    )  # fmt: skip
+    deflection = column(result, "motor_1_position") - column(result, "link_position")
+    remembered = column(result, "elastic_torque_1") - 30.0 * deflection
+    assert np.ptp(column(result, "link_position")[300:]) > 2.0
+    assert remembered[300] > 0.2
+    np.testing.assert_allclose(remembered[300:], remembered[300], atol=1e-3)

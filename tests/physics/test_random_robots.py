@@ -1,0 +1,167 @@
+"""Random robots against an independent solution: Pinocchio and DOP853, laws written anew, engines, bases, jumps, modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+import asrsim
+from asrsim.kinematics import model_of
+from asrsim.robot import load_robot
+from asrsim.samples import Samples
+from asrsim.simulation.run import simulate
+from support.independent_ode import Truth, solve
+from support.random_runs import RandomRun, random_run
+from validation.models import INSTALLED
+
+Array = np.ndarray
+ROUNDING = 1e-9
+"""rad (m): below it no order can be measured."""
+CHANCE = 0.01
+"""Share of a run's error below which a part of it (links, motors, base) may have come out small by chance."""
+
+
+def errors(run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False) -> Array:
+    """Largest errors of links, motors and base at the step h, h/2 and h/4: (3, 3) rad (m)."""
+    base = asrsim.make_scenario(run.write(folder), engine=engine, compiled=compiled, log_rate=100, **run.keys())
+    found, scenario = [], base
+    for finer in (1, 2, 4):
+        result = simulate(scenario)
+        assert result.samples is not None
+        found.append(distances(run, result.samples, truth))
+        scenario = replace(
+            base, substeps=result.resolution.substeps * 2 if finer == 1 else (scenario.substeps or 1) * 2,
+            motor_substeps=result.resolution.motor_substeps,
+        )  # fmt: skip
+    return np.array(found)
+
+
+def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list[float]:
+    order = [samples.joints.index(joint.name) for joint in run.joints]
+    links = np.abs(samples.values["link_position"][:, order] - truth["positions"]).max()
+    driven = [j for j, joint in enumerate(run.joints) if joint.actuator and joint.mode > 3]
+    motors = 0.0
+    if driven:
+        places = samples.values["motor_1_position"][:, order]
+        motors = np.abs(places - truth["motors"])[:, driven].max()
+    base = 0.0
+    if not run.fixed:
+        (pose,) = samples.bodies.values()
+        turned = truth["base"][:, 3:] * np.sign(np.sum(truth["base"][:, 3:] * pose[:, 3:], axis=1))[:, None]
+        base = max(np.abs(pose[:, :3] - truth["base"][:, :3]).max(), np.abs(pose[:, 3:] - turned).max())
+    return [float(links), float(motors), float(base)]
+
+
+def check(run: RandomRun, folder: Path, engines: list[str], *, compiled: bool = False, order: float = 1.6) -> None:
+    times = np.arange(round(run.duration * 100) + 1) / 100.0
+    # Hysteresis has corners wherever a spring turns round.
+    corners = any("hysteresis_torque" in joint.parameters for joint in run.joints)
+    truth = solve(run, times, **({"tolerance": 1e-9, "longest": 2e-3} if corners else {}))
+    speed = max(1.0, float(np.abs(truth["velocities"]).max()))
+    # Springs that reach their deflection limit and torques their effort limit have corners, which cost a little of it.
+    for engine in engines:
+        found = errors(run, folder, engine, truth, compiled=compiled)
+        assert found[0].max() < 5e-5 * speed, (engine, found)
+        for coarse, fine in zip(found[0], found[2], strict=True):
+            small = coarse < ROUNDING or (coarse < CHANCE * found[0].max() and fine < coarse)
+            assert small or np.log2(coarse / max(fine, 1e-16)) / 2.0 > order, (engine, found)
+
+
+@pytest.mark.parametrize(("seed", "fixed"), [(2, True), (7, True), (0, False), (3, False)])
+def test_every_actuator_and_mode_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    check(random_run(seed, fixed=fixed), tmp_path, INSTALLED)
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_passive_trees_at_second_order(tmp_path: Path, fixed: bool) -> None:
+    """Nothing but links, springs and damping: the engines' own part."""
+    check(random_run(901, moving=6, fixed=fixed, passive=1.0, jumps=False), tmp_path, INSTALLED, order=1.9)
+
+
+@pytest.mark.parametrize(("seed", "fixed"), [(105, False), (112, True)])
+def test_what_the_toolbox_does_not_have_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    """Electric motors and their limits, hysteresis of springs, motors in motion at the start, late commands, in one robot."""
+    check(random_run(seed, moving=3, fixed=fixed, extras=True), tmp_path, INSTALLED[:1], order=1.5)
+
+
+@pytest.mark.parametrize(("seed", "fixed"), [(101, True), (123, False)])
+def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    """What motors give goes into springs, links, heat and losses, with everything that a joint may have."""
+    run = random_run(seed, moving=3, fixed=fixed, extras=True, friction=True)
+    base = asrsim.make_scenario(run.write(tmp_path), engine=INSTALLED[0], compiled=False, **run.keys())
+    first = simulate(base)
+    finer = replace(base, substeps=4 * first.resolution.substeps, motor_substeps=first.resolution.motor_substeps)
+    left = [np.nanmax(np.abs(result.samples.values["energy_residual"])) for result in (first, simulate(finer))]
+    assert left[0] < 1e-3
+    assert np.log2(left[0] / left[1]) / 2.0 > 1.7
+
+
+def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
+    check(random_run(301, friction=True), tmp_path, INSTALLED[:1], order=0.8)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("seed", [5, 6])
+def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:
+    """Those that fixed joints hold, too: the engines' bodies are made of several."""
+    run = random_run(seed)
+    scenario = asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys())
+    truth = Truth(run)
+    q = np.array([joint.start for joint in run.joints])
+    placed = pinocchio.neutral(truth.model)
+    placed[truth.q_of] = q
+    pinocchio.computeJointJacobians(truth.model, truth.data, placed)
+    pinocchio.updateFramePlacements(truth.model, truth.data)
+    point = (0.1, -0.2, 0.3)
+    with model_of(scenario, load_robot(scenario.robot)) as model:
+        order = [model.joints.index(joint.name) for joint in run.joints]
+        for link in model.links:
+            frame = truth.model.getFrameId(link)
+            pose = truth.data.oMf[frame]
+            place, rotation = model.pose(q[np.argsort(order)], link, point)
+            np.testing.assert_allclose(place, truth.rotation @ (pose.translation + pose.rotation @ point), atol=1e-9)
+            np.testing.assert_allclose(rotation, truth.rotation @ pose.rotation, atol=1e-9)
+            slopes = pinocchio.getFrameJacobian(truth.model, truth.data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:, truth.v_of]
+            lever = pose.rotation @ point
+            slopes[:3] += np.cross(slopes[3:].T, lever).T
+            found = model.jacobian(q[np.argsort(order)], link, point)[:, order]
+            np.testing.assert_allclose(found, np.vstack([truth.rotation @ slopes[:3], truth.rotation @ slopes[3:]]), atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fixed", [True, False])
+@pytest.mark.parametrize("seed", range(1000, 1030))
+def test_many_random_robots(tmp_path: Path, seed: int, fixed: bool) -> None:
+    # Corners by chance: here what counts is that no error stays.
+    check(random_run(seed, moving=5, fixed=fixed, duration=0.4), tmp_path, INSTALLED, order=1.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2000, 2015))
+def test_many_passive_trees(tmp_path: Path, seed: int) -> None:
+    run = random_run(seed, moving=7, fixed=bool(seed % 2), passive=1.0, jumps=False, duration=0.4)
+    check(run, tmp_path, INSTALLED, order=1.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fixed", [True, False])
+@pytest.mark.parametrize("seed", range(3000, 3003))
+def test_compiled_too(tmp_path: Path, seed: int, fixed: bool) -> None:
+    pytest.importorskip("numba")
+    check(random_run(seed, fixed=fixed), tmp_path, INSTALLED, compiled=True, order=1.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4000, 4010))
+def test_many_with_friction_in_the_motors(tmp_path: Path, seed: int) -> None:
+    check(random_run(seed, friction=True), tmp_path, INSTALLED, order=0.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5000, 5030))
+def test_many_with_all_that_the_toolbox_does_not_have(tmp_path: Path, seed: int) -> None:
+    check(random_run(seed, moving=3, fixed=seed % 3 != 0, extras=True), tmp_path, INSTALLED, order=1.3)

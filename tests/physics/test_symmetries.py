@@ -1,0 +1,227 @@
+"""What no physics can tell apart: a robot and its mirror image, motors and the same exchanged, another unit of torque.
+
+Every quantity that is recorded is compared, under springs, limits and losses all at once, so that a term that is left out or
+has another sign for one motor, one side or one size shows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.quantities import LIMITS, QUANTITIES
+from asrsim.simulation.run import simulate
+from support.paths import ROOT
+
+ROBOT = (ROOT / "examples/urdf/dof2_horizontal.urdf").read_text()
+JOINTS = ("joint_1", "joint_2")
+UNIT = 4.0
+"""A power of two, so that no digit is lost."""
+ENERGIES = [name for name, quantity in QUANTITIES.items() if quantity.unit == "J"]
+EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at its limit of {kind}" for kind in LIMITS)}
+"""Quantities that have no side."""
+GROWING = re.compile(r"torque$|_inertia|_damping|stribeck_friction|_stiffness|spring_k|max_current")
+"""Parameters in a unit that has torque in it."""
+
+
+def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
+    """One whose limits are met, with losses."""
+    found = {
+        "inertia": draw.uniform(0.01, 0.03), "damping": draw.uniform(0.1, 0.3), "max_torque": draw.uniform(2.0, 4.0),
+        "min_position": -draw.uniform(0.1, 0.2), "max_position": draw.uniform(0.1, 0.2),
+        "friction_torque": draw.uniform(0.05, 0.2), "friction_stiffness": draw.uniform(300.0, 900.0),
+    }  # fmt: skip
+    if not released:
+        found |= {
+            "max_velocity": draw.uniform(3.0, 6.0), "stribeck_friction": draw.uniform(0.02, 0.06),
+            "stribeck_velocity": draw.uniform(0.05, 0.2), "load_friction": draw.uniform(0.01, 0.05),
+            "torque_constant": draw.uniform(0.05, 0.1), "gear_ratio": 30.0, "resistance": draw.uniform(1.0, 2.0),
+            "max_voltage": draw.uniform(5.0, 9.0), "max_current": draw.uniform(0.5, 2.0),
+        }  # fmt: skip
+    return {name: float(value) for name, value in found.items()}
+
+
+def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = False) -> dict[str, Any]:
+    """Two joints of that mode, by plain numbers; sensed: controllers read late and seldom, and motors have substeps."""
+    draw, released = np.random.default_rng(10 * mode), stepping == "toolbox"
+    size = {0: 3.0, 4: 3.0, 7: 8.0, 8: 1.5}.get(mode, 0.3)
+    joints = {}
+    for joint in JOINTS:
+        parameters = {"max_deflection": 0.15}
+        for i in (1, 2):
+            parameters |= {f"motor_{i}_{name}": value for name, value in motor(draw, released=released).items()}
+            gains = {"proportional": (40.0, 90.0), "integral": (5.0, 40.0), "derivative": (0.5, 2.0)}
+            parameters |= {f"controller_{i}_{name}": float(draw.uniform(*ends)) for name, ends in gains.items()}
+            parameters |= {f"spring_a_{i}": float(draw.uniform(6.0, 9.0)), f"spring_k_{i}": float(draw.uniform(0.01, 0.04))}
+        if actuator == "sea":
+            parameters = {name: value for name, value in parameters.items() if not re.search(r"_2(_|$)|spring_[ak]", name)}
+            parameters["spring_stiffness"] = float(draw.uniform(2.0, 6.0))
+        if not released:
+            parameters |= {"hysteresis_torque": 0.03, "hysteresis_deflection": 0.02}
+        references = [[size * float(x) for x in draw.uniform(-1.0, 1.0, 3)] for _ in (1, 2)]
+        if mode in (3, 6):
+            references[1] = [abs(x) + 0.05 for x in references[1]]
+        start = {"position": float(draw.uniform(-0.05, 0.05)), "velocity": float(draw.uniform(-1.0, 1.0))}
+        motors = [float(x) for x in draw.uniform(-0.05, 0.05, 1 if actuator == "sea" else 2)] if mode > 3 else []
+        push = [float(x) for x in draw.uniform(-0.5, 0.5, 3)]
+        joints[joint] = {"parameters": parameters, "references": references, "start": start, "motors": motors, "push": push}
+    limits = {"lower": -0.12, "upper": 0.07, "effort": 0.06, "damping": 0.065, "friction": 0.025}
+    case = {"mode": mode, "stepping": stepping, "actuator": actuator, "sensed": sensed}
+    return {**case, "joints": joints, "limits": limits, "unit": 1.0}
+
+
+def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
+    """The other way round: what has a side has the other one, and of two ends each is the other's."""
+    found = {}
+    for joint, one in case["joints"].items():
+        parameters = dict(one["parameters"])
+        for i in (1, 2)[: 1 if case["actuator"] == "sea" else 2]:
+            low, high = (f"motor_{i}_{end}_position" for end in ("min", "max"))
+            parameters[low], parameters[high] = -parameters[high], -parameters[low]
+        keeps = (False, case["mode"] in (3, 6))
+        references = [x if kept else [-value for value in x] for x, kept in zip(one["references"], keeps, strict=True)]
+        start = {name: -value for name, value in one["start"].items()}
+        other = {"parameters": parameters, "references": references, "start": start, "motors": [-x for x in one["motors"]]}
+        found[joint] = {**other, "push": [-x for x in one["push"]]}
+    limits = {**case["limits"], "lower": -case["limits"]["upper"], "upper": -case["limits"]["lower"]}
+    return {**case, "joints": found, "limits": limits}
+
+
+def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, Any]:
+    """Motor 1 is motor 2, springs and controllers likewise."""
+    found = {}
+    for joint, one in case["joints"].items():
+        order = -1 if references else 1
+        parameters = {other_motor(name): value for name, value in one["parameters"].items()}
+        found[joint] = {
+            **one,
+            "parameters": parameters,
+            "references": one["references"][::order],
+            "motors": one["motors"][::-1],
+        }
+    return {**case, "joints": found}
+
+
+def enlarged(case: Mapping[str, Any]) -> dict[str, Any]:
+    """In a smaller unit of torque: all of them, masses and inertias are larger numbers, and nothing moves otherwise."""
+    found = {}
+    for joint, one in case["joints"].items():
+        # Controllers of electric motors give volts.
+        grows = re.compile(f"{GROWING.pattern}|controller") if case["mode"] == 1 or case["stepping"] == "toolbox" else GROWING
+        parameters = {k: v * (UNIT if grows.search(k) else 1.0) for k, v in one["parameters"].items()}
+        parameters |= {name: v / UNIT for name, v in parameters.items() if name.endswith("resistance")}
+        factor = UNIT if case["mode"] in (0, 4, 8) else 1.0
+        references = [[factor * value for value in part] for part in one["references"]]
+        found[joint] = {**one, "parameters": parameters, "references": references, "push": [UNIT * x for x in one["push"]]}
+    grow = ("effort", "damping", "friction")
+    limits = {name: value * (UNIT if name in grow else 1.0) for name, value in case["limits"].items()}
+    return {**case, "joints": found, "limits": limits, "unit": UNIT}
+
+
+def other_motor(name: str) -> str:
+    """The same of the other motor."""
+    return re.sub(r"(motor_|torque_|controller_|spring_[ak]_|reference_)([12])", lambda m: f"{m[1]}{3 - int(m[2])}", name)
+
+
+def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
+    """Quantity -> (n, joints)."""
+    limits = case["limits"]
+    text = re.sub(r"<limit [^>]*/>", '<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="20"/>', ROBOT)
+    text = re.sub(r"<dynamics [^>]*/>", '<dynamics damping="{damping}" friction="{friction}"/>', text)
+    text = re.sub(r"<((?:spring|mot)_\w+)>[^<]*</\1>", "", text).replace("libqbmove", f"lib{case['actuator']}")
+    for name, value in limits.items():
+        text = text.replace(f"{{{name}}}", repr(value))
+    grown = r'(mass value|ixx|ixy|ixz|iyy|iyz|izz)="([^"]*)"'
+    text = re.sub(grown, lambda m: f'{m[1]}="{case["unit"] * float(m[2])!r}"', text)
+    (folder / "arm.urdf").write_text(text)
+    names = asrsim.actuators.MODES.get(case["mode"]).references
+    joints, mode = case["joints"], case["mode"]
+    scenario = asrsim.make_scenario(
+        folder / "arm.urdf", duration=0.06, step=1e-3, engine="mujoco", compiled=False, stepping=case["stepping"],
+        effects={"sensors": {"*": {"delay": 0.0021, "rate": 400}}} if case["sensed"] else {},
+        motor_substeps=3 if case["sensed"] else 1, substeps=2 if case["sensed"] else None,
+        modes=dict.fromkeys(JOINTS, mode), parameters={joint: one["parameters"] for joint, one in joints.items()},
+        references={
+            joint: {
+                name: {"sinusoid": {"amplitude": a, "angular_frequency": 90.0, "offset": b}}
+                for name, (a, b, _) in zip(names, one["references"], strict=False)
+            }
+            for joint, one in joints.items()
+        },
+        initial={
+            joint: {**one["start"], **({"motor_positions": one["motors"]} if one["motors"] else {})}
+            for joint, one in joints.items()
+        },
+        external_torques={
+            joint: {"pulse_train": {"low": a, "high": b, "period": 0.0231, "width": 0.0107, "start": 0.0043}}
+            for joint, (a, b, _) in ((joint, one["push"]) for joint, one in joints.items())
+        },
+    )  # fmt: skip
+    made = simulate(scenario)
+    assert made.samples is not None
+    resolution = made.resolution
+    # Of the fastest spring, by the least inertia of postures that are drawn, to three digits.
+    chosen = np.array([[resolution.substeps, resolution.motor_substeps, float(f"{resolution.omega_h:.3g}")]])
+    met = {f"rows at its limit of {kind}": np.array([getattr(made.counts, kind)], float) for kind in LIMITS}
+    return {**made.samples.values, **met, "resolution": chosen, "foreseen stiffness": np.array([resolution.stiffness])}
+
+
+MODES = {"leapfrog": range(9), "euler": (1, 2, 5, 8), "toolbox": range(7)}
+CASES = [(mode, stepping, "qbmove", False) for stepping, modes in MODES.items() for mode in modes]
+CASES += [(mode, "leapfrog", "sea", False) for mode in range(1, 9)] + [(5, "toolbox", "sea", False)]
+CASES += [
+    (mode, stepping, actuator, True)
+    for mode, stepping in ((1, "leapfrog"), (3, "leapfrog"), (5, "leapfrog"), (6, "leapfrog"), (8, "leapfrog"), (5, "euler"))
+    for actuator in ("qbmove", "sea")
+]
+KINDS = ("mode", "stepping", "actuator", "sensed")
+
+
+def alike(found: np.ndarray, expected: np.ndarray, what: str) -> None:
+    """To the last digits, of what is not undefined (as torques are that the released order does not tell)."""
+    size = float(np.nanmax(np.abs(expected), initial=0.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * size + 1e-300, err_msg=what)
+
+
+@pytest.mark.parametrize(KINDS, CASES)
+def test_a_robot_s_mirror_image_moves_as_its_image_does(
+    tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
+) -> None:
+    """Where references are of a middle and a preset, the mirror exchanges the motors, too."""
+    case, exchanges = drawn(mode, stepping, actuator, sensed), mode in (3, 6) and actuator != "sea"
+    even = EVEN | ({"reference_2"} if exchanges else set())
+    turned = mirrored(case)
+    if exchanges:
+        turned = exchanged(turned, references=False)
+    own, other = recorded(case, tmp_path), recorded(turned, tmp_path)
+    assert own.keys() == other.keys()
+    for name, values in own.items():
+        image = other_motor(name) if exchanges and not name.startswith("reference") else name
+        alike(other[image], values if name in even else -values, name)
+
+
+@pytest.mark.parametrize(KINDS, [case for case in CASES if case[0] in (2, 4, 5, 7, 8) and case[2] != "sea"])
+def test_the_two_motors_of_a_joint_are_alike(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
+    case = drawn(mode, stepping, actuator, sensed)
+    own, other = recorded(case, tmp_path), recorded(exchanged(case), tmp_path)
+    for name, values in own.items():
+        alike(other[other_motor(name)], values, name)
+
+
+# Bristles of the released order are as stiff as they are.
+@pytest.mark.parametrize(KINDS, [case for case in CASES if case[1] != "toolbox" or case[0] < 4])
+def test_the_unit_of_torque_moves_nothing(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
+    """Torques, energies, stiffnesses and currents are larger numbers; where and how fast everything is stays as it was."""
+    case = drawn(mode, stepping, actuator, sensed)
+    own, other = recorded(case, tmp_path), recorded(enlarged(case), tmp_path)
+    for name, values in own.items():
+        grows = "torque" in name or name.endswith("current") or name in EVEN - {"resolution"}
+        grows |= name.startswith("reference") and mode in (0, 4, 8)
+        grows &= not name.startswith("rows")
+        alike(other[name], values * (UNIT if grows else 1.0), name)

@@ -1,0 +1,178 @@
+"""The rules of docs/architecture.md, read from the source and tried in fresh interpreters."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+PACKAGE = ROOT / "asrsim"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+HEAVY = ("matplotlib", "scipy", "numba", "pybullet", "trimesh", "rosbags", "xacro", "lxml")
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in SOURCES}
+
+
+def imported(path: Path, *, everywhere: bool) -> Iterator[str]:
+    """Modules that a file imports: when it is loaded, or everywhere also inside functions and for type checkers."""
+    waiting: list[ast.stmt] = list(ast.parse(path.read_text(encoding="utf-8")).body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in MODULES else str(node.module)
+        elif everywhere:
+            waiting += [child for child in ast.walk(node) if isinstance(child, ast.Import | ast.ImportFrom)]
+        elif isinstance(node, ast.If):
+            waiting += [] if "TYPE_CHECKING" in ast.dump(node.test) else [*node.body, *node.orelse]
+        elif isinstance(node, ast.Try):
+            waiting += [*node.body, *node.orelse, *node.finalbody]
+
+
+def users_of(library: str) -> set[str]:
+    """Files that import a library anywhere."""
+    return {
+        path.relative_to(PACKAGE).as_posix()
+        for path in SOURCES
+        if any(name.split(".")[0] == library for name in imported(path, everywhere=True))
+    }
+
+
+def cycle(graph: dict[str, set[str]]) -> list[str]:
+    """One way round in a graph, or nothing."""
+    done: set[str] = set()
+
+    def visit(node: str, way: list[str]) -> list[str]:
+        if node in way:
+            return [*way[way.index(node) :], node]
+        if node in done:
+            return []
+        for follower in sorted(graph.get(node, ())):
+            if found := visit(follower, [*way, node]):
+                return found
+        done.add(node)
+        return []
+
+    return next((found for node in sorted(graph) if (found := visit(node, []))), [])
+
+
+def test_no_module_imports_itself_on_a_detour():
+    graph = {name: {used for used in imported(path, everywhere=False) if used in MODULES} for name, path in MODULES.items()}
+    assert cycle(graph) == []
+
+
+def test_no_package_imports_itself_on_a_detour():
+    def home(name: str) -> str:
+        return ".".join(name.split(".")[:2])
+
+    graph: dict[str, set[str]] = {}
+    for name, path in MODULES.items():
+        used = {home(other) for other in imported(path, everywhere=False) if other in MODULES}
+        graph.setdefault(home(name), set()).update(used - {home(name), "asrsim"})
+    assert cycle(graph) == []
+
+
+def test_a_cycle_would_be_found():
+    assert cycle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+    assert cycle({"a": {"b"}, "b": {"c"}}) == []
+
+
+def test_pybullet_stays_behind_the_engine_interface():
+    users = users_of("pybullet")
+    assert users
+    assert all(name.startswith("engines/bullet") for name in users), users
+
+
+@pytest.mark.parametrize("folder", ["plots", "report", "metrics", "log", "recordings"])
+def test_what_reads_logs_does_not_know_the_simulation(folder):
+    for path in sorted((PACKAGE / folder).rglob("*.py")):
+        known = {name for name in imported(path, everywhere=True) if name.startswith(("asrsim.simulation", "asrsim.engines"))}
+        assert not known, f"{path.relative_to(ROOT)} imports {known}"
+
+
+def test_identification_reaches_the_simulation_through_its_door_alone():
+    inner = ("asrsim.simulation", "asrsim.engines", "asrsim.actuators.vectorised", "asrsim.actuators.detailed_motor")
+    users = {
+        path.stem
+        for path in (PACKAGE / "identification").glob("*.py")
+        if any(name.startswith(inner) for name in imported(path, everywhere=True))
+    }
+    assert users == {"door"}
+
+
+def test_the_library_does_not_know_its_command_line():
+    for name, path in MODULES.items():
+        used = {other for other in imported(path, everywhere=True) if other.startswith("asrsim.cli")}
+        assert not used or name.startswith(("asrsim.cli", "asrsim.__main__")), f"{name} imports {used}"
+
+
+def test_actuators_see_numbers_only():
+    for path in sorted((PACKAGE / "actuators").glob("*.py")):
+        used = {name for name in imported(path, everywhere=True) if name.startswith("asrsim.")}
+        allowed = ("asrsim.actuators", "asrsim.errors", "asrsim.rebind", "asrsim.registry")
+        strange = {name for name in used if not name.startswith(allowed)}
+        assert not strange, f"{path.name} imports {strange}"
+
+
+@pytest.mark.parametrize(
+    "command", ["import asrsim", "import sys; sys.argv = ['asrsim', '--help']; from asrsim.cli.app import main; main()"]
+)
+def test_start_imports_nothing_heavy(command):
+    code = f"""
+import atexit, sys
+atexit.register(lambda: print("heavy:", sorted(set({HEAVY!r}) & set(sys.modules)), file=sys.stderr))
+{command}
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, timeout=60, check=True)
+    assert done.stderr.splitlines()[-1] == "heavy: []"
+
+
+def test_everything_public_is_documented():
+    """Docstrings: ruff's D1, the only rule asked here, so that it also holds where a file would silence the linter."""
+    ruff = [sys.executable, "-m", "ruff", "check", "--isolated", "--ignore-noqa", "--no-cache", "--select", "D1"]
+    pytest.importorskip("ruff")
+    done = subprocess.run(
+        [*ruff, "--ignore", "D102,D105,D107", "--output-format", "concise", str(PACKAGE)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+def test_whatever_is_imported_in_functions_outside_the_package_is_there() -> None:
+    """Benchmarks, examples and documentation import inside functions, which tests seldom call."""
+    root = ROOT
+    missing = [
+        f"{file.name}:{node.lineno}: {node.module}.{name.name}"
+        for folder in ("benchmarks", "docs", "examples")
+        for file in sorted((root / folder).rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "asrsim" and not node.level
+        for name in node.names
+        if not _gives(str(node.module), name.name)
+    ]
+    assert not missing
+
+
+def _gives(module: str, name: str) -> bool:
+    found = import_module(module)
+    return hasattr(found, name) or (hasattr(found, "__path__") and find_spec(f"{module}.{name}") is not None)

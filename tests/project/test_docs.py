@@ -1,0 +1,226 @@
+"""The documentation says what the code does: generated parts, snippets, links, commands, pictures."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import asrsim
+from asrsim.actuators import ACTUATORS
+from asrsim.engines import ENGINES
+from asrsim.live.transport import TRANSPORTS
+from asrsim.metrics import MEASURES
+from asrsim.robot import load_robot
+from asrsim.scenario import load_scenario
+from asrsim.scenario.keys import KEYS
+from asrsim.scenario.schema import schema_text
+from asrsim.signals import SIGNALS
+from asrsim.simulation.steppings import STEPPINGS
+from support.paths import ROOT
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LINK = re.compile(r"(?<!`)!?\[[^]]*\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"")
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def generator():
+    spec = importlib.util.spec_from_file_location("generate", ROOT / "docs" / "generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+GENERATE = generator()
+COMMANDS = GENERATE.all_commands()
+
+
+def plain(text: str) -> str:
+    """A page without its code blocks."""
+    return FENCE.sub("", text)
+
+
+def anchor(heading: str) -> str:
+    """The anchor that a Markdown heading gets."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+def snippets(language: str) -> list[str]:
+    """Code of one language in README: fenced, or in a table's cell as <pre lang>."""
+    cells = re.findall(rf'<pre lang="{language}">\n(.*?)</pre>', README, re.DOTALL)
+    fenced = [code for name, code in FENCE.findall(README) if name == language]
+    return [code.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&") for code in cells] + fenced
+
+
+@pytest.mark.once
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_generated_parts_are_current(page):
+    """Renew them by: python docs/generate.py."""
+    text = page.read_text(encoding="utf-8")
+    assert GENERATE.renewed(text) == text
+    assert text.count("<!-- generated: ") == len(GENERATE.MARK.findall(text)) == text.count("<!-- end -->")
+
+
+def test_every_key_signal_and_measure_is_documented():
+    parts = GENERATE.parts()
+    assert all(f"`{key.name}`" in parts["scenario-keys"] for key in KEYS)
+    assert all(f"### {name}" in parts["signal-keys"] for name in SIGNALS)
+    assert all(f"| `{name}` | " in parts["measures"] and len(MEASURES.get(name).doc) > 10 for name in MEASURES)
+
+
+def test_the_schema_is_current():
+    """Renew it by: python docs/generate.py."""
+    assert (ROOT / "docs" / "scenario.schema.json").read_text(encoding="utf-8") == schema_text()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for found in LINK.finditer(plain(page.read_text(encoding="utf-8"))):
+        target = found[1] or found[2]
+        if "://" in target:
+            continue
+        name, _, mark = target.partition("#")
+        path = (page.parent / name).resolve() if name else page
+        assert path.exists(), f"{page.name}: {target}"
+        assert path.is_relative_to(ROOT), f"{page.name}: {target}"
+        if mark:
+            headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+            assert mark in [anchor(heading) for heading in headings], f"{page.name}: {target}"
+
+
+def test_every_page_can_be_found_from_the_index():
+    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    for page in (ROOT / "docs").glob("*.md"):
+        assert page.name == "index.md" or f"({page.name})" in index, page.name
+    for picture in (ROOT / "docs").rglob("*.png"):
+        name = picture.relative_to(ROOT / "docs").as_posix()
+        assert any(name in page.read_text(encoding="utf-8") for page in PAGES), f"{name} is shown nowhere"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_in_the_documentation_exist(page):
+    """Every `asrsim COMMAND --option` of the pages is one."""
+    for line in re.findall(r"(?:^\s*|`|/bin/|&& )asrsim ([^`\n|]*)", page.read_text(encoding="utf-8"), re.MULTILINE):
+        words = line.split("#")[0].split()
+        if not words or words[0].startswith("-") or words[0] == "COMMAND":
+            continue
+        assert words[0] in COMMANDS, f"{page.name}: asrsim {line}"
+        options = {word.partition("=")[0].rstrip(".,;:)") for word in words[1:] if re.match(r"--[a-z]", word)}
+        known = {name for parameter in COMMANDS[words[0]].params for name in (*parameter.opts, *parameter.secondary_opts)}
+        assert options <= known | {"--help"}, f"{page.name}: asrsim {line}"
+
+
+def test_names_of_the_library_in_the_pages_exist(tiny):
+    """Every `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` of the text can be asked for."""
+    # What other packages register under has names that look alike.
+    registries = (ACTUATORS, ENGINES, MEASURES, SIGNALS, STEPPINGS, TRANSPORTS)
+    groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
+    result = asrsim.run(tiny.scenario)
+    with asrsim.Simulation(tiny.scenario, record=True) as simulation:
+        roots = {
+            "simulation": simulation, "result": result, "asrsim": asrsim, "Scenario": simulation.scenario,
+        }  # fmt: skip
+        named = re.compile(rf"`({'|'.join(roots)})((?:\.[a-zA-Z_]+)+)(?=[`(])")
+        found = {match.groups() for page in PAGES for match in named.finditer(page.read_text(encoding="utf-8"))}
+        assert {root for root, _ in found} == set(roots)
+        for root, path in sorted(found):
+            thing = roots[root]
+            for name in path[1:].split("."):
+                if path[1:] in groups:
+                    break
+                if isinstance(thing, ModuleType) and not hasattr(thing, name):
+                    import_module(f"{thing.__name__}.{name}")
+                assert hasattr(thing, name), f"{root}{path}"
+                thing = getattr(thing, name)
+
+
+def printed_commands(page: Path) -> list[str]:
+    """The lines of a page's sh blocks that call asrsim, in their order."""
+    blocks = [code for name, code in FENCE.findall(page.read_text(encoding="utf-8")) if name == "sh"]
+    return [line for block in blocks for line in block.splitlines() if line.startswith("asrsim ")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if printed_commands(page)], ids=lambda page: page.name)
+def test_commands_run_as_they_are_printed(page, asrsim_command):
+    """Where `asrsim examples` was called. What needs a robot or a cluster of one's own stands in blocks of another kind."""
+    assert asrsim_command("examples", "--overwrite").code == 0
+    for line in printed_commands(page):
+        done = asrsim_command(*shlex.split(line, comments=True)[1:])
+        assert done.code == 0, f"{page.name}: {line}\n{done.out}\n{done.err}"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_a_summary_an_example_and_help_for_its_options(name):
+    command = COMMANDS[name]
+    assert f"Example: asrsim {name}" in command.help
+    assert command.help.split("\n\n")[0].endswith(".")
+    for parameter in command.params:
+        assert parameter.help, f"{name}: {parameter.name} has no help"
+
+
+def test_readme_block_is_that_of_the_example():
+    """The URDF block stands so in the robot of the first command, and reads as what the text says."""
+    (block,) = snippets("xml")
+    robot = ROOT / "examples/urdf/dof2_horizontal.urdf"
+    flat = " ".join(robot.read_text(encoding="utf-8").split())
+    assert " ".join(block.split()) in flat
+    assert load_robot(robot).actuators[0].joint == "joint_1"
+
+
+def test_readme_scenario_runs_as_the_example_does(tmp_path):
+    """The scenario beside it is the example's, shortened: its two variants are the example's."""
+    code = snippets("yaml")[0]
+    path = ROOT / "examples/scenarios" / "step_2dof.yaml"
+    short = tmp_path / "step_2dof.yaml"
+    short.write_text(code.replace("../urdf", (ROOT / "examples/urdf").as_posix()), encoding="utf-8")
+    made = {scenario.variant: scenario for scenario in load_scenario(short)}
+    full = {scenario.variant: scenario for scenario in load_scenario(path)}
+    for name, scenario in made.items():
+        assert scenario.references == full[name].references
+        assert scenario.duration == full[name].duration
+        assert scenario.robot.resolve() == full[name].robot.resolve()
+
+
+def test_readme_shows_what_the_first_command_prints(tmp_path, monkeypatch, capsys):
+    """Times, speeds and the default engine differ from machine to machine; all else stands in README as printed."""
+    from asrsim.cli.app import main
+
+    def fixed(text: str) -> list[str]:
+        varying = r"in [\d.]+ s \([\d.]+ x real time\)|(bullet|mujoco), (plain|compiled) loop"
+        lines = [re.sub(varying, "-", line).rstrip() for line in text.splitlines()]
+        return [line for line in lines if line and not line.startswith("wrote")]
+
+    (shown,) = re.findall(r"<!-- printed -->\n```\n(.*?)```", README, re.DOTALL)
+    monkeypatch.setattr(
+        "sys.argv",
+        [
+            "asrsim",
+            "run",
+            str(ROOT / "examples/scenarios/step_2dof.yaml"),
+            "--variant",
+            "soft",
+            "--no-plot",
+            "-o",
+            str(tmp_path),
+        ],
+    )
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 0
+    assert fixed(capsys.readouterr().out) == fixed(shown)
+
+
+def test_readme_names_the_paper_as_the_citation_does():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    (doi,) = re.findall(r"doi: (\S+)", citation)
+    assert doi in README
+    assert re.findall(r"title: (An Open-Source.*)", citation)[0] in " ".join(README.replace("> ", "").split())

@@ -1,0 +1,101 @@
+"""The examples: robots that load without a remark, scenarios that name their figure and whose claims hold."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.metrics import evaluate_expectation
+from asrsim.metrics.expect import body_columns
+from asrsim.robot import engine_urdf, load_robot
+from asrsim.scenario import check_against_robot, load_scenario
+from asrsim.simulation.run import simulate
+from support.paths import EXAMPLES
+
+ROBOTS = sorted((EXAMPLES / "urdf").glob("*.urdf"))
+SCENARIOS = sorted((EXAMPLES / "scenarios").glob("*.yaml"))
+SLOW = ("box_push_5dof", "sine_2dof")
+FIGURES = {
+    "step_1dof_sea": 8, "step_1dof_awas_ii": 8, "step_1dof_bavs": 8, "step_1dof_qbmove": 8, "chirp_1dof_qbmove": 11,
+    "step_2dof": 12, "sine_2dof": 13, "box_push_5dof": 14, "ilc_2dof": 15,
+}  # fmt: skip
+
+
+def test_every_figure_has_its_scenario():
+    assert {path.stem for path in SCENARIOS} >= set(FIGURES)
+
+
+@pytest.mark.parametrize("path", ROBOTS, ids=lambda path: path.stem)
+def test_robots_load_without_a_remark(path):
+    robot = load_robot(path)
+    plain = ["no-actuators"] if path.stem == "plain_arm" else []
+    assert [warning.code for warning in robot.warnings] == plain
+    assert engine_urdf(robot, visuals=True)[1] == ()
+    assert "where they come from" in path.read_text()
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_scenarios_name_their_figure_and_fit_their_robot(path):
+    assert re.match(rf"# Figure {FIGURES[path.stem]} of Mengacci", path.read_text())
+    for scenario in load_scenario(path):
+        errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+        assert (errors, warnings) == ([], [])
+        assert [claim for claim in scenario.expect if claim.variant in (None, scenario.variant)]
+
+
+def cases():
+    for path in SCENARIOS:
+        for scenario in load_scenario(path):
+            marks = [pytest.mark.slow] if path.stem in SLOW else []
+            yield pytest.param(scenario, id=f"{path.stem}-{scenario.variant}", marks=marks)
+
+
+@pytest.mark.parametrize("scenario", list(cases()))
+def test_claims_hold(scenario):
+    run = simulate(scenario)
+    samples = run.samples
+    assert samples is not None
+    failed = []
+    for claim in scenario.expect:
+        if claim.variant not in (None, scenario.variant):
+            continue
+        columns = body_columns(samples, claim.body) if claim.body else joint_columns(run, claim.joint)
+        result = evaluate_expectation(claim, samples.time, columns, checked=False)
+        if not result.holds:
+            failed.append(result.text)
+    assert failed == []
+
+
+def joint_columns(run, joint):
+    index = run.samples.joints.index(joint)
+    derived = {name: function(run.samples, run.info.joints)[:, index] for name, function in DERIVED_FUNCTIONS.items()}
+    return {**run.samples.joint(joint), **derived}
+
+
+def test_the_two_arms_have_the_same_links():
+    """Hanging or level, it is the same arm: masses and the inertia about the joint agree."""
+    hanging, level = (load_robot(EXAMPLES / "urdf" / f"dof2_{name}.urdf") for name in ("vertical", "horizontal"))
+    for first, second in zip(hanging.links, level.links, strict=True):
+        assert first.mass == second.mass
+        if first.inertia is not None and second.inertia is not None:
+            assert first.inertia[3] == second.inertia[5]
+            assert np.linalg.norm(first.centre_of_mass) == np.linalg.norm(second.centre_of_mass)
+
+
+def test_the_stiff_awas_ii_is_resolved_at_one_millisecond():
+    """At 530 Hz omega h is 3.3: without substeps the joint would settle elsewhere (its deflection saturates)."""
+    scenario = load_scenario(EXAMPLES / "scenarios" / "step_1dof_awas_ii.yaml", variant="stiff")[0]
+    assert scenario.step == 1e-3
+    assert simulate(scenario).resolution.substeps >= 16
+
+
+def test_the_documentation_lists_every_example_and_variant():
+    text = (EXAMPLES.parent / "docs" / "examples.md").read_text()
+    for path in (*ROBOTS, *SCENARIOS):
+        assert f"`{path.name}`" in text
+    for path in SCENARIOS:
+        (row,) = [line for line in text.splitlines() if line.startswith(f"| `{path.name}`")]
+        assert row.split("|")[3].strip() == ", ".join(scenario.variant for scenario in load_scenario(path))

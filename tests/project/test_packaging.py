@@ -1,0 +1,171 @@
+"""The package as others get it: what is declared, what the wheel holds, and that it works away from the repository."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from support.paths import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
+REQUIREMENT = re.compile(r"([A-Za-z0-9._-]+)(?:\[[^]]*\])?(.*)")
+
+
+def normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def declared() -> dict[str, str]:
+    """Every requirement of the project and its extras -> its bound."""
+    texts = [*PROJECT["dependencies"], *(text for extra in PROJECT["optional-dependencies"].values() for text in extra)]
+    found = (REQUIREMENT.fullmatch(text) for text in texts)
+    return {normalised(match[1]): match[2].partition(";")[0] for match in found if match and match[1] != "asrsim"}
+
+
+def locked() -> dict[str, str]:
+    pins = (line.partition(" ; ")[0].split("==") for line in LOCK if line and not line.startswith("#"))
+    return {normalised(name): version for name, version in pins}
+
+
+def number(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split("."))
+
+
+def test_python_has_no_upper_bound_and_what_has_no_wheels_everywhere_is_marked():
+    assert PROJECT["requires-python"] == ">=3.11"
+    for name in ("pybullet", "numba"):
+        (text,) = (text for text in PROJECT["dependencies"] if text.startswith(name))
+        assert "; " in text
+        assert any(line.startswith(f"{name}==") and " ; " in line for line in LOCK)
+
+
+def test_every_requirement_has_a_lower_bound_that_the_lock_meets():
+    pins = locked()
+    for name, bound in declared().items():
+        assert bound.startswith(">="), f"{name} has no lower bound"
+        lower, _, upper = bound.removeprefix(">=").partition(",<")
+        assert number(lower) <= number(pins[name]), name
+        assert not upper or number(pins[name]) < number(upper), name
+
+
+def test_the_lock_pins_and_names_no_place():
+    for line in LOCK:
+        assert line.startswith("#") or re.fullmatch(r"[a-z0-9-]+==[0-9][A-Za-z0-9.+]*( ; .+)?", line), line
+    assert "://" not in "\n".join(LOCK)
+
+
+def test_the_versions_agree():
+    import asrsim
+
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert PROJECT["version"] == asrsim.__version__
+    assert f"version: {asrsim.__version__}\n" in citation
+    assert f"## {asrsim.__version__}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_imports_are_declared():
+    """Every library that the package imports is a requirement of its own, not one that happens to come with another."""
+    import ast
+
+    names = {
+        "yaml": "pyyaml",
+        "imageio_ffmpeg": "imageio-ffmpeg",
+        "PIL": "pillow",
+        "mujoco": "mujoco-core",
+        # Numba does not go without.
+        "llvmlite": "numba",
+        "pinocchio": "pin",
+        "mcap_ros2": "mcap-ros2-support",
+        "foxglove": "foxglove-sdk",
+        "rclpy": "ros-rclpy",
+        "rcl_interfaces": "ros-rclpy",
+        "std_srvs": "ros-common-interfaces",
+    }
+    used = set()
+    for path in (ROOT / "asrsim").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                used |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                used.add(str(node.module).split(".")[0])
+    libraries = {normalised(names.get(name, name)) for name in used - sys.stdlib_module_names - {"asrsim"}}
+    assert libraries - declared().keys() == set()
+
+
+@pytest.fixture(scope="module")
+def distributions(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with sdist and wheel, built by the backend that pyproject.toml names; the wheel from the sdist."""
+    pytest.importorskip("hatchling.build")
+    folder = tmp_path_factory.mktemp("dist")
+    build = "import sys; from hatchling.build import build_sdist, build_wheel; globals()[sys.argv[1]](sys.argv[2])"
+    subprocess.run([sys.executable, "-c", build, "build_sdist", str(folder)], cwd=ROOT, check=True, timeout=60)
+    (archive,) = folder.glob("*.tar.gz")
+    subprocess.run(["tar", "-xf", str(archive), "-C", str(folder)], check=True, timeout=60)
+    source = folder / archive.name.removesuffix(".tar.gz")
+    subprocess.run([sys.executable, "-c", build, "build_wheel", str(folder)], cwd=source, check=True, timeout=60)
+    return folder
+
+
+def files_below(folder: str) -> list[Path]:
+    """Files of ours: not the caches of Python and Numba."""
+    found = (path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return [path for path in found if path.suffix not in (".nbi", ".nbc")]
+
+
+@pytest.mark.once
+def test_the_wheel_holds_the_package_and_its_data(distributions):
+    (wheel,) = distributions.glob("*.whl")
+    held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    ours = {path.relative_to(ROOT).as_posix() for path in files_below("asrsim")}
+    examples = {f"asrsim/{path.relative_to(ROOT).as_posix()}" for path in files_below("examples")}
+    assert held == ours | examples
+    assert "asrsim/py.typed" in held
+
+
+@pytest.mark.once
+def test_the_source_distribution_can_be_tested(distributions):
+    source = next(path for path in distributions.iterdir() if path.is_dir())
+    for name in ("README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "requirements.lock", ".ci/run", "docs/index.md"):
+        assert (source / name).is_file(), name
+    assert (source / "examples/scenarios/step_2dof.yaml").is_file()
+    assert (source / "tests/project/test_packaging.py").is_file()
+
+
+@pytest.mark.once
+def test_the_wheel_works_away_from_the_repository(distributions, tmp_path):
+    """The wheel unpacked into an environment that has our requirements and nothing of the repository."""
+    (wheel,) = distributions.glob("*.whl")
+    venv.create(tmp_path / "venv", with_pip=False)
+    site = next((tmp_path / "venv").glob("lib/python*/site-packages"))
+    zipfile.ZipFile(wheel).extractall(site)
+    ours = [path for path in sys.path if path.endswith("site-packages")]
+    (site / "zz_requirements.pth").write_text("\n".join(ours) + "\n")
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "arm.urdf").write_text((ROOT / "examples/urdf/dof1_qbmove.urdf").read_text())
+    python = tmp_path / "venv/bin/python"
+
+    def asrsim(*arguments: str) -> str:
+        code = "import sys; from asrsim.cli.app import main; sys.argv[0] = 'asrsim'; main()"
+        done = subprocess.run(
+            [python, "-I", "-c", code, *arguments], cwd=work, capture_output=True, text=True, timeout=120, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    home = subprocess.run(
+        [python, "-I", "-c", "import asrsim; print(asrsim.__file__)"], capture_output=True, text=True, check=True
+    )
+    assert Path(home.stdout.strip()).is_relative_to(tmp_path)
+    asrsim("init", "arm.urdf")
+    asrsim("run", "scenario.yaml", "--report")
+    assert sorted(path.name for path in work.glob("out/*/*/log.mcap")) == ["log.mcap", "log.mcap"]
+    assert list(work.glob("out/*/*/report.html"))

@@ -1,0 +1,441 @@
+"""ROS 2: peers in environments of their own, over loopback. Slow; needs rclpy's wheels here, and those of the peers.
+
+ASRSIM_PEERS names a folder with the environments `jazzy` and `kilted`; without it they are made in the cache of the user:
+python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces; Kilted's likewise.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.live.departed import awake, dismiss, farewell
+from asrsim.live.fastdds import settings
+from asrsim.live.ros import RosTransport, load_rclpy
+from asrsim.log import open_log
+from asrsim.runs.repeat import repeat
+from support.paths import ROOT
+
+PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
+DOMAIN = 87
+PEER = ROOT / "tests" / "live_peer.py"
+# The wheels start Python once more with their libraries' folders, and mark that in the environment: a peer has its own.
+_OURS = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+ALONE = {key: value for key, value in os.environ.items() if key not in _OURS}
+SCENARIO = """\
+robot: {root}/examples/urdf/dof2_horizontal.urdf
+duration: 1.0
+engine: mujoco
+references: {{"*": {{equilibrium_position: 0.0, stiffness_preset: 0.2}}}}
+reference_ranges: {{"*": {{equilibrium_position: [-1, 1], stiffness_preset: [0, 0.3], external_torque: [-1, 1]}}}}
+"""
+
+
+def test_a_ros_environment_that_does_not_fit_is_told_apart(tmp_path, asrsim_command, tiny, monkeypatch):
+    """What a sourced distribution of another Python does: its rclpy stands first and cannot be loaded."""
+    if find_spec("rclpy") is None:
+        (tmp_path / "rclpy").mkdir()
+        (tmp_path / "rclpy" / "__init__.py").write_text("raise ImportError('_rclpy_pybind11.cpython-312 not found')")
+        monkeypatch.syspath_prepend(tmp_path)
+    else:
+        (tmp_path / "librcl.so").write_text("")
+        monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.setenv("ROS_DISTRO", "jazzy")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "/opt/ros/jazzy")
+    done = asrsim_command("live", tiny.scenario, "--on", "ros", "--duration", 0.1, "--set", "compiled=false")
+    assert done.code == 1
+    assert "sourced" in done.err
+    assert "env -u PYTHONPATH" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
+    """ROS would end the whole process over it, with no word of what to do."""
+    (tmp_path / "librcl.so").write_text("")
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+    with pytest.raises(InputError, match=r"asks for 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
+        load_rclpy()
+
+
+def test_a_message_that_cannot_be_sent_is_given_up_and_said():
+    """rclpy raises where a subscriber does not keep up and Fast DDS has waited for it long enough."""
+
+    def fails(message):
+        raise RuntimeError("Failed to publish: cannot publish data")
+
+    sent = []
+    transport = object.__new__(RosTransport)
+    transport._raw, transport.wanted, transport._slow, transport._unsent = [fails, sent.append], [True, True], 0, 0
+    transport.notices = []
+    for _ in range(25):
+        transport.publish(0, [b"1", b"2"])
+    assert sent == [b"2"] * 25
+    assert [text.split()[0] for text in transport.notices] == ["1", "10"]
+
+
+PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
+
+@pytest.mark.parametrize(("free", "transports"), [(2**30, ["memory", "udp"]), (2**12, ["udp"])])
+def test_memory_is_shared_where_there_is_room(monkeypatch, free, transports):
+    monkeypatch.delenv(PROFILES, raising=False)
+    monkeypatch.delenv("LD_LIBRARY_PATH", raising=False)
+    monkeypatch.delitem(sys.modules, "rclpy", raising=False)
+    monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=free))
+    with settings(network=False):
+        root = ElementTree.parse(os.environ[PROFILES]).getroot()
+    (users,) = (element for element in root.iter() if element.tag.endswith("}userTransports"))
+    assert [element.text for element in users] == transports
+
+
+@pytest.mark.parametrize("network", [False, True])
+def test_fast_dds_is_told_where_to_listen_unless_the_user_did(tmp_path, monkeypatch, network):
+    for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delitem(sys.modules, "rclpy", raising=False)
+    with settings(network=network):
+        path = Path(os.environ[PROFILES])
+        root = ElementTree.parse(path).getroot()
+        assert os.environ.get(RANGE) == (None if network else "SYSTEM_DEFAULT")
+    said = {element.tag.rpartition("}")[2]: element for element in root.iter()}
+    assert said["useBuiltinTransports"].text == "false"
+    assert ("interfaceWhiteList" in said) == ("initialPeersList" in said) == (not network)
+    assert set(os.environ).isdisjoint({PROFILES, RANGE})
+    assert not path.exists()
+    (tmp_path / "libfastrtps.so").write_text("")
+    monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
+    with settings(network=network):
+        assert PROFILES not in os.environ
+    monkeypatch.delenv("LD_LIBRARY_PATH")
+    monkeypatch.setenv(PROFILES, "mine.xml")
+    with settings(network=network):
+        assert os.environ[PROFILES] == "mine.xml"
+        assert os.environ.get(RANGE) == (None if network else "LOCALHOST")
+
+
+def test_processes_that_are_stopped_or_gone_are_told_from_those_that_run():
+    with subprocess.Popen(["sleep", "60"]) as process:
+
+        def prefix():
+            return bytes((1, 15, 120, 253)) + (process.pid % 2**16).to_bytes(2, "little") + bytes(6)
+
+        assert awake(prefix())
+        process.send_signal(signal.SIGSTOP)
+        os.waitpid(process.pid, os.WUNTRACED)
+        assert not awake(prefix())
+        process.send_signal(signal.SIGCONT)
+        os.waitpid(process.pid, os.WCONTINUED)
+        assert awake(prefix())
+        process.kill()
+    assert not awake(prefix())
+
+
+def test_only_those_of_this_machine_that_are_gone_are_dismissed(monkeypatch):
+    """A peer of another host cannot be looked at, and is left to its lease."""
+    with subprocess.Popen(["true"]) as dead:
+        pass
+    ours, theirs = bytes((1, 15, 120, 253)), bytes((1, 15, 7, 7))
+
+    def end(host, pid, name):
+        return SimpleNamespace(endpoint_gid=[*host, *(pid % 2**16).to_bytes(2, "little"), *range(18)], node_name=name)
+
+    told = []
+    monkeypatch.setattr("asrsim.live.departed.say_farewell", told.append)
+    node = SimpleNamespace(
+        get_publishers_info_by_topic=lambda topic: [end(theirs, 1, "other"), end(ours, os.getpid(), "asrsim")],
+        get_subscriptions_info_by_topic=lambda topic: [
+            end(ours, dead.pid, "dead"), end(theirs, dead.pid, "far"), end(ours, os.getpid(), "alive"),
+        ],
+    )  # fmt: skip
+    assert dismiss(node, ["/joint_states"]) == ["dead"]
+    assert [prefix[:6] for prefix in told] == [ours + (dead.pid % 2**16).to_bytes(2, "little")]
+
+
+def test_a_farewell_is_what_the_standard_says():
+    message = farewell(bytes(range(12)))
+    assert message[:4] == b"RTPS"
+    assert message[8:20] == bytes(range(12))
+    kind, flags, length = struct.unpack_from("<BBH", message, 20)
+    assert (kind, flags, length) == (0x15, 0b1011, len(message) - 24)
+    parameters, place = {}, 24 + 4 + 16
+    for _ in range(3):
+        name, size = struct.unpack_from("<HH", message, place)
+        parameters[name] = message[place + 4 : place + 4 + size]
+        place += 4 + size
+    assert parameters == {0x70: bytes(range(12)) + b"\0\0\1\xc1", 0x71: b"\0\0\0\3", 1: b""}
+    assert message[place : place + 4] == b"\0\3\0\0"
+
+
+@pytest.fixture(scope="session")
+def peers():
+    """Name -> Python of a peer's environment."""
+
+    def python(name):
+        folder = Path(os.environ.get("ASRSIM_PEERS", Path.home() / ".cache" / "asrsim-peers")) / name
+        if not (folder / "bin" / "python").exists():
+            subprocess.run(["python3.11", "-m", "venv", folder], check=True, env=ALONE)
+            names = [f"{PACKAGES[name]}rclpy[fastrtps]", f"{PACKAGES[name]}common-interfaces"]
+            done = subprocess.run([folder / "bin" / "pip", "install", "-q", *names], check=False, env=ALONE)
+            if done.returncode:
+                pytest.skip(f"no wheels of {name}'s rclpy here")
+        return folder / "bin" / "python"
+
+    return python
+
+
+@pytest.fixture
+def server(tmp_path):
+    """A live run with ROS; ends with the test."""
+    if find_spec("rclpy") is None:
+        pytest.skip("rclpy is not installed here")
+    path = tmp_path / "arm.yaml"
+    path.write_text(SCENARIO.format(root=ROOT))
+    # At this rate a peer may stand still for seconds, on a machine that others use, before the oldest messages go.
+    options = ["--on", "ros", "--domain", str(DOMAIN), "--rate", "200", "-o", tmp_path / "out"]
+    command = [sys.executable, "-m", "asrsim", "live", path, *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        assert "node /asrsim" in line, line + process.stderr.read()
+        yield process, tmp_path / "out"
+        process.kill()
+
+
+def ended(process):
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    return out
+
+
+def watch(python, seconds, rate):
+    done = subprocess.run(
+        [python, PEER, str(seconds), str(DOMAIN), str(rate)],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+        env=ALONE,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def listening(process):
+    """Addresses (hexadecimal, as Linux lists them) of a process's UDP sockets."""
+    owned = {str(path.readlink()) for path in Path(f"/proc/{process.pid}/fd").iterdir()}
+    lines = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+    return {line[1].split(":")[0] for line in lines if f"socket:[{line[9]}]" in owned}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["jazzy", "kilted"])
+def test_a_peer_hears_every_topic_and_moves_the_arm(server, peers, name):
+    process, folder = server
+    assert listening(process) == {"0100007F"}
+    seen = watch(peers(name), 4.0, 100)
+    assert len(seen["outlets"]) >= 20
+    assert set(seen["outlets"]) - {"/robot_description"} == set(seen["counts"])
+    assert not seen["gaps"]
+    assert seen["best_effort"] > 100
+    assert seen["late"]
+    assert seen["description"]["/robot_description"] > 1000
+    for topic, hashes in seen["hashes"].items():
+        assert len(set(hashes)) == 1, topic
+        assert hashes[0].startswith("RIHS01_") or "RIHS01" in hashes[0] or "TypeHash" in hashes[0]
+    assert seen["inlets"]
+    assert max(map(abs, seen["positions"].values())) > 0.01
+    assert set(seen["preset"].values()) == {0.25}
+    assert [answer[0] for answer in seen["answers"]] == [True, True, True]
+    out = ended(process)
+    assert "asrsim rerun" in out
+    commands = list(open_log(folder / "log.mcap").commands())
+    assert len(commands) > 50
+    assert repeat(folder / "log.mcap").identical
+
+
+FLOOD = """
+import os, sys, time, math
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+import rclpy
+from std_msgs.msg import Float64, Float64MultiArray, String
+from sensor_msgs.msg import JointState
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node("flood")
+one = node.create_publisher(Float64, "/joint_1/equilibrium_position", 10)
+many = node.create_publisher(Float64MultiArray, "/reference_1", 10)
+control = node.create_publisher(JointState, "/ros2_control/joint_commands", 1)
+wrong = node.create_publisher(String, "/joint_2/equilibrium_position", 10)
+print("ready", flush=True)
+end = time.time() + float(sys.argv[2])
+while time.time() < end:
+    for i in range(20):
+        one.publish(Float64(data=0.1 * math.sin(time.time() * 9 + i)))
+    one.publish(Float64(data=math.nan))
+    many.publish(Float64MultiArray(data=[1e300] * 2000))
+    control.publish(JointState(name=["nobody"] * 300, position=[1.0] * 200))
+    wrong.publish(String(data="x" * 1000))
+"""
+
+
+@pytest.mark.slow
+def test_floods_nonsense_and_peers_that_vanish(server, peers):
+    process, folder = server
+    memory = []
+    for _ in range(3):
+        with subprocess.Popen(
+            [peers("kilted"), "-c", FLOOD, str(DOMAIN), "60"], stdout=subprocess.PIPE, text=True, env=ALONE
+        ) as flood:
+            assert flood.stdout is not None
+            flood.stdout.readline()
+            time.sleep(4.0)
+            flood.kill()
+        (pages,) = Path(f"/proc/{process.pid}/statm").read_text().split()[1:2]
+        memory.append(int(pages) * os.sysconf("SC_PAGE_SIZE") / 2**20)
+    seen = watch(peers("jazzy"), 2.0, 50)
+    assert seen["counts"]["/joint_states"] > 100
+    ended(process)
+    assert memory[-1] - memory[0] < 60
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["live"]["commands"] > 1000
+    assert any("not finite" in reason for reason in summary["live"]["dropped"])
+    assert any("values where 2 are expected" in reason for reason in summary["live"]["dropped"])
+    assert any("as many values as names" in reason for reason in summary["live"]["dropped"])
+    assert repeat(folder / "log.mcap").identical
+
+
+READER = """
+import os, sys, time
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+import rclpy
+from sensor_msgs.msg import JointState
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node("reader")
+names = ["/joint_states", "/robot_state", "/motor_1_state", "/motor_2_state", "/joint_1/joint_state", "/joint_2/joint_state"]
+takes = [node.create_subscription(JointState, name, lambda message: None, 1000) for name in names]
+while True:
+    count, end = 0, time.time() + 0.5
+    while time.time() < end:
+        for subscription in takes:
+            while subscription.handle.take_message(JointState, True) is not None:
+                count += 1
+        time.sleep(0.001)
+    print(count, flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_subscribers_that_are_stopped_or_killed_are_forgotten_until_they_come_back(server, peers):
+    """Else Fast DDS takes milliseconds a tick for them: 20 s long for one that was killed."""
+    process, folder = server
+    reader = subprocess.Popen([peers("kilted"), "-c", READER, str(DOMAIN)], stdout=subprocess.PIPE, text=True, env=ALONE)
+    with reader:
+        assert reader.stdout is not None
+        while int(reader.stdout.readline()) < 300:
+            pass
+        reader.send_signal(signal.SIGSTOP)
+        time.sleep(4.0)
+        reader.send_signal(signal.SIGCONT)
+        began = time.monotonic()
+        # Some of the counts are of what came before it was forgotten.
+        while sum(int(reader.stdout.readline()) for _ in range(4)) < 2000:
+            assert time.monotonic() - began < 30.0
+        reader.kill()
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=120)
+    assert said.count("forgotten until they come back: reader") == 2, said
+    assert json.loads((folder / "summary.json").read_text())["live"]["slips"] <= 1
+    assert repeat(folder / "log.mcap").identical
+
+
+@pytest.mark.slow
+def test_every_message_of_a_log_is_deserialised_by_rclpy(tmp_path, peers, tiny, asrsim_command):
+    done = asrsim_command("run", tiny.scenario, "--no-plot", "-o", tmp_path / "out", "--set", "compiled=false")
+    assert done.code == 0
+    from mcap.reader import make_reader
+
+    lines = []
+    with (tmp_path / "out" / "log.mcap").open("rb") as file:
+        for schema, _, message in make_reader(file).iter_messages():
+            if not schema.name.startswith(("asrsim_msgs", "tf2_msgs")):
+                lines.append(f"{schema.name} {message.data.hex()}")
+    (tmp_path / "messages").write_text("\n".join(lines))
+    code = (
+        "import sys, importlib\nfrom rclpy.serialization import deserialize_message\ncount = 0\n"
+        "for line in open(sys.argv[1]):\n    name, data = line.split()\n    package, _, kind = name.split('/')\n"
+        "    deserialize_message(bytes.fromhex(data), getattr(importlib.import_module(package + '.msg'), kind))\n"
+        "    count += 1\n"
+        "print(count)"
+    )
+    for name in PACKAGES:
+        done = subprocess.run(
+            [peers(name), "-c", code, tmp_path / "messages"], capture_output=True, text=True, check=True, env=ALONE
+        )
+        assert int(done.stdout) == len(lines) > 1000
+
+
+STAND_IN = """
+import os, sys, time, json, math
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+import rclpy
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+rclpy.init(domain_id=int(sys.argv[1]))
+node = rclpy.create_node("stand_in")
+states = node.create_subscription(JointState, "/ros2_control/joint_states", lambda message: None, qos_profile_sensor_data)
+commands = node.create_publisher(JointState, "/ros2_control/joint_commands", QoSProfile(depth=1))
+while not commands.get_subscription_count():
+    time.sleep(0.05)
+names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+command = [math.nan] * 4
+seen, began, sent = [], time.time(), 0
+while time.time() - began < 4.0:
+    # A cycle of its hardware component: the newest state is read, all commands are written.
+    while (taken := states.handle.take_message(JointState, False)) is not None:
+        seen.append(taken[0])
+    if seen:
+        position = dict(zip(seen[-1].name, seen[-1].position))
+        command = [0.3, math.nan, 0.1, 0.25]
+        sent += 1
+        commands.publish(JointState(name=names, position=command))
+    time.sleep(0.005)
+print(json.dumps({"states": len(seen), "sent": sent, "names": list(seen[-1].name), "position": position}))
+"""
+
+
+@pytest.mark.slow
+def test_a_stand_in_for_ros2_control_drives_the_arm(server, peers):
+    """Topics, quality of service and layout of JointStateTopicSystem; the real controller manager cannot be had here."""
+    process, folder = server
+    done = subprocess.run(
+        [peers("jazzy"), "-c", STAND_IN, str(DOMAIN)], capture_output=True, text=True, timeout=120, check=False, env=ALONE
+    )
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    ended(process)
+    assert seen["states"] > 50
+    assert seen["sent"] > 50
+    assert seen["names"] == ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+    assert seen["position"]["joint_1_stiffness"] == 0.1
+    assert seen["position"]["joint_2_stiffness"] == 0.25
+    assert seen["position"]["joint_1"] == pytest.approx(0.3, abs=0.05)
+    assert abs(seen["position"]["joint_2"]) < 0.2
+    held = [(command.joint, command.reference, command.value) for command in open_log(folder / "log.mcap").commands()]
+    assert sorted(held) == [
+        ("joint_1", "equilibrium_position", 0.3), ("joint_1", "stiffness_preset", 0.1), ("joint_2", "stiffness_preset", 0.25),
+    ]  # fmt: skip

@@ -1,0 +1,247 @@
+"""Claims that cannot fail are none: every changed law, mass or loss makes at least one claim of a figure fail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from asrsim import run
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import ScenarioError
+from asrsim.reproduce import Lab, figures
+from asrsim.robot import load_robot
+from asrsim.robot.model import Robot
+from asrsim.scenario import load_scenario
+from paper import chain, motors, newton
+from paper.chain import five_links
+from paper.motors import departure
+from paper.newton import ALTEREGO, hanging, level, read_motion
+from support.paths import ROOT
+
+SCENARIOS = ROOT / "examples" / "scenarios"
+
+FACTORS = (1.25, 0.75)
+
+
+def joints(robot: Robot, **factors: float) -> Robot:
+    """The robot with numbers of its moving joints multiplied."""
+
+    def changed(joint: Any) -> Any:
+        return replace(joint, **{name: getattr(joint, name) * factor for name, factor in factors.items()})
+
+    return replace(robot, joints=tuple(changed(joint) if joint.moves else joint for joint in robot.joints))
+
+
+def masses(robot: Robot, factor: float) -> Robot:
+    """The robot with masses, and the inertia that goes with them, multiplied: in data and in its file's text."""
+    root = ElementTree.fromstring(robot.text)
+    for inertial in root.iter("inertial"):
+        for element in inertial:
+            for key in tuple(element.keys()) if element.tag in ("mass", "inertia") else ():
+                element.set(key, repr(float(element.get(key, "0")) * factor))
+    links = tuple(
+        replace(link, mass=link.mass * factor, inertia=tuple(factor * value for value in link.inertia))
+        if link.mass and link.inertia
+        else link
+        for link in robot.links
+    )
+    return replace(robot, text=ElementTree.tostring(root, encoding="unicode"), links=links)
+
+
+def parameters(robot: Robot, factor: float, *names: str) -> Robot:
+    """The robot with parameters of its actuators multiplied."""
+    blocks = []
+    for block in robot.actuators:
+        known = block.values()
+        assert set(names) & set(known), f"{names} are none of {tuple(known)}"
+        changed = {n: replace(block.parameters[n], value=known[n] * factor) for n in names if n in known}
+        blocks.append(replace(block, parameters={**block.parameters, **changed}))
+    return replace(robot, actuators=tuple(blocks))
+
+
+def spring(monkeypatch: pytest.MonkeyPatch, name: str, scale: float = 1.0, stretch: float = 1.0) -> None:
+    """The actuator's law with torques, or deflections, multiplied: its stiffness and energy as they follow from it."""
+    law = ACTUATORS.get(name)
+    torques, stiffness, energy = law.elastic_torques, law.stiffness, law.elastic_energy
+
+    def at(q: float, first: float, second: float) -> tuple[float, float]:
+        return q + stretch * (first - q), second if law.adjuster or law.motors == 1 else q + stretch * (second - q)
+
+    def changed_torques(q: float, first: float, second: float, values: tuple[float, ...]) -> tuple[float, float]:
+        one, other = torques(q, *at(q, first, second), values)
+        return scale * one, scale * other
+
+    def changed_stiffness(q: float, first: float, second: float, values: tuple[float, ...]) -> float:
+        return scale * stretch * stiffness(q, *at(q, first, second), values)
+
+    def changed_energy(q: float, first: float, second: float, values: tuple[float, ...]) -> float:
+        return scale / stretch * energy(q, *at(q, first, second), values)
+
+    for key, function in (
+        ("elastic_torques", changed_torques),
+        ("stiffness", changed_stiffness),
+        ("elastic_energy", changed_energy),
+    ):
+        monkeypatch.setattr(law, key, staticmethod(function))
+
+
+def failing(
+    figure: str,
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Any,
+    change: Callable[[Robot], Robot] | None,
+    overrides: tuple[str, ...] = (),
+) -> list[str]:
+    """Claims of a figure that do not hold with every robot changed, or with overrides; plain loop, no pictures."""
+    original, changes = Lab.run, overrides
+
+    def run(self: Lab, name: str, variant: str, **keywords: Any) -> Any:
+        robot = keywords.pop("robot", None)
+        overrides = [*keywords.pop("overrides", ()), *changes, "compiled=false"]
+        if change is not None:
+            robot = change(robot or load_robot(self.scenario(name, variant, overrides).robot))
+        return original(self, name, variant, robot=robot, overrides=overrides, **keywords)
+
+    monkeypatch.setattr(Lab, "run", run)
+    monkeypatch.setattr(f"paper.figure_{figure}.picture", lambda *_, **__: None)
+    monkeypatch.setattr("paper.figure_14.films", lambda *_, **__: ())
+    parts = figures()[figure].parts(Lab(folder=folder))
+    return [claim.text for part in parts for claim in part.claims if not claim.holds]
+
+
+CHANGES: dict[str, Callable[[Robot, float], Robot]] = {
+    "masses": masses,
+    "damping": lambda robot, factor: joints(robot, damping=factor),
+    "friction": lambda robot, factor: joints(robot, friction=factor),
+    "springs": lambda robot, factor: parameters(robot, factor, "spring_k_1", "spring_k_2", "spring_k", "spring_stiffness"),
+}
+
+
+MOTORS = {
+    "inertia": ("motor_1_inertia", "motor_2_inertia"),
+    "damping": ("motor_1_damping", "motor_2_damping"),
+    "friction": ("motor_1_friction_torque", "motor_2_friction_torque"),
+    "proportional gain": ("controller_1_proportional", "controller_2_proportional"),
+    "derivative gain": ("controller_1_derivative", "controller_2_derivative"),
+}
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("what", "masses", "damping", "friction"),
+    [("none", 1.0, 0.065, 0.025), ("masses", 1.25, 0.065, 0.025), ("damping", 1.0, 0.08125, 0.025),
+     ("friction", 1.0, 0.065, 0.03125), ("springs", 0.8, 0.052, 0.02)],
+)  # fmt: skip
+@pytest.mark.parametrize("hangs", [True, False])
+def test_a_motion_tells_masses_and_losses(what, masses, damping, friction, hangs):
+    """What Newton's law reads from an arm's run is what the arm has; stronger springs show as less of all else."""
+    name = "sine_2dof" if hangs else "step_2dof"
+    scenario = load_scenario(
+        SCENARIOS / f"{name}.yaml", variant="soft", overrides=["duration=2", "compiled=false", "expect=[]"]
+    )[0]
+    robot = load_robot(scenario.robot)
+    result = run(scenario, robot=robot if what == "none" else CHANGES[what](robot, 1.25))
+    motion = read_motion(result.samples, [ALTEREGO] * 2, hanging if hangs else level)
+    assert (motion.masses, motion.damping, motion.friction) == pytest.approx((masses, damping, friction), rel=0.01)
+    # Links of another mass leave the motors what they are; other springs do not.
+    assert (departure(result.samples, [ALTEREGO] * 2) <= 1e-6) == (what != "springs")
+
+
+def test_five_links_move_as_energy_and_its_slopes_ask():
+    """Work of the torques is the change of kinetic and potential energy, whose slopes at rest are the weights."""
+    source = np.random.default_rng(14)
+    q, v, a, none = *source.normal(size=(3, 20, 5)), np.zeros((20, 5))
+    shares = np.stack([five_links(q, none, unit[None].repeat(20, 0)) for unit in np.eye(5)], axis=2)
+    weights = five_links(q, none, none)
+    masses = shares - weights[:, :, None]
+    assert masses == pytest.approx(masses.transpose(0, 2, 1), abs=1e-12)
+    assert np.linalg.eigvalsh(masses).min() > 0.0
+
+    def kinetic(places):
+        columns = [five_links(places, none, unit[None].repeat(20, 0)) for unit in np.eye(5)]
+        inertia = np.stack(columns, axis=2) - five_links(places, none, none)[:, :, None]
+        return 0.5 * np.einsum("ni,nij,nj->n", v, inertia, v)
+
+    h = 1e-5
+    change = (kinetic(q + h * v) - kinetic(q - h * v)) / (2.0 * h) + np.einsum("ni,nij,nj->n", v, masses, a)
+    power = np.sum(v * (five_links(q, v, a) - weights), axis=1)
+    assert power == pytest.approx(change, abs=1e-7)
+    # Stretched out level, the shoulder carries every weight at its lever.
+    reach = 0.5408 * 0.0793 + 0.4961 * 0.1644 + 0.5408 * 0.2468 + 0.3668 * 0.3523
+    assert five_links(*np.zeros((3, 1, 5)))[0] == pytest.approx([0.0, -9.81 * reach, 0.0, 0.0, 0.0], abs=1e-12)
+
+
+def test_newton_s_law_is_nobody_else_s():
+    text = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (newton, chain, motors))
+    assert not [module for module in ("actuators", "robot", "engines", "kinematics") if f"asrsim.{module}" in text]
+    assert "link_torque" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", ["8", "11", "12", "13", "14"])
+def test_unchanged_every_claim_holds(figure, monkeypatch, tmp_path):
+    assert failing(figure, monkeypatch, tmp_path, lambda robot: robot) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", ["scale", "stretch"])
+@pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
+def test_a_changed_spring_law_is_caught(name, what, factor, monkeypatch, tmp_path):
+    spring(monkeypatch, name, **{what: factor})
+    assert failing("8", monkeypatch, tmp_path, None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", CHANGES)
+def test_a_changed_robot_is_caught(what, factor, monkeypatch, tmp_path):
+    assert failing("8", monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", CHANGES)
+@pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
+def test_changes_of_the_paper_s_arms_are_caught(figure, what, factor, monkeypatch, tmp_path):
+    """By Newton's law, whatever the other claims say."""
+    found = failing(figure, monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
+    assert [text for text in found if "the links move" in text]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", MOTORS)
+@pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
+def test_changed_motors_are_caught(figure, what, factor, monkeypatch, tmp_path):
+    found = failing(figure, monkeypatch, tmp_path, lambda robot: parameters(robot, factor, *MOTORS[what]))
+    assert [text for text in found if "the motors move" in text]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", ["mass", "friction"])
+def test_another_box_is_caught(what, factor, monkeypatch, tmp_path):
+    value = factor * {"mass": 2.0, "friction": 0.23}[what]
+    found = failing("14", monkeypatch, tmp_path, None, overrides=(f"world.objects.box.{what}={value}",))
+    assert [text for text in found if "slides" in text]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("what", ["scale", "stretch"])
+@pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
+def test_a_changed_spring_law_is_caught_in_the_paper_s_arms(figure, what, factor, monkeypatch, tmp_path):
+    spring(monkeypatch, "qbmove", **{what: factor})
+    if (figure, what, factor) == ("14", "stretch", 1.25):
+        # Motors cannot hold such springs: a figure that cannot be run does not hold.
+        with pytest.raises(ScenarioError, match="its limit is 12 N m"):
+            failing(figure, monkeypatch, tmp_path, None)
+        return
+    assert [text for text in failing(figure, monkeypatch, tmp_path, None) if "the links move" in text]

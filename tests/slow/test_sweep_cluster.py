@@ -1,0 +1,214 @@
+"""Sweeps on Dask: a scheduler and workers as processes of their own; rows are those of one process."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim import versions
+from asrsim.errors import InputError, SimulationError
+from asrsim.sweeps import make_study
+from asrsim.sweeps.run import Progress
+from asrsim.workers import cluster, do_items
+from support.paths import ROOT
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("distributed")
+
+TWO_JOINTS = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+
+
+def study_of(samples: int):
+    return make_study(
+        TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples, variants=["soft"],
+        overrides=["duration=0.05", "engine=mujoco"],
+    )  # fmt: skip
+
+
+class OtherVersions:
+    """Here they are others; where it is sent to, they are true."""
+
+    def __call__(self):
+        return {**versions.numeric_versions(), "numpy": "1.0"}
+
+    def __reduce__(self):
+        return getattr, (versions, "numeric_versions")
+
+
+def start(*arguments: str) -> subprocess.Popen[bytes]:
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))
+    command = [sys.executable, "-m", *arguments]
+    return subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, stdout=-3, stderr=-3)
+
+
+def start_worker(address: str) -> subprocess.Popen[bytes]:
+    return start("distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """One with nobody at work: its address, and its process."""
+    import json
+
+    file = tmp_path / "scheduler.json"
+    arguments = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    process = start("distributed.cli.dask_scheduler", "--host", "127.0.0.1", *arguments)
+    try:
+        end = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        yield json.loads(file.read_text())["address"], process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def address(scheduler: tuple[str, subprocess.Popen[bytes]]) -> str:
+    """Of a scheduler with nobody at work."""
+    return scheduler[0]
+
+
+@pytest.mark.slow
+def test_dask_gives_the_rows_of_one_process_though_one_worker_and_then_all_are_killed(address: str, tmp_path: Path):
+    """With the last of them goes the study that they were given."""
+    study = study_of(300)
+    workers = [start_worker(address) for _ in range(2)]
+    dead: list[subprocess.Popen[bytes]] = []
+
+    def kill(progress: Progress) -> None:
+        if not dead:
+            dead.append(workers.pop())
+        elif progress.done >= 100 and len(dead) < 3:
+            dead.extend(workers)
+            workers.clear()
+        for process in dead:
+            process.kill()
+        while len(workers) < 2:
+            workers.append(start_worker(address))
+
+    try:
+        there = asrsim.sweep(study, out=tmp_path / "dask", cluster=address, progress=kill)
+    finally:
+        for process in (*workers, *dead):
+            process.kill()
+            process.wait()
+    here = asrsim.sweep(study, out=tmp_path / "here", workers=1)
+    assert len(dead) == 3
+    assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
+
+
+@pytest.mark.slow
+def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+    worker = start_worker(address)
+    monkeypatch.setattr(cluster, "numeric_versions", OtherVersions())
+    try:
+        with pytest.raises(
+            SimulationError, match=r"rows would differ between machines: worker .* has numpy .*, here it is 1\.0"
+        ):
+            asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
+    finally:
+        worker.kill()
+        worker.wait()
+    assert not list((tmp_path / "s").glob("*.parquet"))
+
+
+@pytest.mark.slow
+def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    with pytest.raises(SimulationError, match="has no workers: start some: dask worker"):
+        asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
+    with pytest.raises(SimulationError, match="no scheduler answers at tcp"):
+        asrsim.sweep(study_of(3), out=tmp_path / "s", cluster="tcp://127.0.0.1:9")
+    assert not list((tmp_path / "s").glob("*.parquet"))
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_is_told_of_and_its_rows_are_kept(scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path):
+    address, process = scheduler
+    worker = start_worker(address)
+    try:
+        with pytest.raises(SimulationError, match="has gone; what has come is kept"):
+            asrsim.sweep(study_of(3000), out=tmp_path / "s", cluster=address, progress=lambda _: process.kill())
+    finally:
+        worker.kill()
+        worker.wait()
+    there = asrsim.sweep(study_of(3000), out=tmp_path / "s", resume=True, stop=lambda: True)
+    assert 0 < len(there) < 3000
+
+
+def put_slurm(folder: Path, monkeypatch, submit: str) -> None:
+    """Slurm's commands; submit: what `sbatch` does with the job's script, $1."""
+    for name, what in (("sbatch", submit), ("scancel", 'kill "$@"')):
+        (folder / name).write_text(f"#!/bin/sh\n{what}\n")
+        (folder / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
+
+
+@pytest.mark.slow
+def test_a_file_of_jobs_starts_the_workers_of_a_study(tmp_path: Path, monkeypatch):
+    pytest.importorskip("dask_jobqueue")
+    # A copy: the script goes as soon as it is submitted.
+    put_slurm(tmp_path, monkeypatch, 'cat "$1" > "$0.$$"; bash "$0.$$" > "$0.$$.out" 2>&1 & echo "Submitted batch job $!"')
+    file = tmp_path / "jobs.yaml"
+    file.write_text("slurm: {jobs: 2, cores: 1, processes: 1, memory: 1GB}\n")
+    there = asrsim.sweep(study_of(60), out=tmp_path / "jobs", cluster=file)
+    here = asrsim.sweep(study_of(60), out=tmp_path / "here", workers=1)
+    assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
+
+
+@pytest.mark.slow
+def test_a_system_that_is_not_there_or_takes_no_job_is_told_of(tmp_path: Path, monkeypatch):
+    pytest.importorskip("dask_jobqueue")
+    file = tmp_path / "jobs.yaml"
+    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
+    with pytest.raises(InputError, match=r"cannot begin the jobs: FileNotFoundError: .*sbatch"):
+        cluster.Cluster(file).__enter__()
+    file.write_text("slurm: {jobs: 2, cores: 1, memry: 1GB}\n")
+    with pytest.raises(InputError, match=r"cannot begin the jobs: .*memry"):
+        cluster.Cluster(file).__enter__()
+    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
+    put_slurm(tmp_path, monkeypatch, 'echo "invalid account" >&2; exit 1')
+    with pytest.raises(InputError, match=r"cannot begin the jobs: .*invalid account"):
+        cluster.Cluster(file).__enter__()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("slum: {jobs: 2}", "must name one system of jobs"),
+        ("{slurm: {jobs: 2}, pbs: {jobs: 2}}", "must name one system of jobs"),
+        ("local: 3", "the system's options must be a mapping"),
+        ("local: {jobs: two, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
+        ("local: {jobs: 0, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
+    ],
+)
+def test_what_is_wrong_in_a_file_of_jobs_is_told_before_anything_runs(text: str, told: str, tmp_path: Path):
+    file = tmp_path / "jobs.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=told):
+        cluster.Cluster(file).__enter__()
+
+
+class Tripled:
+    """A task that is told apart from another one of its kind."""
+
+    def __init__(self, factor: int) -> None:
+        self.factor = factor
+
+    def __call__(self, item: int) -> int:
+        return self.factor * item
+
+
+def test_a_worker_does_the_task_that_it_is_sent() -> None:
+    for factor in (3, 3, 5, 3):
+        found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [(7, 2), (4, 10)], 1.0)
+        assert found == [(7, 2 * factor), (4, 10 * factor)]

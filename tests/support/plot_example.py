@@ -1,0 +1,86 @@
+"""Logs for the tests of pictures: short runs of the example scenarios, and made-up ones with known numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from asrsim.log import LogWriter
+from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.scenario import load_scenario
+from asrsim.simulation.run import simulate
+from support.paths import EXAMPLES
+
+
+def simulated_log(scenario: str, path: Path, *, variant: str | None = None, duration: float = 0.2) -> Path:
+    """The log of a short run of an example scenario."""
+    found = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml", variant=variant, overrides=[f"duration={duration}"])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    writers: list[LogWriter] = []
+
+    def sinks(info: RunInfo) -> list[LogWriter]:
+        writers.append(LogWriter(path, info))
+        return writers
+
+    scenario = found[0]
+    if scenario.task is not None:
+        poses = tuple(pose for pose in scenario.task.poses if pose.time <= duration)
+        scenario = replace(scenario, task=replace(scenario.task, poses=poses))
+    simulate(scenario, sinks=sinks, keep=False)
+    writers[0].close()
+    return path
+
+
+def made_up_log(
+    path: Path,
+    *,
+    joints: int = 1,
+    count: int = 1001,
+    step: float = 0.001,
+    variant: str = "soft",
+    expect: tuple[dict[str, object], ...] = (),
+    values: Mapping[str, np.ndarray] | None = None,
+    sliders: Collection[int] = (),
+) -> Path:
+    """A qbMove in mode 6 that follows its reference, a sine of 1 Hz and 0.5 rad, with a gain of 0.8 and 50 ms later.
+
+    sliders: numbers of joints, from 1, that are prismatic.
+    """
+    time = np.arange(count) * step
+    reference = 0.5 * np.sin(2 * np.pi * time)
+    columns = {
+        "link_position": 0.4 * np.sin(2 * np.pi * (time - 0.05)),
+        "link_velocity": 0.4 * 2 * np.pi * np.cos(2 * np.pi * (time - 0.05)),
+        "link_torque": np.full(count, 0.25),
+        "stiffness": np.full(count, 10.0),
+        "motor_1_position": reference + 0.2,
+        "motor_2_position": reference - 0.2,
+        "reference_1": reference,
+        "reference_2": np.full(count, 0.2),
+        "external_torque": np.zeros(count),
+        **(values or {}),
+    }
+    infos = tuple(
+        JointInfo(name=f"joint_{number}", actuator="qbmove", mode=6, motors=2, quantities=tuple(columns),
+                  prismatic=number in sliders)
+        for number in range(1, joints + 1)
+    )  # fmt: skip
+    info = RunInfo(
+        robot="made_up", joints=infos, step=step, variant=variant, urdf="<robot name='made_up'/>",
+        resolved={"scenario": {"robot": "robot.urdf", "duration": 1.0, "expect": list(expect)}},
+    )  # fmt: skip
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with LogWriter(path, info) as log:
+        for start in range(0, count, 5000):
+            rows = slice(start, start + 5000)
+            log.write(
+                Samples(
+                    time=time[rows],
+                    joints=tuple(joint.name for joint in infos),
+                    values={name: np.repeat(column[rows, None], joints, axis=1) for name, column in columns.items()},
+                )
+            )
+    return path

@@ -1,0 +1,437 @@
+"""Users' own actuators: loading the file, finding it from a URDF, checking its laws."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import textwrap
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import asrsim
+from asrsim.actuators import ACTUATORS, Actuator, Parameter
+from asrsim.actuators.checker import check_actuator
+from asrsim.actuators.user import load_plugin_file
+from asrsim.errors import ActuatorError, RobotError
+from asrsim.identification.door import Door
+from asrsim.kinematics.soft_arm import SoftArm
+from asrsim.log.derived import equilibrium_position
+from asrsim.robot import load_robot
+from asrsim.robot.values import has_spring
+from asrsim.scenario.data import Scenario
+from support.paths import ROOT
+
+EXAMPLE = ROOT / "examples/plugins/my_vsa.py"
+DOCS = ROOT / "docs/actuators.md"
+LAWS = """
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * (theta_1 - q), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return parameters[0]
+"""
+FIT = "scenario: run.yaml\nexperiments: [a.csv]\nplugins: [code.py]\nfree: {joint_1.spring_stiffness: null}\n"
+STUDY = "scenario: run.yaml\nplugins: [code.py]\nover: {duration: [0.1, 0.2]}\n"
+DECLARATION = """
+from asrsim.actuators import Actuator, Parameter
+
+class Mine(Actuator):
+    name = "mine"
+    title = "Mine"
+    source = "me"
+    motors = 1
+    parameters = (Parameter(name="k", default=3.0, unit="N m/rad", doc="stiffness"),)
+"""
+
+
+@pytest.fixture(autouse=True)
+def registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every test leaves the registry as it was."""
+    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
+
+
+def write(tmp_path: Path, text: str, name: str = "mine.py") -> Path:
+    path = tmp_path / name
+    path.write_text(textwrap.dedent(text))
+    return path
+
+
+THREE = """
+from asrsim.actuators import Actuator, Parameter, saturate, max_deflection
+
+
+class Three(Actuator):
+    name = "three"
+    title = "three springs side by side"
+    source = "this test"
+    motors = 3
+    parameters = (Parameter(name="k", default=5.0, unit="N m/rad", doc="of each spring"), max_deflection(0.6))
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, theta_3, parameters):
+        k, most = parameters
+        return k * saturate(theta_1 - q, most), k * saturate(theta_2 - q, most), k * saturate(theta_3 - q, most)
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, theta_3, parameters):
+        return 3.0 * parameters[0]
+
+    @staticmethod
+    def elastic_energy(q, theta_1, theta_2, theta_3, parameters):
+        return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_3 - q) ** 2)
+
+    @staticmethod
+    def motor_references(equilibrium, preset):
+        return equilibrium + preset, equilibrium, equilibrium - preset
+
+    @staticmethod
+    def equilibrium_position(theta_1, theta_2, theta_3):
+        return (theta_1 + theta_2 + theta_3) / 3.0
+"""
+
+
+def failure(path: Path) -> ActuatorError:
+    with pytest.raises(ActuatorError) as caught:
+        load_plugin_file(path)
+    return caught.value
+
+
+def test_example_is_registered_and_its_urdf_finds_it(tmp_path: Path) -> None:
+    (actuator,) = load_plugin_file(EXAMPLE)
+    assert ACTUATORS.get("my_vsa") is actuator
+    urdf = write(
+        tmp_path,
+        """<robot name="r"><link name="w"/><joint name="j" type="revolute"><parent link="w"/><child link="l"/>
+        <limit effort="9" velocity="9" lower="-1" upper="1"/></joint>
+        <link name="l"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+        <gazebo><plugin name="p" filename="libmy_vsa_plugin.so"><joint>j</joint><operation_mode>6</operation_mode>
+        <cubic>25</cubic><max_def>0.5</max_def><mot_2_J>0.1</mot_2_J><cubick>1</cubick></plugin></gazebo></robot>""",
+        "r.urdf",
+    )
+    robot = load_robot(urdf)
+    values = robot.actuators[0].values()
+    assert (values["linear"], values["cubic"], values["max_deflection"], values["motor_2_inertia"]) == (2.0, 25.0, 0.5, 0.1)
+    assert any(problem.code == "unknown-tag" and "<cubic>" in str(problem) for problem in robot.warnings)
+
+
+def test_example_passes_the_checker_and_the_documentation_has_the_same_laws(tmp_path: Path) -> None:
+    (example,) = load_plugin_file(EXAMPLE)
+    assert check_actuator(example).passed
+    shown = DOCS.read_text().split("```python\n")[1].split("```")[0]
+    path = tmp_path / "my_vsa.py"
+    path.write_text(shown)
+    ACTUATORS._entries.pop("my_vsa")
+    (documented,) = load_plugin_file(path)
+    arguments = (0.1, 0.4, -0.3, (2.0, 30.0, 0.6))
+    assert documented.elastic_torques(*arguments) == example.elastic_torques(*arguments)
+    assert documented.stiffness(*arguments) == example.stiffness(*arguments)
+
+
+def test_a_file_may_be_loaded_again_but_takes_no_others_name(tmp_path: Path) -> None:
+    path = write(tmp_path, DECLARATION + LAWS)
+    load_plugin_file(path)
+    assert load_plugin_file(path) == (ACTUATORS.get("mine"),)
+    other = tmp_path / "other.py"
+    shutil.copy(path, other)
+    assert failure(other).problems[0].code == "name-taken"
+    ours = write(tmp_path, (DECLARATION + LAWS).replace('"mine"', '"sea"'), "sea.py")
+    assert failure(ours).problems[0].code == "name-taken"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "line"),
+    [
+        ("x = 1\nraise RuntimeError('oh')\n", "plugin-raised", 2),
+        ("x = 1\nimport sys\nsys.exit(3)\n", "plugin-raised", 3),
+        ("def f():\n    return 1 / 0\n\nf()\n", "plugin-raised", 2),
+        ("x = (\n", "plugin-raised", 1),
+        ("import no_such_module\n", "plugin-raised", 1),
+        ("x = 1\n", "no-actuator", None),
+        (DECLARATION, "missing-law", 4),
+        (DECLARATION + LAWS.replace("    @staticmethod\n", ""), "bad-law", 4),
+        (DECLARATION + LAWS.replace("(q, theta_1, theta_2, parameters)", "(q)"), "bad-law", 4),
+        (DECLARATION.replace('"mine"', '"My VSA"') + LAWS, "bad-declaration", 4),
+        (DECLARATION.replace("motors = 1", "motors = 9") + LAWS, "bad-declaration", 4),
+        (DECLARATION.replace("default=3.0", 'default="3"') + LAWS, "bad-parameter", 4),
+        (DECLARATION.replace("default=3.0", "default=float('inf')") + LAWS, "bad-parameter", 4),
+        (DECLARATION.replace('name="k"', 'name="motor_1_inertia"') + LAWS, "bad-parameter", 4),
+        (DECLARATION.replace('name="k"', 'name="k 1"') + LAWS, "bad-parameter", 4),
+        (DECLARATION.replace("(Parameter", "[Parameter").replace("),)", ")]") + LAWS, "bad-declaration", 4),
+    ],
+)  # fmt: skip
+def test_bad_plugin_files(tmp_path: Path, text: str, code: str, line: int | None) -> None:
+    path = write(tmp_path, text)
+    problems = failure(path).problems
+    assert {problem.code for problem in problems} == {code}
+    assert problems[0].file is not None
+    assert problems[0].file.resolve() == path.resolve()
+    assert problems[0].line == line
+    assert "mine" not in ACTUATORS
+
+
+def test_missing_plugin_file(tmp_path: Path) -> None:
+    assert failure(tmp_path / "none.py").problems[0].code == "missing-file"
+
+
+# -- the checker -------------------------------------------------------------------------------------------------------
+
+
+class Linear(Actuator):
+    name, title, source = "linear", "Linear", "test"
+    motors = 2
+    typical_preset = 0.1
+    parameters = (Parameter(name="k", default=3.0, unit="N m/rad", doc="stiffness"),)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * (theta_1 - q), parameters[0] * (theta_2 - q)
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return 2.0 * parameters[0]
+
+    @staticmethod
+    def motor_references(equilibrium, preset):
+        return equilibrium + preset, equilibrium - preset
+
+    @staticmethod
+    def equilibrium_position(theta_1, theta_2):
+        return 0.5 * (theta_1 + theta_2)
+
+
+class WrongStiffness(Linear):
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return 2.001 * parameters[0]
+
+
+class Repelling(Linear):
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * (q - theta_1), parameters[0] * (q - theta_2)
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return -2.0 * parameters[0]
+
+
+class Active(Linear):
+    """Motor 2 pulls on motor 1, but not the other way round: a loop makes work."""
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * (theta_1 - q) + 0.5 * (theta_2 - q), parameters[0] * (theta_2 - q)
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return 2.0 * parameters[0] + 0.5
+
+
+class Overflowing(Linear):
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return (theta_1 - q) / 0.0, 0.0
+
+
+class Remembering(Linear):
+    calls: list[float] = []  # noqa: RUF012 (the fault under test)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        Remembering.calls.append(q)
+        return parameters[0] * (theta_1 - q) + 1e-3 * len(Remembering.calls), parameters[0] * (theta_2 - q)
+
+
+class OneMotorMap(Linear):
+    @staticmethod
+    def equilibrium_position(theta_1, theta_2):
+        return theta_1
+
+
+class Biased(Linear):
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return parameters[0] * (theta_1 - q) + 0.1, parameters[0] * (theta_2 - q)
+
+
+class WrongEnergy(Linear):
+    @staticmethod
+    def elastic_energy(q, theta_1, theta_2, parameters):
+        return parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2)
+
+
+class Deadband(Linear):
+    """Legitimate: flat around zero, with corners."""
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        d = 0.5 * (theta_1 + theta_2) - q
+        torque = parameters[0] * (max(d - 0.1, 0.0) + min(d + 0.1, 0.0))
+        return torque, torque
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return 2.0 * parameters[0] if abs(0.5 * (theta_1 + theta_2) - q) > 0.1 else 0.0
+
+
+@pytest.mark.parametrize(
+    "actuator", [ACTUATORS.get(name) for name in ("sea", "qbmove", "bavs", "awas_ii")] + [Linear, Deadband]
+)
+def test_good_laws_pass(actuator: type[Actuator]) -> None:
+    report = check_actuator(actuator)
+    assert [check.name for check in report.checks if not check.passed] == []
+    assert len(report.checks) == 9
+
+
+@pytest.mark.once
+@pytest.mark.parametrize(
+    ("actuator", "failed"),
+    [
+        (WrongStiffness, "stiffness"),
+        (Repelling, "restoring"),
+        (Active, "passive"),
+        (Overflowing, "finite"),
+        (Remembering, "pure"),
+        (OneMotorMap, "reference map"),
+        (Biased, "rest"),
+        (WrongEnergy, "energy"),
+    ],
+)
+def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str) -> None:
+    report = check_actuator(actuator)
+    assert not report.passed
+    check = next(check for check in report.checks if check.name == failed)
+    assert not check.passed
+    assert check.detail
+
+
+def test_wrong_stiffness_has_its_figure() -> None:
+    check = next(check for check in check_actuator(WrongStiffness).checks if check.name == "stiffness")
+    assert check.figure == pytest.approx(0.001 / 2.001, rel=1e-6)
+
+
+def test_what_init_writes_for_an_actuator_of_one_s_own_is_run_as_it_says(tmp_path, asrsim_command):
+    law = shutil.copy(EXAMPLE, tmp_path)
+    robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
+    said = asrsim_command("init", robot, "--actuator", "my_vsa", "--plugin", law, "--out", "arm.yaml").out
+    command = said.split("run it: asrsim ")[1].split()
+    assert command == ["run", "arm.yaml", "--plugin", str(law)]
+    assert asrsim_command(*command, "--set", "duration=0.01", "--no-plot").code == 0
+    ACTUATORS._entries.pop("my_vsa")  # as another process begins
+    refused = asrsim_command(*command[:2])
+    assert refused.code == 1
+    assert "One of your own is in a file that --plugin FILE names" in refused.err
+
+
+def test_every_command_that_init_names_for_a_recording_names_the_actuator_s_file(tmp_path, asrsim_command):
+    law = shutil.copy(EXAMPLE, tmp_path)
+    robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
+    rows = (f"{0.01 * i},{0.01 * i},{0.008 * i}" for i in range(20))
+    (tmp_path / "lab.csv").write_text("\n".join(["time,elbow.reference_1,elbow.link_position", *rows]))
+    given = ("--actuator", "my_vsa", "--plugin", str(law), "--experiment", "lab.csv", "--out", "arm.yaml")
+    said = asrsim_command("init", robot, *given).out
+    texts = [said, *((tmp_path / name).read_text() for name in ("arm.yaml", "arm.fit.yaml"))]
+    commands = [line for text in texts for line in re.findall(r"asrsim (?:run|identify) \S.*", text)]
+    assert len(commands) == 5
+    assert all("my_vsa.py" in command for command in commands)
+
+
+@pytest.mark.parametrize(("command", "file"), [("identify", FIT), ("sweep", STUDY)])
+def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
+    """A fit file or a study of somebody else may name any file of Python: it runs where its user names it too."""
+    (tmp_path / "code.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
+    shutil.copy(EXAMPLE.parents[1] / "urdf/dof1_sea.urdf", tmp_path)
+    (tmp_path / "run.yaml").write_text("robot: dof1_sea.urdf\nduration: 0.1\n")
+    (tmp_path / "a.csv").write_text("time,joint_1.link_position\n0,0\n1,0.1\n")
+    (tmp_path / "file.yaml").write_text(file)
+    outcome = asrsim_command(command, "file.yaml")
+    assert outcome.code == 1
+    assert "file.yaml: plugins: is Python code, which runs only where you name it" in outcome.err
+    assert "--plugin code.py" in outcome.err.replace(f"{tmp_path}/", "")
+    assert not (tmp_path / "ran").exists()
+    asrsim_command(command, "file.yaml", "--plugin", "code.py")
+    assert (tmp_path / "ran").exists()
+
+
+class Slack(Actuator):
+    """A spring with play."""
+
+    name = "slack"
+    title = "Slack"
+    source = "these tests"
+    motors = 1
+    parameters = (Parameter(name="play", default=0.5, unit="rad", doc="to either side"),)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        return max(theta_1 - q - parameters[0], 0.0) - max(q - theta_1 - parameters[0], 0.0), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        return float(abs(theta_1 - q) > parameters[0])
+
+
+@pytest.mark.parametrize("most", [0.05, 0.4, 0.9])
+@pytest.mark.parametrize("play", [0.0, 0.03, 0.3, 0.8, 5.0])
+def test_a_spring_is_one_if_it_pulls_anywhere_up_to_its_limit(play: float, most: float) -> None:
+    ACTUATORS.add("slack", Slack)
+    block = SimpleNamespace(actuator="slack", values=lambda: {"play": play, "max_deflection": most})
+    assert has_spring(block) == (play < most)
+
+
+def test_no_parameter_takes_a_name_that_every_actuator_has(tmp_path: Path) -> None:
+    """Each of motor, controller, limit and hysteresis; two motors have twice as many."""
+    for motors, name in ((1, "sea"), (2, "qbmove")):
+        law = ACTUATORS.get(name)
+        common = [parameter.name for parameter in law.all_parameters()[len(law.parameters) :]]
+        assert len(common) > 15 * motors
+        for taken in common:
+            text = DECLARATION.replace("motors = 1", f"motors = {motors}").replace('name="k"', f'name="{taken}"') + LAWS
+            with pytest.raises(ActuatorError, match="this parameter name is taken") as fault:
+                load_plugin_file(write(tmp_path, text))
+            assert fault.value.problems[0].key == f"Mine.parameters.{taken}"
+
+
+def three_motor_arm(tmp_path: Path, mode: int, **references: float) -> Scenario:
+    load_plugin_file(write(tmp_path, THREE))
+    urdf = tmp_path / "arm.urdf"
+    text = (EXAMPLE.parents[1] / "urdf" / "dof1_qbmove.urdf").read_text()
+    urdf.write_text(re.sub(r"<spring_.*>", "", text.replace("libqbmove_plugin", "libthree_plugin")))
+    return asrsim.make_scenario(
+        urdf, duration=1.0, engine="mujoco", gravity=[0, 0, 0], modes=mode, references={"*": references}
+    )
+
+
+def test_laws_of_three_motors_pass_every_check(tmp_path: Path) -> None:
+    (actuator,) = load_plugin_file(write(tmp_path, THREE))
+    report = check_actuator(actuator)
+    assert [check.name for check in report.checks if not check.passed] == []
+
+
+def test_a_law_of_three_motors_names_the_positions_that_it_must_take(tmp_path: Path) -> None:
+    missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
+    assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
+
+
+@pytest.mark.parametrize("mode", [2, 5])
+def test_a_log_of_three_motors_tells_where_all_of_them_hold_the_link(tmp_path: Path, mode: int) -> None:
+    """Springs of one stiffness rest at the mean of the motors: .3, .25 and .05 rad."""
+    scenario = three_motor_arm(tmp_path, mode, reference_1=0.3, reference_2=0.25, reference_3=0.05)
+    samples = asrsim.run(scenario).run.samples
+    assert samples is not None
+    joints = asrsim.prepare(scenario).info.joints
+    assert equilibrium_position(samples, joints)[-1, 0] == pytest.approx(0.2, abs=1e-3)
+    assert samples.values["link_position"][-1, 0] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_what_knows_two_motors_only_refuses_three(tmp_path: Path) -> None:
+    scenario = three_motor_arm(tmp_path, 6, equilibrium_position=0.2, stiffness_preset=0.1)
+    prepared = asrsim.prepare(scenario)
+    with pytest.raises(RobotError, match="three has 3"):
+        SoftArm(scenario=prepared.scenario, robot=prepared.robot, model=None)  # type: ignore[arg-type]
+    with pytest.raises(RobotError, match="three has 3"):
+        Door(prepared.scenario, prepared.robot)

@@ -1,0 +1,70 @@
+"""A plain install: what an extra brings is asked for by name, with the command that gets it."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import asrsim
+from asrsim.errors import InputError
+from asrsim.extras import install, library
+from asrsim.live.transport import available
+from asrsim.notebook import as_xarray
+from asrsim.recordings.arrays import read_matlab
+from asrsim.recordings.reading import Reading
+from asrsim.render.files import write_mp4
+from asrsim.workers.cluster import Cluster
+from support.paths import ROOT
+
+SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+
+
+def read_hdf5() -> object:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "lab.mat"
+        path.write_bytes(b"\x89HDF")
+        return read_matlab(path, Reading())
+
+
+USES: dict[str, tuple[str, Callable[[], object]]] = {
+    "video": ("imageio_ffmpeg", lambda: write_mp4(None, Path("film.mp4"))),
+    "sweep": ("pyarrow", lambda: asrsim.sweep(SCENARIO, {"parameters.joint_1.spring_k_1": [0.02]}, variants=["soft"])),
+    "cluster": ("distributed", lambda: Cluster("tcp://127.0.0.1:1")),
+    "ros": ("rclpy", lambda: available(["ros"])),
+    "foxglove": ("foxglove", lambda: available(["foxglove"])),
+    "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
+    "hdf5": ("h5py", read_hdf5),
+    "notebook": ("xarray", lambda: as_xarray(None)),
+}
+"""Extra -> the module that it brings, and what needs that."""
+
+
+@pytest.mark.parametrize("extra", USES)
+def test_without_it_the_extra_is_named(extra: str, monkeypatch: pytest.MonkeyPatch):
+    module, use = USES[extra]
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError, match=rf"'?{module}'?(,| which| is)* not installed") as caught:
+        use()
+    assert install(extra) in str(caught.value)
+
+
+def test_every_extra_of_users_is_tried():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(USES) == set(extras) - {"dev"}
+
+
+def test_an_environment_without_pip_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("asrsim.extras.find_spec", lambda name: None)
+    assert install("sweep") == f"pip --python {sys.prefix} install 'asrsim[sweep]'"
+
+
+def test_a_library_that_is_broken_gives_its_own_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "broken_one.py").write_text("raise ImportError('built for another numpy')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InputError, match="broken_one cannot be loaded: built for another numpy"):
+        library("broken_one", "sweep")

@@ -1,0 +1,116 @@
+"""Engines and steppings of other installed packages: `engine:` and `stepping:` take them, on the command line too."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from asrsim.engines.base import EngineEntry
+from asrsim.errors import InputError
+from asrsim.registry import Registry
+from support.paths import ROOT
+
+MODULE = """
+from dataclasses import replace
+from asrsim.engines.base import EngineEntry
+from asrsim.simulation.steppings import STEPPINGS
+
+def make(scenario, robot):
+    from asrsim.engines.mujoco import make_mujoco
+    return make_mujoco(replace(scenario, gravity=(0.0, 0.0, 0.0)), robot)
+
+weightless = EngineEntry(make=make, doc="MuJoCo without gravity", module="mujoco")
+missing = EngineEntry(make=make, doc="needs what is not there", module="no_such_library")
+halfway = replace(STEPPINGS.get("leapfrog"), name="halfway", implicitness=1.0, order=1, doc="damping at the end of a step")
+nothing = 3
+"""
+POINTS = """[asrsim.engines]
+weightless = elsewhere:weightless
+missing = elsewhere:missing
+nothing = elsewhere:nothing
+[asrsim.steppings]
+halfway = elsewhere:halfway
+"""
+URDF = """<robot name="r"><link name="w"/><joint name="j" type="continuous"><parent link="w"/><child link="l"/><axis
+xyz="0 1 0"/></joint><link name="l"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+<inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """A folder on the path with an installed package that registers two engines, one that is none, and a stepping."""
+    (tmp_path / "elsewhere.py").write_text(MODULE)
+    info = tmp_path / "elsewhere-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(POINTS)
+    (tmp_path / "r.urdf").write_text(URDF)
+    (tmp_path / "s.yaml").write_text("robot: r.urdf\nduration: 0.2\n")
+    return tmp_path
+
+
+def asrsim(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(folder)])}
+    command = [sys.executable, "-m", "asrsim", *arguments]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def run(folder: Path, *arguments: str) -> dict:
+    done = asrsim(folder, "run", "s.yaml", "--no-plot", "--json", "-o", "out", *arguments)
+    return json.loads(done.stdout)
+
+
+def test_an_engine_of_another_package_runs(installed: Path) -> None:
+    (summary,) = run(installed, "--engine", "weightless")["runs"]
+    assert summary["engine"] == "weightless"
+    assert summary["joints"][0]["steady_state"] == 0.0, "it falls, so this is another engine"
+    again = asrsim(installed, "rerun", "out/log.mcap")
+    assert again.returncode == 0, again.stderr
+    assert "identical" in again.stdout
+
+
+def test_a_stepping_of_another_package_runs(installed: Path) -> None:
+    (summary,) = run(installed, "--set", "stepping=halfway")["runs"]
+    assert summary["stepping"] == "halfway"
+    assert summary["ok"]
+
+
+def test_what_is_not_installed_or_no_engine_is_an_error_that_says_so(installed: Path) -> None:
+    (error,) = run(installed, "--engine", "missing")["errors"]
+    assert "needs 'no_such_library', which is not installed" in json.dumps(error)
+    answer = json.dumps(run(installed, "--engine", "nothing"))
+    assert "nothing" in answer
+    assert "weightless" in answer, "the choices name the others"
+
+
+def test_the_first_question_finds_what_is_installed(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whichever it is: entry, membership, names."""
+    monkeypatch.syspath_prepend(installed)
+    points = [EntryPoint(name, f"elsewhere:{name}", "asrsim.engines") for name in ("weightless", "missing", "nothing")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == "asrsim.engines" else [])
+
+    def fresh() -> Registry[EngineEntry]:
+        return Registry("engine", "asrsim.engines", instance=EngineEntry)
+
+    assert fresh().get("weightless").doc == "MuJoCo without gravity"
+    assert "weightless" in fresh()
+    assert fresh().names() == ("weightless", "missing")
+    registry = fresh()
+    own = EngineEntry(make=lambda scenario, robot: None, doc="ours", module="json")
+    registry.add("weightless", own)
+    assert registry.names()[0] == "weightless"
+    assert registry.get("weightless") is own
+    with pytest.raises(InputError, match="registered already"):
+        registry.add("weightless", own)
+    registry.add("weightless", registry.get("missing"), replace=True)
+    assert registry.get("weightless") is not own
+    with pytest.raises(InputError, match="'nothing' of an installed package cannot be used: elsewhere:nothing is no "):
+        registry.get("nothing")
+    with pytest.raises(InputError, match=r"no engine is called 'mising'.*missing.*Did you mean 'missing'"):
+        registry.get("mising")

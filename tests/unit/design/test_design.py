@@ -1,0 +1,98 @@
+"""Experiments designed: what they promise, that they keep limits, and what is said of files that ask for the impossible."""
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.design import design
+from asrsim.design.write import write_design
+from asrsim.recordings import read_recording
+from support.paths import EXAMPLES
+
+SEA = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+FREE = ["joint_1.spring_stiffness", "joint_1.damping"]
+WITHIN = "limits: {joint_1: {link_position: [-1.4, 1.4], link_velocity: 60, deflection: 0.6}}\n"
+
+
+@pytest.fixture
+def limits(tmp_path):
+    def written(text=WITHIN):
+        path = tmp_path / "lab.limits.yaml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return written
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    path = tmp_path_factory.mktemp("design") / "lab.limits.yaml"
+    path.write_text(WITHIN + "noise: {link_position: 0.001}\n", encoding="utf-8")
+    return design(SEA, path, variant="soft", free=FREE, seconds=2.0, rounds=3)
+
+
+def test_information_of_a_linear_spring_on_a_bench_is_the_sum_of_squared_torques_over_the_noise(limits):
+    path = limits("limits: {joint_1: {link_position: 0.5}}\nnoise: {elastic_torque_1: 0.05}\n")
+    found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], seconds=1.0, rounds=0)
+    torque = 200.0 * found.found.motion[0]
+    assert found.found.information[0, 0, 0, 0] == pytest.approx(np.sum(torque**2) / 0.05**2, rel=1e-4)
+
+
+def test_design_tells_more_than_one_step_and_a_chirp_within_the_same_limits(found):
+    assert set(found.intervals) == {"design", "one step", "chirp"}
+    mean = {name: np.exp(np.log(halves).mean()) for name, halves in found.intervals.items()}
+    assert mean["design"] * 1.5 < min(mean["one step"], mean["chirp"])
+
+
+def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
+    csv, scenario, *_ = write_design(found, tmp_path / "excite.csv", plot=False)
+    joint = asrsim.run(scenario)["joint_1"]
+    assert 0.5 < max(
+        np.abs(joint.link_position).max() / 1.4, np.abs(joint.link_velocity).max() / 60.0, np.abs(joint.deflection).max() / 0.6
+    ) <= 1.0 + 1e-3  # fmt: skip
+    assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
+
+
+def test_motion_begins_and_ends_at_the_reference_of_the_start(found):
+    assert found.found.motion[0, 0] == found.found.motion[0, -1] == found.references[0].home
+
+
+def test_same_seed_gives_the_same_motion(found, limits):
+    again = design(SEA, limits(WITHIN + "noise: {link_position: 0.001}\n"), variant="soft", free=FREE, seconds=2.0, rounds=3)
+    assert np.array_equal(again.found.motion, found.found.motion)
+
+
+def test_interrupted_design_keeps_the_best_so_far(limits):
+    found = design(SEA, limits(), variant="soft", free=FREE, seconds=1.0, stop=lambda: True)
+    assert found.interrupted
+    assert np.abs(found.found.motion).max() > 0.0
+
+
+def test_unknown_joints_and_quantities_of_limits_are_all_named_with_their_lines(limits):
+    path = limits("limits:\n  joint_1: {link_position: 1, link_velocty: 2}\n  joint_2:\n    link_position: 1\n")
+    with pytest.raises(asrsim.InputError) as error:
+        design(SEA, path, variant="soft", free=FREE)
+    assert [(one.key, one.line) for one in error.value.problems] == [
+        ("limits.joint_1.link_velocty", 2), ("limits.joint_2", 4),
+    ]  # fmt: skip
+
+
+def test_parameter_that_no_motion_shows_is_named_before_the_search(limits):
+    with pytest.raises(asrsim.InputError, match="no motion shows it") as error:
+        design(SEA, limits(), variant="soft", free=[*FREE, "joint_1.motor_1_inertia"])
+    assert [one.key for one in error.value.problems] == ["joint_1.motor_1_inertia"]
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        ("limits: {joint_1: {link_position: [0.5, 1.0]}}\n", {}, "begins beyond it"),
+        (WITHIN, {"seconds": 0.2}, "too short for any segment"),
+        (WITHIN, {"free": []}, "nothing is free"),
+        (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
+        ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper one"),
+    ],
+)
+def test_what_cannot_be_designed_is_said_in_words(limits, text, options, said):
+    with pytest.raises(asrsim.InputError, match=said):
+        design(SEA, limits(text), **{"variant": "soft", "free": FREE, **options})

@@ -1,0 +1,75 @@
+"""Which MuJoCo runs: beside its own package `mujoco`, and where two versions overwrite each other."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import mujoco
+import pytest
+from packaging.requirements import Requirement
+
+from asrsim.engines import mujoco_library
+from asrsim.errors import Problem
+from asrsim.scenario import load_scenario
+from asrsim.simulation.run import simulate
+from asrsim.versions import numeric_versions
+from support.paths import ROOT
+from support.tiny import Tiny
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def installed(folder: Path, *names: str) -> tuple[Problem, ...]:
+    """Warnings of a folder with these packages, as `mujoco-3.17.0`."""
+    for name in names:
+        (folder / f"{name}.dist-info").mkdir()
+    return mujoco_library.overlaps(folder)
+
+
+def test_two_versions_of_mujoco_in_one_folder_are_warned_of_with_the_cure(tmp_path: Path) -> None:
+    (warning,) = installed(tmp_path, "mujoco-3.17.0", "mujoco_core-4.0.1")
+    assert "mujoco 3.17.0 and mujoco-core 4.0.1" in str(warning)
+    assert "pip install --no-deps mujoco==3.17.0" in str(warning.hint)
+
+
+def test_mujoco_4_is_installed_anew_with_its_core(tmp_path: Path) -> None:
+    (warning,) = installed(tmp_path, "mujoco-4.0.0", "mujoco_core-4.0.1")
+    assert "pip install mujoco==4.0.0" in str(warning.hint)
+
+
+@pytest.mark.parametrize("names", [(), ("mujoco_core-4.0.1",), ("mujoco-3.17.0",), ("mujoco-4.0.0", "mujoco_core-4.0.0")])
+def test_one_version_of_mujoco_in_a_folder_is_right(tmp_path: Path, names: tuple[str, ...]) -> None:
+    assert installed(tmp_path, *names, "mujoco_warp-3.11.0") == ()
+
+
+def test_every_run_in_mujoco_warns_of_overlapping_packages(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+    warning = Problem("two versions")
+    monkeypatch.setattr("asrsim.engines.mujoco.overlaps", lambda: (warning,))
+    (scenario,) = load_scenario(tiny.scenario, overrides=["engine=mujoco", "duration=0.01"])
+    assert warning in simulate(scenario).warnings
+
+
+def test_a_log_names_the_loaded_library_and_not_the_metadata(tiny: Tiny, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mujoco, "__version__", "9.9.9")
+    (scenario,) = load_scenario(tiny.scenario, overrides=["engine=mujoco", "duration=0.01"])
+    loaded = simulate(scenario).info.metadata["engine_version"]
+    major, minor, patch = (int(number) for number in re.findall(r"\d+", loaded))
+    assert mujoco.mj_version() == 1_000_000 * major + 1000 * minor + patch
+    assert loaded == f"mujoco {numeric_versions()['mujoco']}"
+
+
+def test_the_requirement_admits_the_core_that_mujoco_4_0_0_pins() -> None:
+    (core,) = [one for one in map(Requirement, PROJECT["dependencies"]) if one.name == "mujoco-core"]
+    assert core.specifier.contains("4.0.0")
+
+
+def test_the_sparse_factors_of_mujoco_are_not_used(tiny: Tiny) -> None:
+    """MuJoCo 4.0.0 has a fault in them."""
+    from asrsim.engines.mujoco import make_mujoco
+    from asrsim.robot import load_robot
+
+    (scenario,) = load_scenario(tiny.scenario)
+    engine, _ = make_mujoco(scenario, load_robot(tiny.robot))
+    assert engine.raw_model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE

@@ -1,0 +1,784 @@
+"""`asrsim identify` on recordings whose truth is known. All run compiled, by one kind of kernel."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from threadpoolctl import threadpool_info
+from typer.testing import CliRunner
+
+import asrsim
+from asrsim import identify
+from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.identification import door, progress, task_of
+from asrsim.identification.data import Command
+from asrsim.identification.inverse import is_driven_by_torque
+from asrsim.identification.judge import ChannelFit, channel_fits, foreign, praise
+from asrsim.identification.layout import Tie
+from asrsim.identification.noise import autoregression, fine_noise, glitches, lag_correlation, quantum_of, swings, whiten
+from asrsim.identification.played import Played
+from asrsim.identification.problem import cost_of
+from asrsim.identification.regression import regressed
+from asrsim.identification.search import fits_noise, is_loud
+from asrsim.identification.setup import set_up
+from asrsim.identification.show import judgement
+from asrsim.identification.uncertainty import whitened
+from asrsim.identification.write import as_dict, torn_numbers, write_robot
+from asrsim.recordings import read_recording
+from asrsim.robot import load_robot, with_overrides
+from asrsim.robot.edit import edited_urdf
+from asrsim.robot.vary import physical
+from asrsim.scenario.starter_recording import make_plan
+from asrsim.sweeps.again import run_again
+from support.identify_files import CHIRP, SEA, modelled, record, write
+
+pytestmark = pytest.mark.once
+
+FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
+GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    """A folder with a recording of the true robot, and a guess of it."""
+    folder = tmp_path_factory.mktemp("lab")
+    true = write(folder, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, folder / "a.csv")
+    record(true, folder / "b.csv", seed=1)
+    write(folder, "lab", GUESS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fitted(lab):
+    free = ["joint_1.spring_stiffness", "joint_1.damping"]
+    return identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
+
+
+def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
+    truth = {"joint_1.spring_stiffness": 4.0, "joint_1.damping": 0.02}
+    for key, value in truth.items():
+        one = fitted.find(key)
+        assert one.verdict == "identified"
+        assert one.low - 0.5 * (one.high - one.low) < value < one.high + 0.5 * (one.high - one.low)
+        assert one.value == pytest.approx(value, rel=0.02)
+    assert fitted.fits, fitted.misfit
+    assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
+
+
+def test_a_start_far_off_comes_near_by_regression(lab):
+    with ExitStack() as stack:
+        problem = set_up(task_of(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness=4e5"]), stack).problem
+        (there,) = problem.layout.values(regressed(problem, np.zeros(1)))
+    assert there == pytest.approx(4.0, rel=0.2)
+
+
+RECORDED = {
+    1: ("link_position",),
+    3: ("link_position", "elastic_torque_1"),
+    5: ("link_position", "motor_1_position"),
+}
+"""Mode -> what is recorded in it."""
+
+
+@pytest.mark.parametrize("mode", RECORDED)
+def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
+    free = {"joint_1.damping": 0.02, "link_1.izz": 0.009} | ({"joint_1.motor_1_inertia": 0.0233} if mode == 5 else {})
+    free |= {"joint_1.spring_stiffness": 4.0} if mode == 3 else {"joint_1.motor_1_friction_torque": 0.2} if mode == 5 else {}
+    told = {1: "link_position", 3: "equilibrium_position", 5: "reference_1"}[mode]
+    numbers = {**SEA, "mode": mode, "tags": f"{SEA['tags']}<mot_tauFric>0.2</mot_tauFric>"}
+    truth = write(tmp_path, "truth", numbers, f"{{{told}: {CHIRP}}}")
+    guess = write(tmp_path, "guess", numbers)
+    for path in (truth, guess):
+        path.write_text(path.read_text() + "compiled: false\n")
+    recording = record(truth, tmp_path / "r.csv", RECORDED[mode], noise=1e-6, every=4)
+    with ExitStack() as stack:
+        problem = set_up(task_of(guess, [recording], free=[f"{key}={3 * value}" for key, value in free.items()]), stack).problem
+        found = problem.layout.values(regressed(problem, np.zeros(len(problem.layout))))
+    found = dict(zip(free, found, strict=False))
+    if mode == 5:
+        # Its sign is a slope where the motor turns round, and Dahl's law bends there.
+        friction = "joint_1.motor_1_friction_torque"
+        assert found.pop(friction) == pytest.approx(free.pop(friction), rel=0.15)
+    assert found == pytest.approx(free, rel=0.02)
+
+
+def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):
+    robot = with_overrides(load_robot(lab / "lab.urdf"), modes={"*": 0})
+    command = SimpleNamespace(joint="joint_1", quantity="reference_1")
+    channel = SimpleNamespace(joint="joint_1", quantity="link_position")
+    data = SimpleNamespace(modes={}, commands=[command], channels=[channel])
+    assert is_driven_by_torque(data, robot, ["joint_1.damping"])
+    assert not is_driven_by_torque(data, robot, ["joint_1.passive_stiffness"])
+
+
+def test_torques_are_compared_where_a_joint_surely_moves(tmp_path):
+    """Not a period of the filter's cutoff, 0.02 s, around where it stands: friction there is whatever holds it."""
+    numbers = {**SEA, "mode": 0, "friction": 0.3, "damping": 0.5}
+    pulses = "{pulse_train: {high: 2, width: 0.2, period: 0.7, start: 0.3}}"
+    truth, guess = write(tmp_path, "truth", numbers, f"{{link_torque: {pulses}}}"), write(tmp_path, "guess", numbers)
+    recording = record(truth, tmp_path / "r.csv", noise=1e-6)
+    recording.write_text(recording.read_text().replace("joint_1.reference_1", "joint_1.reference_1 [N m]"))
+    with ExitStack() as stack:
+        (track,) = set_up(
+            task_of(guess, [recording], free=["joint_1.damping=0.4", "joint_1.friction=0.2"]), stack
+        ).problem.tracks
+    time, _, place = np.loadtxt(recording, delimiter=",", skiprows=1).T
+    moves = np.abs(np.gradient(place, time)) > 0.01
+    starts, ends = (time[np.flatnonzero(np.diff(moves.astype(int)) == way)] for way in (1, -1))
+    compared = track.data.channels[0].time
+    parts = np.split(compared, np.flatnonzero(np.diff(compared) > 0.1) + 1)
+    assert [part[0] for part in parts] == pytest.approx(starts + 0.025, abs=0.008)
+    assert [part[-1] for part in parts[:2]] == pytest.approx(ends[:2] - 0.025, abs=0.015)
+
+
+def test_noise_of_commands_moves_what_is_predicted(tmp_path):
+    truth = write(tmp_path, "truth", {**SEA, "mode": 2}, f"{{reference_1: {CHIRP}}}")
+    guess = write(tmp_path, "guess", {**SEA, "mode": 2})
+    recording = record(truth, tmp_path / "r.csv")
+    table = np.loadtxt(recording, delimiter=",", skiprows=1)
+    for noise in (0.0, 2e-3):
+        table[:, 1] += noise * np.random.default_rng(0).normal(size=len(table))
+        header = recording.read_text().partition("\n")[0]
+        np.savetxt(recording, table, delimiter=",", header=header, comments="", fmt="%.9g")
+        with ExitStack() as stack:
+            (track,) = set_up(task_of(guess, [recording], free=["joint_1.damping"]), stack).problem.tracks
+            before = track.predict({"joint_1.damping": 0.02}, track.playing)
+            moved = track.shaken({"joint_1.damping": 0.02}, track.playing)
+            (again,) = track.predictions([{"joint_1.damping": 0.02}], track.playing)
+        # The spring passes on of the noise what it does of any command: some of it.
+        size = 0.0 if moved is None else float(np.std(moved[0]))
+        assert 1e-4 < size < 4e-3 if noise else size < 1e-5
+        np.testing.assert_array_equal(before[0], again[0])
+
+
+def test_a_swing_that_noise_of_what_is_played_may_make_is_no_fault():
+    generator, time = np.random.default_rng(0), np.arange(0.0, 4.0, 2e-3)
+    left = 1e-3 * (generator.normal(size=len(time)) + np.sin(60.0 * time))
+    channel = SimpleNamespace(
+        time=time, values=np.sin(time), quantum=0.0, noise=1e-3, floor=1e-3, key="j.link_position", unit="rad"
+    )
+    track = SimpleNamespace(channels=[channel], data=SimpleNamespace(held=False, name="a"))
+    for moved, rings in ((None, True), ([1e-5 * left], True), ([0.3 * left], False)):
+        (found,) = channel_fits([track], [3.0], [[left]], [[left]], [moved])
+        assert found.swings == rings
+
+
+def test_a_channel_that_nothing_follows_is_named():
+    numbers = {"recording": "a", "unit": "rad", "noise": 1.0, "before": 1.0, "after": 1.0, "held_before": 1.0}
+    numbers |= {"held_after": 1.0, "correlation": 0.9}
+    good, lost = (ChannelFit(key=key, explained=share, **numbers) for key, share in (("j.q", 0.99), ("j.tau", -0.4)))
+    assert foreign([good]) == []
+    # Another sign is a cause only where the record goes against the prediction.
+    assert foreign([lost]) == ["j.tau is hardly followed: its start may be far off, or the quantity another"]
+    for fits in ([replace(lost, opposed=True)], [good, replace(lost, opposed=True)]):
+        assert foreign(fits) == ["j.tau goes against its prediction: another sign? (--map COLUMN=-j.tau)"]
+    (text,) = foreign([good, lost])
+    assert text.startswith("j.tau is not followed")
+
+
+def test_a_fit_is_praised_for_no_more_than_was_looked_at():
+    numbers = {"recording": "a", "key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 1.0, "held_before": 9.0}
+    plain = ChannelFit(held_after=1.0, correlation=0.02, explained=0.9, **numbers)
+    assert praise([plain]) == "residuals are white, and the held-out error is what the training part lets expect"
+    assert "white" not in praise([replace(plain, correlation=0.58, borne=0.5)])
+    assert "nothing moves in the held-out part" in praise([replace(plain, held_moves=False)])
+    assert praise([replace(plain, held_after=float("nan"))]).endswith("nothing was held out")
+    # Of a simulation's own log nothing is left: rounding, which may correlate.
+    assert "white" not in praise([replace(plain, after=0.1, held_after=0.1, correlation=1.0)])
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_a_held_out_part_in_which_nothing_moves_is_told_of(still):
+    time, generator = np.arange(0.0, 4.0, 1e-2), np.random.default_rng(0)
+    values = np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + 1e-3 * generator.normal(size=len(time))
+    channel = SimpleNamespace(time=time, values=values, quantum=0.0, noise=1e-3, floor=1e-3, key="j.link_position", unit="rad")
+    track = SimpleNamespace(channels=[channel], data=SimpleNamespace(held=False, name="a"))
+    for sign in (1.0, -1.0):
+        left = sign * values - values
+        (found,) = channel_fits([track], [3.0], [[left]], [[left]], [None])
+        assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
+
+
+def test_a_product_that_alone_is_known_is_named_and_has_no_false_interval(lab):
+    # Without torques, stiffness, inertia and damping are known up to a common factor.
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    assert [one.verdict for one in result.estimates] == ["only as ratio"] * 3
+    assert all(np.isnan(one.low) for one in result.estimates)
+    ratios = {one.text: one.value for one in result.combinations}
+    known = {4.0 / 0.009, 0.02 / 4.0, 0.02 / 0.009, 0.009 / 4.0, 4.0 / 0.02, 0.009 / 0.02}
+    assert ratios
+    assert all(min(abs(value / truth - 1.0) for truth in known) < 0.02 for value in ratios.values()), ratios
+
+
+def test_what_has_no_effect_is_told_with_its_reason(lab):
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.motor_1_inertia"])
+    one = result.find("joint_1.motor_1_inertia")
+    assert (one.verdict, one.reason) == ("no effect", "motors have no dynamics in mode 3 (SpringEqPres)")
+
+
+def test_an_inertia_that_the_recording_has_not_is_said_to_vanish(tmp_path):
+    light = {**SEA, "damping": 0.5, "izz": 2e-5}
+    recording = record(write(tmp_path, "true", light, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    izz = identify(write(tmp_path, "lab", {**light, "izz": 0.009}), [recording], free=["link_1.izz"]).find("link_1.izz")
+    assert izz.verdict == "no effect"
+    assert "would do without it" in izz.reason
+
+
+STEPS = "{waypoints: {points: [[0.0, 0.0], [0.5, 0.3], [1.0, -0.2], [1.5, 0.25]], interpolation: hold}}"
+
+
+@pytest.mark.parametrize(("reference", "substeps"), [(STEPS, 1), (CHIRP, 40)])
+def test_a_simulation_s_own_log_is_explained_whole(tmp_path, reference, substeps):
+    """It has no noise. The very substeps that it was made with explain it to the last digits, though finer ones would be
+    nearer the truth; what the input does between samples, or was made with finer ones, is no fault of the model.
+    """
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {reference}}}")
+    log = asrsim.run(true, out=tmp_path / "made", overrides=[f"substeps={substeps}"]).log
+    result = identify(write(tmp_path, "lab", GUESS), [log], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert result.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-9 if substeps == 1 else 2e-4)
+    assert result.fits, result.misfit
+
+
+def test_delay_and_offset_are_found(tmp_path):
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", offset=0.05, late=6)
+    write(tmp_path, "lab", GUESS)
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "clock", "joint_1.link_position.offset"]
+    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free)
+    # What the recording shows at its start is an offset then, and no start of the link's.
+    assert [one.name for one in result.estimates] == free
+    assert result.find("clock").value == pytest.approx(0.006, abs=3e-4)
+    assert result.find("joint_1.link_position.offset").value == pytest.approx(0.05, abs=3e-4)
+
+
+def test_a_delay_that_is_ignored_is_suspected(tmp_path):
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", late=12)
+    write(tmp_path, "lab", GUESS)
+    result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not result.fits
+    assert any("a delay of the commands (12" in text for text in result.causes), result.causes
+
+
+@pytest.mark.slow
+def test_a_channel_of_another_sign_is_told_of(lab):
+    flipped = ["joint_1.link_position [rad]=-joint_1.link_position [rad]"]
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, mapping=flipped, starts=1)
+    assert not result.fits
+    assert any("another sign of joint_1.link_position (-1" in text and "--map" in text for text in result.causes), result.causes
+
+
+@pytest.mark.slow
+def test_a_spring_of_another_law_does_not_fit(tmp_path):
+    cubic = Path(tmp_path / "cubic.py")
+    cubic.write_text(
+        "from asrsim.actuators import Actuator, Parameter\n"
+        "class Cubic(Actuator):\n"
+        "    name, title, source, motors = 'cubic_test', 'Cubic', 'none', 1\n"
+        "    parameters = (Parameter(name='k', default=2.0, unit='N m/rad', doc='k', minimum=0.0),)\n"
+        "    @staticmethod\n"
+        "    def elastic_torques(q, theta_1, theta_2, parameters):\n"
+        "        d = theta_1 - q\n"
+        "        return parameters[0] * (d + 60.0 * d * d * d), 0.0\n"
+        "    @staticmethod\n"
+        "    def stiffness(q, theta_1, theta_2, parameters):\n"
+        "        d = theta_1 - q\n"
+        "        return parameters[0] * (1.0 + 180.0 * d * d)\n"
+    )
+    from asrsim.actuators.user import load_plugin_file
+
+    load_plugin_file(cubic)
+    other = {**SEA, "actuator": "cubic_test", "tags": "<k>2.0</k>"}
+    true = write(tmp_path, "true", other, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv")
+    write(tmp_path, "lab", GUESS)
+    write(tmp_path, "own", {**other, "tags": "<k>3.0</k>"})
+    wrong = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not wrong.fits
+    right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
+    assert right.fits, right.misfit
+    assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_fits_on_many_threads_are_those_on_one_to_the_bit(lab, monkeypatch):
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
+    found = []
+    for threads in (1, 3):
+        monkeypatch.setattr(door, "AT_ONCE", threads)
+        result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
+        found.append((result.x.tolist(), result.evaluations, [(one.low, one.high) for one in result.estimates]))
+    assert found[0] == found[1]
+
+
+def test_a_fit_in_a_script_takes_one_thread_and_gives_them_back(lab):
+    def threads():
+        return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+
+    before, during = threads(), []
+    identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, check=True, progress=lambda _: during.extend(threads()))
+    assert set(during) == {1}
+    assert set(threads()) == set(before)
+
+
+def test_two_recordings_share_what_is_the_robots(lab):
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "clock"]
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], validate=[lab / "b.csv"], free=free[:2])
+    assert [one.recording for one in result.channels] == ["a.csv", "b.csv"]
+    assert np.isnan(result.channels[1].after)
+    assert result.channels[1].held_after == pytest.approx(1e-3, rel=0.2)
+    both = identify(lab / "lab.yaml", [lab / "a.csv", lab / "b.csv"], free=free)
+    assert [one.name for one in both.estimates][2:] == ["clock (a.csv)", "clock (b.csv)"]
+
+
+@pytest.mark.parametrize(
+    ("free", "ties", "message"),
+    [
+        (["joint_1.spring_stifness"], [], "Did you mean 'joint_1.spring_stiffness'"),
+        ([], [], "nothing is free"),
+        (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "tied to itself"),
+        (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
+        (["joint_1.damping"], ["joint_1.friction=link_1.mass", "link_1.mass=joint_1.friction"], "tied to itself over others"),
+        (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
+        (["joint_1.damping=0:9:5"], [], "its start is out of range"),
+        (["joint_1.damping=x"], [], "is no free parameter"),
+    ],
+)
+def test_wrong_input_is_one_clear_error(lab, free, ties, message):
+    with pytest.raises(InputError) as found:
+        identify(lab / "lab.yaml", [lab / "a.csv"], free=free, ties=ties)
+    assert message in str(found.value)
+
+
+def test_recordings_that_tell_nothing_are_refused(tmp_path, lab):
+    time = np.arange(0.0, 1.0, 0.01)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=100)
+    for name, columns, message in (
+        ("still.csv", (time, 0 * time, noise), "nothing moves"),
+        ("few.csv", (time[:6], time[:6] ** 2, np.sin(9.0 * time[:6])), "fewer than"),
+    ):
+        header = "time,joint_1.reference_1,joint_1.link_position"
+        np.savetxt(tmp_path / name, np.column_stack(columns), delimiter=",", header=header, comments="")
+        with pytest.raises(InputError, match=message):
+            identify(lab / "lab.yaml", [tmp_path / name], free=[*FREE, "joint_1.friction", "link_1.mass", "clock"])
+    np.savetxt(
+        tmp_path / "none.csv",
+        np.column_stack([time, np.sin(time)]),
+        delimiter=",",
+        header="time,joint_1.link_position",
+        comments="",
+    )
+    write(tmp_path, "torque", {**SEA, "mode": 0})
+    with pytest.raises(InputError, match="commands of joint_1 are missing"):
+        identify(tmp_path / "torque.yaml", [tmp_path / "none.csv"], free=["joint_1.damping"])
+
+
+def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
+    arguments = ["identify", str(lab / "lab.yaml"), "-e", str(lab / "a.csv"), "--free", "joint_1.spring_stiffness"]
+    arguments += ["--free", "joint_1.damping", "--out", str(tmp_path / "fit")]
+    done = CliRunner().invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    assert "identified" in done.output
+    names = {path.name for path in (tmp_path / "fit").iterdir()}
+    assert {
+        "fit.json",
+        "lab.urdf",
+        "scenario.yaml",
+        "overlay.png",
+        "report.html",
+    } <= names
+    data = json.loads((tmp_path / "fit/fit.json").read_text())
+    assert data["fits"]
+    assert len(data["covariance"]) == len(data["keys"]) == 2
+    before, after = (lab / "lab.urdf").read_text().splitlines(), (tmp_path / "fit/lab.urdf").read_text().splitlines()
+    changed = [(a, b) for a, b in zip(before, after, strict=False) if a != b]
+    assert len(changed) == 2
+    assert all("<!-- guessed -->" in b for a, b in changed if "guessed" in a)
+    assert load_robot(tmp_path / "fit/lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
+    again = CliRunner().invoke(app, [*arguments, "--resume", "--check", "--json"])
+    begun, ended = ([one["estimate"] for one in found["estimates"]] for found in (json.loads(again.output), data))
+    assert begun == pytest.approx(ended, rel=1e-9)
+
+
+@pytest.mark.parametrize("every", [2, 10])
+def test_the_scenario_that_a_fit_writes_is_the_fit_wherever_its_recording_lies(tmp_path, every):
+    """Delays of commands too, which are no numbers of the robot; and what commands are between coarse samples."""
+    true = write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}")
+    (tmp_path / "data").mkdir()
+    recording = record(true, tmp_path / "data/a.csv", late=6, every=every)
+    play = "{playback: {file: data/a.csv, column: joint_1.reference_1}}"
+    scenario = write(tmp_path, "lab", GUESS, f"{{equilibrium_position: {play}}}")
+    free = ["joint_1.spring_stiffness", "joint_1.damping", "joint_1.reference_1.delay"]
+    (tmp_path / "fits/one").mkdir(parents=True)
+    files, said = write_robot(identify(scenario, [recording], free=free), tmp_path / "fits/one")
+    assert not said
+    run = asrsim.run(files[1])
+    recorded = np.genfromtxt(recording, delimiter=",", names=True)
+    found = np.interp(recorded["time_s"], run.samples.time, run.samples.joint("joint_1")["link_position"])
+    assert np.sqrt(np.mean((found - recorded["joint_1link_position_rad"]) ** 2)) == pytest.approx(1e-3, rel=0.1)
+
+
+def test_a_sweep_over_a_fit_runs_the_robot_that_the_fit_writes(lab, fitted, tmp_path):
+    """With what is tied, and with the moments of inertia that a larger one asks for."""
+    ties = (
+        Tie(key="joint_1.friction", to="joint_1.damping", factor=0.5),
+        Tie(key="link_1.izz", to="joint_1.damping", factor=5.0),
+    )
+    tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
+    files, _ = write_robot(tied, tmp_path, everything=True)
+    sure = {**as_dict(tied), "covariance": np.zeros((2, 2)).tolist()}
+    moves = [f"references.joint_1.equilibrium_position={CHIRP}"]
+    table = asrsim.sweep(lab / "lab.yaml", fit=sure, samples=1, out=tmp_path / "s", overrides=moves)
+    run_again(table, 0, tmp_path / "s" / "again")
+    drawn, written = asrsim.read_log(next((tmp_path / "s").rglob("*.mcap"))), asrsim.run(files[1], overrides=moves)
+    assert table["joint_1.friction"][0] == pytest.approx(0.5 * table["joint_1.damping"][0])
+    moved = [one.samples.joint("joint_1")["link_position"] for one in (drawn, written)]
+    np.testing.assert_allclose(*moved, atol=1e-6)
+    assert np.ptp(moved[0]) > 0.1
+
+
+def test_what_goes_together_and_is_torn_is_told_of(fitted):
+    torn = replace(fitted, estimates=(replace(fitted.estimates[0], verdict="weak"), *fitted.estimates[1:]))
+    for correlation, word in ((0.95, "goes with joint_1.damping"), (0.5, "")):
+        matrix = np.array([[1.0, -correlation], [-correlation, 1.0]])
+        said = torn_numbers(replace(torn, correlation=matrix), {"joint_1.damping"})
+        assert len(said) == bool(word)
+        assert all(word in text for text in said)
+
+
+def test_a_fit_file_says_all_of_it(lab, tmp_path):
+    path = tmp_path / "fit.yaml"
+    path.write_text(
+        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nfree:\n  joint_1.spring_*: 3.5\n"
+        "  joint_1.damping: {low: 0, high: 1}\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
+    )
+    task = task_of(path)
+    assert task.free["joint_1.spring_*"].start == 3.5
+    assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
+    checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
+    assert checked.exit_code == 0, checked.output
+    assert "only looked" in checked.output
+    assert identify(str(path), check=True).status == "checked"
+    with pytest.raises(InputError, match="without it: experiments"):
+        identify(path, [lab / "a.csv"])
+    with pytest.raises(InputError, match="choose from huber, linear"):
+        identify(path, loss="none")
+    path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\n")
+    with pytest.raises(InputError) as found:
+        task_of(path)
+    assert {problem.line for problem in found.value.problems} == {1, 2, 3}
+
+
+def test_what_is_said_beside_a_fit_file_is_added_to_it_or_stands_in_its_place(lab, tmp_path):
+    path, default = tmp_path / "fit.yaml", task_of(lab / "lab.yaml", [lab / "a.csv"])
+    path.write_text(
+        f"scenario: {lab / 'lab.yaml'}\nexperiments: [{lab / 'a.csv'}]\nstarts: 3\nloss: linear\n"
+        "free:\n  joint_1.damping: 0.1\n  joint_1.spring_stiffness: 3\nties: {joint_1.friction: 0.5 * joint_1.damping}\n"
+    )
+    said = [
+        "--free",
+        "link_1.izz=0.01",
+        "--free",
+        "joint_1.damping=0.2",
+        "--tie",
+        "joint_1.friction=joint_1.damping",
+        "--check",
+    ]
+    more = ["--validate", str(lab / "b.csv"), "--loss", default.loss, "--json"]
+    checked = CliRunner().invoke(app, ["identify", str(path), *said, *more])
+    assert checked.exit_code == 0, checked.output
+    told = {one["key"]: one["start"] for one in json.loads(checked.output)["estimates"]}
+    assert told == {"joint_1.damping": 0.2, "joint_1.spring_stiffness": 3.0, "link_1.izz": 0.01}
+    task = task_of(path, [], ties=["joint_1.friction=joint_1.damping"], own=["joint_1.damping"], loss=default.loss, seed=7)
+    assert (task.starts, task.loss, task.seed, task.hold_out) == (3, default.loss, 7, default.hold_out)
+    assert (task.ties, task.free["joint_1.damping"].own) == ((Tie(key="joint_1.friction", to="joint_1.damping"),), True)
+
+
+def test_a_look_tells_what_can_be_known_of_what_begins_at_its_bound(lab):
+    free = {"joint_1.damping": 0.0, "joint_1.reference_1.delay": 0.0}
+    checked = identify(lab / "lab.yaml", [lab / "a.csv"], free=free, check=True)
+    assert [one.value for one in checked.estimates] == [0.0, 0.0]
+    assert {one.verdict for one in checked.estimates} <= {"identified", "weak"}
+    assert all(0.0 <= one.high < 0.05 for one in checked.estimates)
+
+
+@pytest.mark.parametrize(("unit", "modes"), [("", {}), (" [rad]", {"joint_1": 6})])
+def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
+    write(tmp_path, "lab", {**SEA, "mode": 8, "tags": "<mot_kt>0.1</mot_kt>"})
+    time = np.arange(50.0)
+    rows = np.column_stack([time, np.sin(time), np.cos(time)])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t_ms,i_A,theta", comments="")
+    read = read_recording(
+        tmp_path / "a.csv", mapping=[f"i_A=joint_1.reference_1{unit}", "theta=joint_1.motor_1_position"], joints=["joint_1"]
+    )
+    assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, strict=True).modes == modes
+
+
+def test_the_best_so_far_survives_the_wish_to_stop(lab):
+    calls = 0
+
+    def stop() -> bool:
+        nonlocal calls
+        calls += 1
+        return calls > 12
+
+    told = []
+    result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE), stop=stop, progress=told.append)
+    assert told[0].stage == "reading and preparing"
+    assert result.status == "interrupted"
+    assert len(result.estimates) == 3
+
+
+def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
+    told = []
+    task = task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    result = identify(task, seconds=1e-3, progress=told.append)
+    assert result.status == "unfinished"
+    assert len(result.estimates) == 3
+    assert [text for text, _ in judgement(result)] == ["unfinished: the best so far; --resume goes on from it"]
+    assert identify(task, seconds=600.0).status == "complete"
+
+
+def test_progress_tells_a_time_that_remains(lab, monkeypatch):
+    monkeypatch.setattr(progress, "OFTEN", 0.0)
+    told = []
+    identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE, progress=told.append)
+    late = [one for one in told if one.evaluations > 20]
+    assert late
+    assert all(0.0 <= one.remaining < 600.0 for one in late)
+    assert late[-1].remaining <= late[0].remaining
+
+
+def test_inertias_stay_physical(lab):
+    robot = load_robot(lab / "lab.urdf")
+    found = physical(robot, {"link_1": {"izz": 0.05}})["link_1"]
+    assert found["izz"] == 0.05
+    assert found["ixx"] + found["iyy"] >= 0.05
+
+
+def test_numbers_go_into_the_text_and_nothing_else_changes(lab):
+    robot = load_robot(lab / "lab.urdf")
+    data = (lab / "lab.urdf").read_bytes()
+    changes = {"joint_1": {"spring_stiffness": 7.0, "motor_1_inertia": 0.1, "damping": 0.5}, "link_1": {"x": 0.25, "mass": 2.0}}
+    text = edited_urdf(data, robot, changes)
+    (lab / "edited.urdf").write_bytes(text)
+    edited = load_robot(lab / "edited.urdf")
+    assert edited.actuators[0].values()["spring_stiffness"] == 7.0
+    assert edited.actuators[0].values()["motor_1_inertia"] == 0.1
+    link = next(one for one in edited.links if one.name == "link_1")
+    assert (link.mass, link.centre_of_mass, edited.joint("joint_1").damping) == (2.0, (0.25, 0.0, 0.0), 0.5)
+    assert edited_urdf(data, robot, {}) == data
+
+
+@pytest.mark.parametrize("memory", [0.0, -0.5])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_outliers_are_no_noise_and_an_offset_of_all_is(memory, offset):
+    """White or fast noise is left over, beside zero, with a number far off here and there."""
+    generator = np.random.default_rng(5)
+    left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
+    left[generator.permutation(4000)[:20]] += 0.5
+    ((weights,),) = whitened(modelled(lambda _: left + offset, 1, 4000, given=False), np.zeros(1))
+    assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
+
+
+def test_noise_is_told_from_fine_structure_and_an_autoregression_whitens_it():
+    generator = np.random.default_rng(0)
+    time = np.linspace(0.0, 4.0, 4000)
+    assert fine_noise(np.sin(time) + 1e-3 * generator.normal(size=4000)) == pytest.approx(1e-3, rel=0.1)
+    steps = 1.5e-3 * np.round(np.sin(time) / 1.5e-3)
+    assert quantum_of(steps) == pytest.approx(1.5e-3, rel=1e-3)
+    white = generator.normal(size=4000)
+    assert len(autoregression(white)) == 0
+    coloured = np.empty(4000)
+    coloured[0] = white[0]
+    for k in range(1, 4000):
+        coloured[k] = 0.95 * coloured[k - 1] + white[k]
+    model = autoregression(coloured)
+    assert model[0] == pytest.approx(0.95, abs=0.05)
+    left = whiten(coloured, model)
+    assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.05
+
+
+def test_a_swing_in_residuals_is_told_from_white_and_from_correlated_noise():
+    generator = np.random.default_rng(0)
+    time = np.arange(2000) * 1e-3
+    white = generator.normal(size=2000)
+    coloured = np.convolve(generator.normal(size=2100), np.exp(-np.arange(100) / 20.0), "valid")[:2000]
+    assert not swings(white)
+    assert not swings(coloured)
+    # What correlates with a later sample only is no white noise either: its spectrum has hills.
+    for lag in (2, 3):
+        assert not swings(lfilter([1.0], [1.0, *np.zeros(lag - 1), -0.6], generator.normal(size=2000)))
+    ringing = np.exp(-time) * np.sin(2.0 * np.pi * 108.0 * time)
+    assert swings(white + 0.7 * ringing)
+    # One that fades quickly is wide: no single frequency stands out.
+    assert swings(white + 1.8 * ringing * np.exp(-9.0 * time))
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.95])
+def test_short_records_of_noise_hardly_ever_seem_to_swing(memory):
+    generator = np.random.default_rng(1)
+    noise = lfilter([1.0], [1.0, -memory], generator.normal(size=(1000, 400)))[:, 200:]
+    assert sum(swings(one, 0.03) for one in noise) <= 5
+
+
+def test_what_is_off_is_no_noise_though_neighbours_do_not_correlate():
+    white = np.random.default_rng(0).normal(size=2000)
+    outliers = np.where(np.arange(2000) % 100 == 0, 50.0, 0.0)
+    stretch = np.where(np.arange(2000) < 200, 4.0, 1.0)
+    assert not is_loud(white, 1.0)
+    assert not is_loud(white + outliers, 1.0)
+    assert is_loud(white * stretch, 1.0)
+    assert is_loud(white, 0.7)
+    assert lag_correlation(white + 1.0) > 0.3
+
+
+@pytest.mark.parametrize("factor", [8.0, 0.125])
+def test_a_swing_of_little_damping_is_found_from_a_stiffness_eight_times_off(tmp_path, factor):
+    numbers = {**SEA, "damping": 0.002, "mode": 2, "tags": "<spring_k>20.0</spring_k>"}
+    true = write(tmp_path, "true", numbers, "{reference_1: {step: {at: 0.1, from: 0, to: 0.3}}}", duration=4.0)
+    # In steps of 1 ms the simulated swing itself is off by more than the interval.
+    true.write_text(true.read_text() + "substeps: 16\n")
+    record(true, tmp_path / "a.csv")
+    guess = {**numbers, "damping": 0.05, "tags": f"<spring_k>{20.0 * factor}</spring_k>"}
+    lab = write(tmp_path, "lab", guess, duration=4.0)
+    found = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert found.fits
+    for key, truth in (("joint_1.spring_stiffness", 20.0), ("joint_1.damping", 0.002)):
+        assert found.find(key).low < truth < found.find(key).high
+
+
+def test_a_tie_that_is_none_is_suspected_and_no_offset(tmp_path):
+    def tags(k_1, k_2):
+        return f"<spring_k1>{k_1}</spring_k1><spring_k2>{k_2}</spring_k2><spring_a1>6.7</spring_a1><spring_a2>6.7</spring_a2>"
+
+    numbers = {**SEA, "actuator": "qbmove"}
+    references = f"{{equilibrium_position: {CHIRP}, stiffness_preset: {{step: {{at: 1.0, from: 0.1, to: 0.3}}}}}}"
+    true = write(tmp_path, "true", {**numbers, "tags": tags(0.022, 0.0264)}, references)
+    record(true, tmp_path / "a.csv")
+    write(tmp_path, "lab", {**numbers, "tags": tags(0.02, 0.02)})
+    result = identify(
+        tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_k_1", "joint_1.damping"],
+        ties=["joint_1.spring_k_2=joint_1.spring_k_1"],
+    )  # fmt: skip
+    assert not result.fits
+    assert any("joint_1.spring_k_2" in text and "tied" in text for text in result.causes), result.causes
+    assert not any("offset" in text for text in result.causes), result.causes
+
+
+def test_a_spring_that_softens_is_rejected_on_the_bench(tmp_path):
+    time = np.arange(0.0, 4.0, 0.01)
+    deflection = np.linspace(-0.02, 0.02, 20001)
+    torque = 1100.0 * deflection + 1.5 * np.tanh(deflection / 1e-3)
+    generator = np.random.default_rng(0)
+    for number, amplitude in enumerate((0.5, 2.0, 4.0, 8.0)):
+        applied = amplitude * np.sin(0.5 * np.pi * time)
+        angle = np.interp(applied, torque, deflection) + 1e-5 * generator.normal(size=len(time))
+        table = np.column_stack([time, angle, applied + 0.01 * generator.normal(size=len(time))])
+        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
+        np.savetxt(tmp_path / f"{number}.csv", table, delimiter=",", header=header, comments="")
+    write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>2000</spring_k>"}, duration=4.0)
+    bench = (tmp_path / "lab.yaml").read_text().replace("engine: mujoco", "engine: bench\nmotion: locked")
+    (tmp_path / "lab.yaml").write_text(bench)
+    trials = [tmp_path / f"{number}.csv" for number in range(4)]
+    result = identify(tmp_path / "lab.yaml", trials, free=["joint_1.spring_stiffness"])
+    assert not result.fits
+    assert any("falls with the amplitude" in text for text in result.causes), result.causes
+    assert result.find("joint_1.spring_stiffness").margin > 0.05
+
+
+def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
+    (tmp_path / "axis.urdf").write_text(
+        '<robot name="axis"><link name="world"/><joint name="axis" type="prismatic"><parent link="world"/><child link="mass"/>'
+        '<axis xyz="1 0 0"/><limit effort="1e5" velocity="100" lower="-10" upper="10"/><dynamics damping="150" friction="10"/>'
+        '</joint><link name="mass"><inertial><mass value="60"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+        '</inertial></link><gazebo><plugin name="p" filename="libsea_plugin.so"><joint>axis</joint><operation_mode>0'
+        "</operation_mode><pub_eltau>false</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin>"
+        "</gazebo></robot>"
+    )
+    (tmp_path / "axis.yaml").write_text("robot: axis.urdf\nduration: 24\n")
+    recording = shared / "recordings/emps_estimation.csv"
+    result = identify(
+        tmp_path / "axis.yaml", [recording], free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
+        mapping=["force_N=axis.reference_1", "reference_m=ignore", "voltage_V=ignore"],
+    )  # fmt: skip
+    for one, published in zip(result.estimates, (95.1089, 203.5034, 20.3935, -3.1648), strict=True):
+        assert one.value == pytest.approx(published, rel=0.01)
+        assert one.low < published < one.high
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_smooth_motions_lose_no_sample_and_glitches_are_found_wherever_they_are(seed: int) -> None:
+    generator, time = np.random.default_rng(seed), np.linspace(0.0, 1.0, 200)
+    waves = [
+        generator.normal() * np.sin(2 * np.pi * generator.uniform(0.1, 4) * time + 6 * generator.random()) for _ in range(3)
+    ]
+    for motion in (sum(waves), np.round(0.1 + 0.3 * time, 6), np.minimum(time, 0.5)):
+        assert not glitches(motion).any()
+        for place in (0, 1, 2, 100, 197, 198, 199):
+            spoilt = motion.copy()
+            spoilt[place] += 3 * np.ptp(motion)
+            found = np.flatnonzero(glitches(spoilt))
+            assert place in found
+            assert np.abs(found - place).max() <= 3
+
+
+@pytest.mark.parametrize("held_out", [False, True])
+def test_a_jump_that_came_between_two_samples_is_found(tmp_path, held_out):
+    """Also in the part that is held out, where it is no fault of the model."""
+    at = 1.7036 if held_out else 0.7036
+    signal = f"{{sum: [{CHIRP}, {{step: {{at: {at}, to: 0.2}}}}]}}"
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {signal}}}"), tmp_path / "a.csv", every=10)
+    lab = write(tmp_path, "lab", GUESS)
+    free = {"joint_1.spring_stiffness": 4.0, "joint_1.damping": 0.02}
+    result = identify(lab, [recording], free=list(free))
+    assert result.fits, result.misfit
+    assert result.find("joint_1.reference_1.jump_1").value == pytest.approx(0.0064, abs=3e-4)
+    for key, value in free.items():
+        assert result.find(key).value == pytest.approx(value, rel=0.02)
+    assert any("jumps" in text for text in result.remarks)
+    elsewhere = identify(
+        lab, [record(lab.parent / "true.yaml", tmp_path / "b.csv", every=2)], free=list(free), validate=[recording]
+    )
+    assert elsewhere.fits, elsewhere.misfit
+
+
+@pytest.mark.parametrize("hold", [True, False])
+@pytest.mark.parametrize("delay", [0.0, 0.0123])
+def test_a_played_command_jumps_where_the_recording_does(hold: bool, delay: float) -> None:
+    """Large jumps are told of, at their samples; beside them the played command has the recorded values."""
+    time = np.arange(0.0, 1.0, 0.01)
+    values = np.where(time > 0.305, 1.0, 0.0) - np.where(time > 0.605, 0.7, 0.0) + (0.0 if hold else 0.05 * time)
+    command = Command(joint="j", quantity="reference_1", name="q", time=time, values=values, hold=hold, source="c", unit="rad")
+    played = Played(command=command, step=1e-3, delay=delay, gain=2.0, offset=0.1)
+    assert played.jumps(0.0, 1.0) == pytest.approx([0.31 + delay, 0.61 + delay])
+    assert played.jumps(0.4, 0.5).size == 0
+    asked = np.array([0.105, 0.295, 0.315, 0.505, 0.595, 0.615, 0.905]) + delay
+    at = values[np.searchsorted(time, asked - delay, side="right") - 1] if hold else np.interp(asked - delay, time, values)
+    assert played.values(asked) == pytest.approx(2.0 * (at - 0.1), abs=1e-3)
+    beside = played.values(np.array([0.31 + delay - 1e-5, 0.31 + delay + 1e-5]))
+    assert np.diff(beside) == pytest.approx([2.0], abs=0.05)
+
+
+def test_a_motion_that_is_not_sane_fits_nothing():
+    white = np.random.default_rng(0).normal(size=2000)
+    for sane in (True, False):
+        assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 2.9, 3.0, 3.1, 40.0])
+def test_outliers_cost_as_their_size_and_without_a_step_or_corner_where_that_begins(size):
+    """Squares up to three deviations, straight on beyond them: the slope stays 6."""
+    slope = (cost_of(np.array([size + 1e-6]), "huber") - cost_of(np.array([size - 1e-6]), "huber")) / 2e-6
+    assert slope == pytest.approx(2.0 * min(size, 3.0), rel=1e-4)
+    assert cost_of(np.array([-size, size]), "huber") == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
+    assert cost_of(np.array([size, 0.0]), "linear") == pytest.approx(0.5 * size**2)

@@ -1,0 +1,212 @@
+"""Parts of `asrsim identify`, each against what it must be: balances of torques, limits that bite, friction's bristles."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.identification import identify, task_of
+from asrsim.identification.causes import jumps_or_bristles
+from asrsim.identification.data import Channel
+from asrsim.identification.extensions import extended
+from asrsim.identification.inverse import InverseTrack
+from asrsim.identification.judge import ChannelFit, verdict
+from asrsim.identification.noise import first_samples
+from asrsim.identification.problem import Weights
+from asrsim.identification.search import fits_noise
+from asrsim.identification.setup import Setup, set_up
+from asrsim.identification.uncertainty import Uncertainty
+from support.identify_files import CHIRP, SEA, record, write
+
+pytestmark = pytest.mark.once
+
+
+def test_the_start_of_a_link_is_that_of_its_first_15_samples() -> None:
+    """Of a link that goes on as it begins: the value at 0 of a parabola through them, with its standard error."""
+    time, noise = 0.001 * np.arange(100), 0.01
+    values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time, 1e3)
+    channel = Channel(
+        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
+    )
+    found = first_samples(channel, 0.05)
+    assert found is not None
+    basis = np.vander(time[:15], 3, increasing=True)
+    errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
+    assert found == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
+
+
+def setup_of(
+    stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], numbers: dict[str, object], free: list[str]
+) -> Setup:
+    """A fit to a table, before it begins."""
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(folder / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    scenario = write(folder, "lab", {**SEA, **numbers}, duration=float(table[-1, 0]))
+    scenario.write_text(scenario.read_text() + "compiled: false\n")
+    return set_up(task_of(scenario, [folder / "a.csv"], free=free), stack)
+
+
+SWEEP = np.arange(0.0, 3.0005, 1e-3)
+"""s."""
+INERTIA = 0.009
+LAWS = {
+    "damping": {"damping": 0.05},
+    "friction": {"friction": 0.06},
+    "stribeck": {"friction": 0.03, "stribeck_friction": 0.05, "stribeck_velocity": 0.8},
+    "load": {"friction": 0.02, "load_friction": 0.25},
+    "spring": {"passive_stiffness": 0.4, "passive_reference": -0.2},
+    "sensor": {"reference_1.gain": 0.8, "reference_1.offset": 0.03},
+    "late": {"friction": 0.04, "reference_1.delay": 0.02},
+    "pushed": {"damping": 0.02},
+}
+"""What acts on a link of which the torque and the place are recorded."""
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_path: Path) -> None:
+    numbers = {"damping": 0.0, "friction": 0.0, "load_friction": 0.0, "stribeck_friction": 0.0, "stribeck_velocity": 1.0}
+    numbers |= {"passive_stiffness": 0.0, "passive_reference": 0.0, "reference_1.gain": 1.0, "reference_1.offset": 0.0} | LAWS[
+        law
+    ]
+    late = LAWS[law].get("reference_1.delay", 0.0)
+    moments = SWEEP + late
+    phase = 2.0 * np.pi * (0.6 + 0.3 * moments) * moments
+    rate, bend = 2.0 * np.pi * (0.6 + 0.6 * moments), 2.0 * np.pi * 0.6
+    q, v = 0.5 * np.cos(phase), -0.5 * rate * np.sin(phase)
+    a = -0.5 * (rate**2 * np.cos(phase) + bend * np.sin(phase))
+    pushed = 0.1 * np.sin(5.0 * moments) if law == "pushed" else 0.0 * moments
+    rest = INERTIA * a + numbers["damping"] * v + numbers["passive_stiffness"] * (q - numbers["passive_reference"]) - pushed
+    level = numbers["friction"] + numbers["stribeck_friction"] * np.exp(-((v / numbers["stribeck_velocity"]) ** 2))
+    torque = rest
+    for _ in range(60):
+        torque = rest + (level + numbers["load_friction"] * np.abs(torque)) * np.sign(v)
+    told = torque / numbers["reference_1.gain"] + numbers["reference_1.offset"]
+    moments = SWEEP
+    phase = 2.0 * np.pi * (0.6 + 0.3 * moments) * moments
+    columns = {"time [s]": SWEEP, "joint_1.reference_1 [N m]": told, "joint_1.link_position [rad]": 0.5 * np.cos(phase)}
+    if law == "pushed":
+        columns["joint_1.external_torque [N m]"] = pushed
+    with ExitStack() as stack:
+        setup = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, ["joint_1.damping", "joint_1.friction"])
+        (track,) = setup.problem.tracks
+        assert isinstance(track, InverseTrack)
+        (channel,) = track.channels
+        # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
+        assert np.diff(channel.time).min() == pytest.approx(0.01)
+        assert 0.1 < channel.time[0] < 0.12
+        assert 2.88 < channel.time[-1] < 2.9
+        values = {f"joint_1.{name}": value for name, value in (numbers | LAWS[law]).items()}
+        (found,) = track.predict(values, track.playing)
+        off = np.abs(found - channel.values) / np.ptp(channel.values)
+        assert np.median(off) < 2e-5
+        # Friction that grows with a torque is as sharp as that where it changes its sign.
+        assert off.max() < (0.015 if law == "load" else 2e-4)
+        (early,) = track.predict(values, track.playing, 1.0)
+        assert early.tolist() == found[channel.time <= 1.0 + 1e-9].tolist()
+        assert track.shaken(values, track.playing) is not None
+
+
+TIME = 0.4
+"""s."""
+STICKS = (
+    "<spring_k>4</spring_k><mot_J>0.01</mot_J><mot_D>0.05</mot_D><mot_tauFric>0.15</mot_tauFric><mot_tauMax>50</mot_tauMax>"
+)
+
+
+@pytest.mark.parametrize("truth", [300.0, 1000.0])
+def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, truth: float) -> None:
+    """Of a motor that sticks, where the model takes them for the law's own of 1000 N m/rad."""
+    drive = f"{{reference_1: {{sinusoid: {{amplitude: 0.25, frequency: {1.0 / TIME}}}}}}}"
+    numbers = {**SEA, "mode": 5, "tags": STICKS}
+    stiffer = {**numbers, "tags": f"{STICKS}<mot_fricStiff>{truth}</mot_fricStiff>"}
+    true, lab = write(tmp_path, "true", stiffer, drive, TIME), write(tmp_path, "lab", numbers, duration=TIME)
+    record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"), noise=1e-5)
+    with ExitStack() as stack:
+        setup = set_up(task_of(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
+        weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
+        problem = replace(setup.problem, weights=weights)
+        found = extended(problem, np.zeros(1), jumps_or_bristles(setup.robot), enough=fits_noise)
+        wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
+        assert [entry.name for entry in found.problem.layout.entries] == ["joint_1.damping", *wanted]
+        assert found.problem.layout.values(found.x) == pytest.approx([SEA["damping"], truth][: len(found.x)], rel=0.05)
+
+
+def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path) -> None:
+    time = np.arange(0.0, 0.4, 2e-3)
+    moved = np.sin(10.0 * np.maximum(time - 0.2, 0.0))
+    columns = {"time [s]": time, "joint_1.reference_1 [rad]": moved}
+    noise = 1e-4 * np.random.default_rng(0).normal(size=(2, len(time)))
+    columns |= {
+        "joint_1.link_position [rad]": 0.3 + moved**2 + noise[0],
+        "joint_1.motor_1_position [rad]": 0.2 + moved**3 + noise[1],
+    }
+    for free, link, motors in (
+        ("joint_1.damping", 0.3, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
+        ("joint_1.motor_1_position.offset", 0.3, {}),
+        ("joint_1.link_position.offset", 0.0, {"joint_1": [pytest.approx(0.2, abs=1e-3)]}),
+    ):
+        with ExitStack() as stack:
+            setup = setup_of(stack, tmp_path, columns, {"mode": 6}, [free])
+            (track,) = setup.problem.tracks
+            assert track.positions == pytest.approx((link,), abs=1e-3)
+            assert track.motors == motors
+            assert ("joint_1.initial_position" in [entry.parameter.key for entry in setup.problem.layout.entries]) == (
+                link == 0.3
+            )
+
+
+def test_what_one_recording_of_several_shows_is_a_reason() -> None:
+    """Loud residuals, or a swing in them, of one recording are not outvoted by others."""
+    numbers = {"key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 2.0, "held_before": 9.0, "held_after": 2.0}
+    quiet = ChannelFit(recording="a", correlation=0.0, explained=0.9, **numbers)
+    assert verdict([quiet, replace(quiet, recording="b")]) == []
+    for fault, words in (({"swings": True}, "a swing is left"), ({"loud": True}, "what is left is 2 times the noise")):
+        for fits in permutations([quiet, replace(quiet, recording="b", **fault)]):
+            (reason,) = verdict(fits)
+            assert words in reason
+
+
+def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_deviation() -> None:
+    """Of a score's sum over 12 blocks: one that spreads as foretold, less, a little more, and thrice as wide."""
+    signs = np.array([1.0, -1.0] * 6)
+    scales = np.array([1.0, 0.5, 1.1, 3.0])
+    scores = signs[:, None] * scales / np.sqrt(12.0 * 12.0 / 11.0)
+    nothing = np.empty(0)
+    told = Uncertainty(
+        inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, variance=1.0,
+        noise=np.eye(4), freedom=1e9, scores=scores, firsts=np.zeros(1, np.intp),
+    )  # fmt: skip
+    deviation, quantile = told.deviations(np.eye(4))
+    assert deviation == pytest.approx([1.0, 1.0, 1.0, 3.0])
+    assert quantile == pytest.approx([1.95996, 1.95996, 1.95996, 2.20099], abs=1e-4)
+    # Two blocks tell nothing.
+    few = replace(told, scores=100.0 * scores[:2])
+    assert few.deviations(np.eye(4))[0] == pytest.approx(np.ones(4))
+    # Whole recordings may differ more than their blocks: three of four blocks each, all of one sign.
+    apart = np.repeat([1.0, -2.0, 1.0], 4)[:, None] * np.ones((1, 4))
+    whole = replace(told, scores=apart, firsts=np.array([0, 4, 8]))
+    assert whole.deviations(np.eye(4))[0] == pytest.approx(np.full(4, np.sqrt(16.0 * 6.0 * 1.5)))
+
+
+def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -> None:
+    """Damping below its least value, stiffness beyond its largest; given from Python as in a file."""
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.06})
+    free = {
+        "joint_1.damping": {"start": 0.06, "low": 0.04, "high": 0.1},
+        "joint_1.spring_stiffness": {"start": 3.3, "low": 3.0, "high": 3.6},
+    }
+    result = identify(task_of(guess, [recording], free=free))
+    assert [(one.verdict, one.value) for one in result.estimates] == [("at bound", 0.04), ("at bound", 3.6)]
+    assert result.estimates[1].reason == "3.6 N m/rad is as far as it may go"
+    assert not result.fits
+    wrong = {"joint_1.damping": {"least": 1}, "joint_1.friction": "much", "link_1.mass": 2.0}
+    with pytest.raises(InputError) as caught:
+        task_of(guess, [recording], free=wrong)
+    assert [problem.key for problem in caught.value.problems] == ["free.joint_1.damping.least", "free.joint_1.friction"]

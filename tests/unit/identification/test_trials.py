@@ -1,0 +1,193 @@
+"""Recordings as other laboratories have them, from laws of our own: benches, coarse encoders, gains that nobody gave."""
+
+from __future__ import annotations
+
+import math
+import re
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.identification import identify, task_of
+from asrsim.identification.noise import beyond_steps, lag_correlation
+from asrsim.identification.problem import errors
+from asrsim.identification.setup import set_up
+from asrsim.runs.from_recording import write_from_recording
+from support.identify_files import CHIRP, SEA, record, write
+
+ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
+<inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="50" velocity="20"/><dynamics damping="0.3" friction="0.03"/></joint></robot>"""
+
+
+def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
+    """A recording, and the robot beside it."""
+    (folder / "rig.urdf").write_text(ARM)
+    np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    return folder / "a.csv"
+
+
+@pytest.mark.slow
+def test_a_spring_on_a_bench_is_told_of_and_its_hysteresis_is_simulated(tmp_path: Path) -> None:
+    time = np.arange(0.0, 4.0, 0.005)
+    angle = 0.1 * np.sin(math.pi * time)
+    lag = np.zeros(len(time))
+    for k in range(1, len(time)):
+        # Dahl's law along each step, solved exactly.
+        change = angle[k] - angle[k - 1]
+        side = math.copysign(0.5, change)
+        lag[k] = side + (lag[k - 1] - side) * math.exp(-abs(change) / 0.01)
+    torque = 180.0 * angle + lag + 0.02 * np.random.default_rng(0).normal(size=len(time))
+    recorded = table(tmp_path, "t [s],Angle_deg,Torque_Nm", time, np.degrees(angle), torque)
+    with pytest.raises(InputError, match="of a spring on a bench"):
+        write_from_recording(tmp_path / "rig.urdf", recorded, tmp_path / "no.yaml", actuators={"*": "sea"})
+    maps = ["Angle_deg=elbow.motor_1_position [deg]", "Torque_Nm=elbow.elastic_torque_1"]
+    write_from_recording(tmp_path / "rig.urdf", recorded, tmp_path / "lab.yaml", actuators={"*": "sea"}, mapping=maps)
+    assert "engine: bench" in (tmp_path / "lab.yaml").read_text()
+    assert not re.search(r"friction|damping|arm", (tmp_path / "lab.fit.yaml").read_text())
+    without = identify(tmp_path / "lab.fit.yaml")
+    assert any("hysteresis is missing (--free elbow.hysteresis_torque=0." in text for text in without.causes), without.causes
+    free = ["elbow.spring_stiffness", "elbow.hysteresis_torque=0.1", "elbow.hysteresis_deflection"]
+    result = identify(tmp_path / "lab.yaml", [recorded], mapping=maps, free=free)
+    assert result.fits
+    for key, true in zip(("spring_stiffness", "hysteresis_torque", "hysteresis_deflection"), (180.0, 0.5, 0.01), strict=True):
+        one = result.find(f"elbow.{key}")
+        assert one.low < true < one.high
+        assert one.margin < 0.1
+
+
+def test_a_recording_is_simulated_to_its_end_and_no_further(tmp_path: Path) -> None:
+    """Motors that are played as recorded are nowhere beyond it: what is fitted to all of it is what was predicted of it."""
+    time = np.arange(0.0, 1.0, 0.005)
+    angle = 0.1 * np.sin(math.pi * time)
+    recorded = table(tmp_path, "t [s],Angle,Torque_Nm", time, angle, 180.0 * angle + 0.02 * np.cos(90.0 * time))
+    maps = ["Angle=elbow.motor_1_position", "Torque_Nm=elbow.elastic_torque_1"]
+    write_from_recording(tmp_path / "rig.urdf", recorded, tmp_path / "lab.yaml", actuators={"*": "sea"}, mapping=maps)
+    free = ["elbow.spring_stiffness=150", "elbow.hysteresis_torque=0.1"]
+    with ExitStack() as stack:
+        problem = set_up(task_of(tmp_path / "lab.yaml", [recorded], free=free, mapping=maps), stack).problem
+        ((fitted,), (predicted,)) = (errors(problem.whole, np.zeros(2), 0), errors(problem, np.zeros(2), 0, whole=True))
+    np.testing.assert_array_equal(fitted, predicted)
+
+
+def pendulum(rate: float, quantum: float) -> tuple[np.ndarray, ...]:
+    """Time, voltage and place of a pendulum under a motor's voltage, held between samples: 0.8 N m/V, 1.2 N m s/rad, 0.05 N m,
+    0.01 kg m^2 about its centre of mass."""
+    steps, inertia = round(20_000 / rate), 0.01 + 0.6 * 0.15**2
+    time = np.arange(0.0, 8.0, 1.0 / rate)
+    volts = 3.2 * np.sin(1.9 * time) + 1.6 * np.sin(6.9 * time + 1.0)
+    places, q, v, step = [], 0.0, 0.0, 1.0 / (rate * steps)
+    for volt in volts.tolist():
+        places.append(q)
+        for _ in range(steps):
+            slid = v + step * (0.8 * volt - 1.2 * v - 0.6 * 9.81 * 0.15 * math.sin(q)) / inertia
+            most = step * 0.05 / inertia
+            v = 0.0 if abs(slid) < most else slid - math.copysign(most, slid)
+            q += step * v
+    return time, volts, quantum * np.floor(np.array(places) / quantum)
+
+
+@pytest.mark.slow
+def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path: Path) -> None:
+    recorded = table(tmp_path, "time,voltage,position", *pendulum(200.0, 2.0 * math.pi / 4096.0))
+    (tmp_path / "lab.yaml").write_text("robot: rig.urdf\nduration: 8\nactuators: {elbow: {type: sea, mode: 0}}\n")
+    maps = ["voltage=0.5*elbow.reference_1 [N m]", "position=elbow.link_position"]
+    free = ["elbow.reference_1.gain", "elbow.damping", "elbow.friction", "arm.iyy"]
+    result = identify(tmp_path / "lab.yaml", [recorded], mapping=maps, free=free)
+    assert any("too coarse for accelerations" in text for text in result.remarks)
+    # A balance of torques had been 5 % off, and sure of it.
+    for key, true, near in (("elbow.reference_1.gain", 1.6, 0.005), ("elbow.damping", 1.2, 0.005), ("arm.iyy", 0.01, 0.05)):
+        assert result.find(key).value == pytest.approx(true, rel=near)
+    # Its encoder counts up to where it is: half a step of zero, and steps' own correlation, are no faults of the model.
+    assert result.fits, result.misfit
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.5])
+def test_steps_and_a_zero_within_one_are_no_faults(phase: float) -> None:
+    motion = np.sin(np.arange(0.0, 12.0, 0.004))
+    recorded = 0.01 * np.floor(motion / 0.01 + phase)
+    beyond, borne = beyond_steps(motion - recorded, recorded, 0.01)
+    assert np.sqrt(np.mean(beyond**2)) < 1.1 * 0.01 / math.sqrt(12.0)
+    assert abs(lag_correlation(beyond) - borne) < 0.1
+    # A model that is off by more than that is so still.
+    beyond, borne = beyond_steps(1.02 * motion - recorded, recorded, 0.01)
+    assert lag_correlation(beyond) - borne > 0.3
+
+
+def test_a_sum_is_named_where_both_its_parts_may_be_anything(tmp_path: Path) -> None:
+    tags = "<ctrl_D>1.7</ctrl_D><mot_D>1.4</mot_D><mot_tauMax>1e4</mot_tauMax><mot_maxVel>1e4</mot_maxVel>"
+    numbers: dict[str, object] = {**SEA, "mode": 6, "tags": tags}
+    lab = write(tmp_path, "lab", numbers, f"{{equilibrium_position: {CHIRP}}}")
+    recorded = record(lab, tmp_path / "a.csv", ("link_position", "motor_1_position"))
+    free = ["joint_1.controller_1_derivative", "joint_1.motor_1_damping", "joint_1.spring_stiffness"]
+    result = identify(lab, [recorded], free=free, check=True)
+    assert [one.text for one in result.combinations] == ["joint_1.controller_1_derivative + joint_1.motor_1_damping"]
+    assert result.combinations[0].value == pytest.approx(3.1)
+
+
+@pytest.mark.slow
+def test_a_zero_that_each_recording_has_for_itself_is_suspected_and_a_robot_is_accepted_without_it(tmp_path: Path) -> None:
+    """Four runs of one robot, whose encoder of the link was zeroed anew before each."""
+    recordings = []
+    for number, zero in enumerate((0.0, 0.03, -0.02, 0.05)):
+        drive = f"{{chirp: {{amplitude: {0.2 + 0.05 * number}, from: 0.5, to: 5, duration: 2}}}}"
+        true = write(tmp_path, f"true_{number}", SEA, f"{{equilibrium_position: {drive}}}")
+        recordings.append(
+            record(true, tmp_path / f"{number}.csv", ("link_position", "elastic_torque_1"), offset=zero, seed=number)
+        )
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03, "tags": "<spring_k>3.5</spring_k>"})
+    free = ["joint_1.damping", "joint_1.spring_stiffness", "joint_1.link_position.offset"]
+    plain, accepted = (identify(guess, recordings, free=free, starts=1, accept=way) for way in (False, True))
+    assert not plain.fits
+    assert any("in each recording" in text and "--own joint_1.link_position.offset" in text for text in plain.causes), (
+        plain.causes
+    )
+    assert (plain.accepted, accepted.accepted) == (False, True)
+    assert [one.value for one in accepted.estimates] == [one.value for one in plain.estimates]
+    narrow, wide = (one.find("joint_1.damping") for one in (plain, accepted))
+    assert wide.high - wide.low > 2.0 * (narrow.high - narrow.low)
+    own = identify(guess, recordings, free=free, own=[free[-1]], starts=1)
+    assert own.fits, own.misfit
+    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=0.01)
+
+
+def test_of_a_spring_and_an_inertia_that_is_known_which_holds_about_the_joint(tmp_path: Path) -> None:
+    """k / (izz + m r^2), exactly: a motion is the same under all of both that have it."""
+
+    def arm(name: str, numbers: dict[str, object], references: str | None = None) -> Path:
+        scenario = write(tmp_path, name, numbers, references)
+        robot = tmp_path / f"{name}.urdf"
+        robot.write_text(robot.read_text().replace("<inertial>", '<inertial><origin xyz="0.06 0 0"/>'))
+        return scenario
+
+    recording = record(arm("true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = arm("guess", {**SEA, "izz": 0.012, "damping": 0.03, "tags": "<spring_k>5</spring_k>"})
+    found = identify(guess, [recording], free=["joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"])
+    one, other = found.combinations
+    assert one.text == "joint_1.spring_stiffness / (link_1.izz + 0.0018 kg m^2, the inertia about the joint)"
+    about = 0.009 + 0.5 * 0.06**2
+    assert one.value == pytest.approx(4.0 / about, rel=2.0 * one.margin)
+    assert one.margin < 0.002
+    assert other.value == pytest.approx(0.02 / about, rel=2.0 * other.margin)
+
+
+def test_trials_of_a_spring_whose_zero_moves_from_one_to_the_next_are_told_of(tmp_path: Path) -> None:
+    generator, time, trials = np.random.default_rng(0), np.arange(0.0, 4.0, 0.01), []
+    for number in range(5):
+        place = (0.05 + 0.02 * number) * np.sin(2.0 * np.pi * (0.5 + 0.1 * number) * time)
+        torque = 4.0 * place + generator.normal(scale=0.1) + 2e-3 * generator.normal(size=len(time))
+        trials.append(tmp_path / f"{number}.csv")
+        header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
+        np.savetxt(trials[-1], np.column_stack([time, place, torque]), delimiter=",", header=header, comments="")
+    lab = write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>3</spring_k>"}, duration=4.0)
+    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench\nmotion: locked"))
+    shared = identify(lab, trials, free=["joint_1.spring_stiffness"])
+    assert not shared.fits
+    assert any("--own joint_1.elastic_torque_1.offset" in text for text in shared.causes), shared.causes
+    own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"])
+    assert own.fits, own.misfit
+    assert own.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)

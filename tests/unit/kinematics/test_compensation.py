@@ -1,0 +1,195 @@
+"""Gravity compensation: the elastic law inverted, for every actuator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
+from asrsim.actuators.rest import resting_motors
+from asrsim.kinematics import compensation, equilibrium_for_load
+from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
+from asrsim.robot import drive_of, load_robot
+from asrsim.robot.mounting import with_actuators
+from support.robots import drive_with, write_plain_arm
+
+CASES = {
+    "sea": (Sea, (200.0, 0.8), 0.0, (-120.0, -0.0785, 0.0, 3.0, 159.0)),
+    "awas_ii": (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), 0.005, (-0.5, 0.0, 0.0785, 0.7)),
+    "bavs": (Bavs, (1.21e-6, 2.38e-6, 1.6e5, 8.71, 0.27), 0.1, (-3.0, 0.0, 0.5, 2.0)),
+    "qbmove": (QbMove, (6.257, 0.01038, 3.9, 0.08918, 0.8), 0.2, (-1.0, 0.0, 0.42, 1.0)),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_spring_carries_exactly_the_load(name):
+    actuator, spring, preset, loads = CASES[name]
+    drive = drive_with(actuator, mode=3, spring=spring)
+    for load in loads:
+        for position in (-0.4, 0.0, 0.8):
+            equilibrium = equilibrium_for_load(drive, position, load, preset)
+            motors = actuator.motor_references(equilibrium, preset)
+            assert sum(actuator.elastic_torques(position, *motors, spring)) == pytest.approx(load, abs=1e-11)
+
+
+def test_a_symmetric_spring_without_load_rests_at_the_link():
+    drive = drive_with(QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
+    assert equilibrium_for_load(drive, 0.3, 0.0, 0.2) == pytest.approx(0.3, abs=1e-14)
+
+
+def test_the_spring_of_a_series_elastic_actuator_gives_load_over_stiffness():
+    drive = drive_with(Sea, mode=3, spring=(200.0, 0.8))
+    assert equilibrium_for_load(drive, 0.5, 10.0, 0.0) == pytest.approx(0.55, abs=1e-13)
+
+
+def test_too_large_a_load_names_what_can_be_held():
+    drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
+    with pytest.raises(LoadError, match=r"elbow: the spring cannot hold 9 N m .* most it can hold that way is 8 N m") as error:
+        equilibrium_for_load(drive, 0.0, 9.0, 0.0)
+    assert error.value.largest == pytest.approx(8.0)
+    with pytest.raises(LoadError) as error:
+        equilibrium_for_load(drive, 0.0, -9.0, 0.0)
+    assert error.value.largest == pytest.approx(-8.0)
+
+
+def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
+    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(0.0,), max_torque=(20.0,))
+    assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_equilibria_over_a_motion_are_those_of_its_instants(name):
+    actuator, spring, preset, loads = CASES[name]
+    motors = {"proportional": (90.0, 60.0), "integral": (0.0, 0.0), "max_torque": (500.0, 500.0)}
+    drive = drive_with(actuator, mode=6, spring=spring, **{key: value[: actuator.motors] for key, value in motors.items()})
+    time = np.linspace(0.0, 1.0, 40)
+    position, load = 0.8 * np.sin(5.0 * time), min(loads) + (max(loads) - min(loads)) * time
+    for droop in (False, True):
+        found = equilibria_for_loads(drive, time, position, load, np.full(40, preset), droop=droop)
+        alone = [equilibrium_for_load(drive, *row, preset, droop=droop) for row in zip(position, load, strict=True)]
+        assert found == pytest.approx(np.array(alone), abs=1e-11)
+
+
+def test_a_motion_asks_the_law_of_springs_as_often_as_ten_instants(monkeypatch):
+    """All instants are solved at once: a task of some seconds has thousands."""
+    law, calls = compensation.over_arrays(QbMove.elastic_torques), []
+    monkeypatch.setattr(compensation, "over_arrays", lambda _: lambda *given: calls.append(1) or law(*given))
+    monkeypatch.setattr(compensation, "equilibrium_for_load", None)
+    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8), proportional=(90.0, 90.0), integral=(0.0, 0.0))
+    counts = []
+    for instants in (10, 4000):
+        calls.clear()
+        time = np.linspace(0.0, 1.0, instants)
+        load = np.sin(5.0 * time)
+        equilibria_for_loads(drive, time, 0.5 * np.cos(5.0 * time), load, np.full(instants, 0.3), droop=True)
+        counts.append(len(calls))
+    assert counts[1] < 2 * counts[0]
+
+
+def test_a_motion_beyond_a_spring_names_the_time():
+    drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
+    time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
+    with pytest.raises(LoadError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
+        equilibria_for_loads(drive, time, nothing, 10.0 * time, nothing, droop=False)
+
+
+def test_motors_at_rest_balance_their_springs():
+    spring = (11.0, 0.02, 11.0, 0.02, 0.8)
+    drive = drive_with(QbMove, mode=6, spring=spring,
+        proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(12.0, 12.0),
+    )  # fmt: skip
+    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(0.3, 0.6), limited=False)
+    torques = QbMove.elastic_torques(0.1, *theta, spring)
+    for reference, resting, torque in zip((0.9, -0.3), theta, torques, strict=True):
+        assert 125.0 * (reference - resting) == pytest.approx(torque, abs=1e-10)
+    equilibrium = equilibrium_for_load(drive, 0.1, 1.5, 0.4, droop=True)
+    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(equilibrium, 0.4), limited=False)
+    assert sum(QbMove.elastic_torques(0.1, *theta, spring)) == pytest.approx(1.5, abs=1e-10)
+
+
+def test_an_integral_term_leaves_no_droop():
+    drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,))
+    assert resting_motors(drive, 0.0, drive.actuator.motor_references(0.4, 0.0), limited=False)[0] == 0.4
+
+
+def test_a_motor_too_weak_for_the_pretension_is_named():
+    """The paper's stiff preset 0.6 asks 7.35 N m of each motor with AlterEgo's springs."""
+    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
+        proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(6.0, 6.0),
+    )  # fmt: skip
+    with pytest.raises(LoadError, match=r"motor 1 would have to hold 7\.351 N m") as error:
+        equilibrium_for_load(drive, 0.0, 0.0, 0.6)
+    assert error.value.largest == 6.0
+
+
+def random_drive(generator):
+    """An actuator with random springs behind motors that droop."""
+    scales = generator.uniform(0.5, 1.5, 4)
+    actuator, spring, preset = [
+        (Sea, (generator.uniform(2.0, 200.0), generator.uniform(0.1, 0.8)), 0.0),
+        (QbMove, (*(scales * (6.257, 0.01038, 3.9, 0.08918)).tolist(), generator.uniform(0.2, 0.8)), 0.2),
+        (Bavs, (1.21e-6, 2.38e-6, 1.6e5, generator.uniform(6.0, 11.0), generator.uniform(0.15, 0.4)), 0.1),
+        (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), generator.uniform(0.003, 0.02)),
+    ][generator.integers(4)]
+    count = actuator.motors
+    return drive_with(actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
+        integral=(0.0,) * count, max_torque=(1e6,) * count,
+    ), preset  # fmt: skip
+
+
+def test_springs_at_their_deflection_limit_still_have_statics():
+    """All loads from none to the most that the springs hold, and the ends themselves, with the motors' droop."""
+    generator = np.random.default_rng(11)
+    for _ in range(60):
+        drive, preset = random_drive(generator)
+        law = drive.actuator.elastic_torques
+        for side in (-1.0, 1.0):
+            far = drive.actuator.motor_references(side * 5.0, preset)
+            most = sum(law(0.0, far[0], preset if drive.actuator.adjuster else far[1], drive.elastic))
+            for share in (0.0, generator.uniform(0.0, 1.0), 0.9, 0.999999, 1.0):
+                equilibrium = equilibrium_for_load(drive, 0.0, share * most, preset, droop=True)
+                motors = resting_motors(drive, 0.0, drive.actuator.motor_references(equilibrium, preset), limited=False)
+                assert sum(law(0.0, *motors, drive.elastic)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("wanted", [0.5, 3.0, 90.0])
+def test_motors_rest_where_springs_without_a_limit_let_them_however_far_they_are_told_to_go(wanted: float):
+    """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
+    spring = (11.0, 0.02, 11.0, 0.02, 300.0)
+    drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
+    found = [resting_motors(drive, 0.0, (side * wanted, side * wanted), limited=False) for side in (1.0, -1.0)]
+    assert found[0] == pytest.approx((-found[1][0], -found[1][1]))
+    torques = QbMove.elastic_torques(0.0, *found[0], spring)
+    assert max(torques) < 125.0 * wanted
+    for rest, torque in zip(found[0], torques, strict=True):
+        assert 125.0 * (wanted - rest) == pytest.approx(torque, rel=1e-6)
+
+
+def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
+    generator = np.random.default_rng(5)
+    for _ in range(300):
+        drive, preset = random_drive(generator)
+        position, equilibrium = generator.uniform(-3.0, 3.0, 2)
+        motors = resting_motors(drive, position, drive.actuator.motor_references(equilibrium, preset), limited=False)
+        torques = drive.actuator.elastic_torques(position, *motors, drive.elastic)
+        references = drive.actuator.motor_references(equilibrium, preset)
+        for motor in range(drive.actuator.motors):
+            assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii", "bavs"])
+@pytest.mark.parametrize("mode", [3, 5, 6])
+def test_a_drive_has_the_numbers_of_its_block(actuator, mode, tmp_path):
+    """Every value of a block differs from every other, and each is where its name says."""
+    kind = ACTUATORS.get(actuator)
+    parameters = {one.name: 0.001 * (7 + i) for i, one in enumerate(kind.all_parameters()) if not one.optional}
+    write_plain_arm(tmp_path, lengths=(0.3,), masses=(0.8,))
+    robot = with_actuators(load_robot(tmp_path / "arm.urdf"), {"joint_1": (actuator, mode)}, {"joint_1": parameters})
+    drive = drive_of(robot.actuators[0])
+    moving = range(1, kind.motors + 1) if mode > 3 else ()
+    assert drive.elastic == tuple(parameters[one.name] for one in kind.parameters)
+    for name, values in (("max_torque", drive.max_torque), ("inertia", drive.motor_inertia), ("damping", drive.motor_damping),
+                         ("friction_torque", drive.motor_friction), ("max_velocity", drive.max_velocity)):  # fmt: skip
+        assert values == tuple(parameters[f"motor_{i}_{name}"] for i in moving)
+    for name in ("proportional", "integral", "derivative"):
+        assert getattr(drive, name) == tuple(parameters[f"controller_{i}_{name}"] for i in moving)

@@ -1,0 +1,300 @@
+"""Inverse kinematics on a planar arm with two links, whose kinematics is known in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from asrsim.actuators import QbMove
+from asrsim.errors import ScenarioError
+from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
+from asrsim.kinematics.clik import bounded_step
+from asrsim.kinematics.reach import ORIENTATION_WEIGHT
+from asrsim.kinematics.roots import increasing_roots
+from asrsim.kinematics.trajectory import minimum_jerk
+from asrsim.scenario.data import CartesianPose, CartesianTask
+from support.robots import drive_with
+
+A, B = 0.3, 0.2
+"""m, lengths of the two links."""
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass
+class Planar2R:
+    """Two links in the x-y plane, axes along z; gravity pulls along -y with weight[i] (N) at the end of link i."""
+
+    limit: float = math.pi
+    weight: tuple[float, float] = (2.0, 1.0)
+    joints: tuple[str, ...] = ("one", "two")
+    links: tuple[str, ...] = ("tip",)
+    lower: np.ndarray = field(init=False)
+    upper: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        self.lower, self.upper = np.full(2, -self.limit), np.full(2, self.limit)
+
+    def pose(self, positions, link, point):
+        first, last = positions[0], positions[0] + positions[1]
+        c, s = math.cos(last), math.sin(last)
+        place = np.array([A * math.cos(first) + B * c, A * math.sin(first) + B * s, 0.0])
+        return place, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def jacobian(self, positions, link, point):
+        first, last = positions[0], positions[0] + positions[1]
+        jacobian = np.zeros((6, 2))
+        jacobian[0] = [-A * math.sin(first) - B * math.sin(last), -B * math.sin(last)]
+        jacobian[1] = [A * math.cos(first) + B * math.cos(last), B * math.cos(last)]
+        jacobian[5] = 1.0
+        return jacobian
+
+    def gravity_torques(self, positions):
+        first, last = positions[0], positions[0] + positions[1]
+        inner = self.weight[1] * B * math.cos(last)
+        return np.array([(self.weight[0] + self.weight[1]) * A * math.cos(first) + inner, inner])
+
+
+def elbow(x, y):
+    """The closed-form solution with the second joint bent to the positive side."""
+    second = math.acos((x * x + y * y - A * A - B * B) / (2 * A * B))
+    return np.array([math.atan2(y, x) - math.atan2(B * math.sin(second), A + B * math.cos(second)), second])
+
+
+def line(*poses):
+    return tuple(CartesianPose(time=time, position=(x, y, 0.0)) for time, x, y in poses)
+
+
+def qbmove(joint, mode=3, **changes):
+    return drive_with(QbMove, mode=mode, joint=joint, spring=(11.0, 0.02, 11.0, 0.02, 0.8), **changes)
+
+
+def test_the_loop_tracks_the_closed_form_solution():
+    trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1), (2.0, 0.2, 0.3)), "minimum_jerk")
+    time = np.arange(0, 2.5, 2e-3)
+    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.35, 0.1), time)
+    wanted, _ = trajectory.at(time)
+    exact = np.array([elbow(x, y) for x, y, _ in wanted])
+    assert np.abs(path.positions - exact).max() < 1e-4
+    assert path.position_error.max() < 5e-5
+    assert np.allclose(path.positions[-1], elbow(0.2, 0.3), atol=1e-9)
+
+
+def test_an_initial_error_decays_with_the_gain():
+    trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1)), "minimum_jerk")
+    time = np.arange(0, 1.0, 1e-3)
+    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.349, 0.1), time, settings=ClikSettings(gain=5.0, damping=1e-6))
+    assert np.allclose(path.position_error, 1e-3 * np.exp(-5.0 * time), atol=5e-6)
+
+
+def test_orientation_alone_decides_the_elbow():
+    """With the orientation asked for, the posture is unique: the loop holds both."""
+    start = elbow(0.35, 0.1)
+    yaw = float(start.sum())
+    end = elbow(0.36, 0.12)
+    poses = (
+        CartesianPose(time=0.0, position=(0.35, 0.1, 0.0), rpy=(0.0, 0.0, yaw)),
+        CartesianPose(time=1.0, position=(0.36, 0.12, 0.0), rpy=(0.0, 0.0, float(end.sum()))),
+    )
+    path = follow(Planar2R(), "tip", ORIGIN, PoseTrajectory.through(poses, "minimum_jerk"), start, np.arange(0, 2.0, 2e-3))
+    assert path.orientation_error[-1] < 1e-6
+    assert path.position_error[-1] < 1e-6
+    assert np.allclose(path.positions[-1], end, atol=1e-5)
+
+
+def test_stops_are_never_passed_and_the_free_joint_takes_over():
+    model = Planar2R()
+    start = elbow(0.35, 0.1)
+    model.upper = np.array([math.pi, start[1] + 0.02])
+    trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1), (1.0, 0.1, 0.25)), "linear")
+    path = follow(model, "tip", ORIGIN, trajectory, start, np.arange(0, 3.0, 2e-3))
+    assert path.positions[:, 1].max() <= model.upper[1]
+    assert path.positions[-1, 1] == pytest.approx(model.upper[1])
+    # The first joint ends where the tip is closest to the goal on its circle: in the goal's direction.
+    tip, _ = model.pose(path.positions[-1], "tip", ORIGIN)
+    assert math.atan2(tip[1], tip[0]) == pytest.approx(math.atan2(0.25, 0.1), abs=1e-6)
+
+
+def test_a_bounded_step_hands_the_task_to_the_other_joints():
+    jacobian = np.array([[1.0, 1.0, 1.0]])
+    step = bounded_step(jacobian, np.array([3.0]), np.full(3, -9.0), np.array([0.5, 9.0, 9.0]), np.full(3, True), 0.0)
+    assert step == pytest.approx([0.5, 1.25, 1.25])
+
+
+def test_minimum_jerk_rests_at_both_ends():
+    s = np.linspace(0, 1, 10001)
+    way = minimum_jerk(s)
+    speed = np.gradient(way, s)
+    assert way[[0, -1]] == pytest.approx([0, 1])
+    assert speed[[0, -1]] == pytest.approx([0, 0], abs=1e-6)
+    assert speed.max() == pytest.approx(1.875, abs=1e-6)
+
+
+def test_the_trajectory_goes_through_its_waypoints_and_holds():
+    trajectory = PoseTrajectory.through(line((1.0, 0.1, 0.0), (2.0, 0.2, 0.1), (4.0, 0.3, 0.0)), "minimum_jerk")
+    positions, rotations = trajectory.at(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
+    assert rotations is None
+    assert positions[:, 0] == pytest.approx([0.1, 0.1, 0.15, 0.2, 0.25, 0.3, 0.3])
+    assert positions[:, 1] == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.05, 0.0, 0.0])
+
+
+def test_a_late_first_pose_is_approached_from_the_start():
+    start = (np.array([0.0, 0.0, 0.0]), np.eye(3))
+    trajectory = PoseTrajectory.through(line((2.0, 0.2, 0.0)), "linear", start)
+    positions, _ = trajectory.at(np.array([0.0, 1.0, 2.0]))
+    assert positions[:, 0] == pytest.approx([0.0, 0.1, 0.2])
+
+
+def test_closest_point_of_an_unreachable_pose_lies_on_the_outer_circle():
+    reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.6, 0.6, 0.0]), None, np.array([0.1, 0.2]))
+    assert reach.point == pytest.approx(np.array([1, 1, 0]) * (A + B) / math.sqrt(2), abs=1e-6)
+    assert reach.distance == pytest.approx(math.hypot(0.6, 0.6) - (A + B), abs=1e-8)
+
+
+def test_closest_point_inside_the_hole_of_the_workspace():
+    reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.05, 0.0, 0.0]), None, np.array([0.1, 0.2]))
+    assert reach.distance == pytest.approx((A - B) - 0.05, abs=1e-6)
+
+
+def task(*poses, **changes):
+    return CartesianTask(link="tip", poses=line(*poses), **changes)
+
+
+def initial(q):
+    return dict(zip(("one", "two"), map(float, q), strict=True))
+
+
+def test_an_unreachable_pose_is_reported_before_the_run_with_the_closest_point():
+    with pytest.raises(ScenarioError, match="closest point is") as error:
+        plan(
+            task((0.0, 0.35, 0.1), (1.0, 0.6, 0.6)), Planar2R(), [qbmove("one"), qbmove("two")], initial(elbow(0.35, 0.1)), 1.0
+        )
+    (problem,) = error.value.problems
+    assert problem.code == "unreachable"
+    assert "(0.3536, 0.3536, 0)" in problem.message
+    assert "0.349 m off" in problem.message
+
+
+def test_a_path_through_the_hole_of_the_workspace_is_reported_though_both_ends_can_be_reached():
+    with pytest.raises(ScenarioError) as error:
+        plan(
+            task((0.0, 0.3, 0.02), (2.0, -0.3, 0.02)),
+            Planar2R(),
+            [qbmove("one"), qbmove("two")],
+            initial(elbow(0.3, 0.02)),
+            2.0,
+        )
+    assert [problem.code for problem in error.value.problems] == ["unreachable"]
+    assert "the path at" in str(error.value)
+
+
+def test_a_robot_that_starts_elsewhere_is_told_where_to_start():
+    with pytest.raises(ScenarioError) as error:
+        plan(task((0.0, 0.35, 0.1)), Planar2R(), [qbmove("one"), qbmove("two")], {}, 1.0)
+    (problem,) = error.value.problems
+    assert problem.code == "start-off-path"
+    assert problem.hint is not None
+    assert "one: -" in problem.hint
+
+
+def test_compensated_equilibria_hold_the_arm_exactly_on_the_path():
+    model = Planar2R()
+    drives = [qbmove("one"), qbmove("two")]
+    planned = plan(
+        task((0.0, 0.35, 0.1), (1.0, 0.3, 0.2), gravity_compensation=True, preset={"*": 0.2}),
+        model,
+        drives,
+        initial(elbow(0.35, 0.1)),
+        1.0,
+    )
+    for row in range(0, len(planned.time), 50):
+        q = planned.path.positions[row]
+        loads = model.gravity_torques(q)
+        for index, drive in enumerate(drives):
+            references = planned.references[drive.joint]
+            motors = QbMove.motor_references(references["equilibrium_position"][row], references["stiffness_preset"][row])
+            assert sum(QbMove.elastic_torques(q[index], *motors, drive.elastic)) == pytest.approx(loads[index], abs=1e-11)
+    assert np.abs(planned.equilibria - planned.path.positions).max() > 0.1
+
+
+def test_a_load_beyond_the_spring_names_joint_time_load_and_limit():
+    model = Planar2R(weight=(900.0, 100.0))
+    with pytest.raises(ScenarioError, match=r"at 0 s.*cannot hold .* N m.*the most it can hold") as error:
+        plan(
+            task((0.0, 0.35, 0.1), gravity_compensation=True),
+            model,
+            [qbmove("one"), qbmove("two")],
+            initial(elbow(0.35, 0.1)),
+            1.0,
+        )
+    assert error.value.problems[0].key == "task.one"
+
+
+def test_plans_of_motor_reference_modes_give_motor_positions():
+    planned = plan(
+        task((0.0, 0.35, 0.1), preset={"*": 0.3}),
+        Planar2R(),
+        [qbmove("one", mode=2), qbmove("two", mode=3)],
+        initial(elbow(0.35, 0.1)),
+        0.1,
+    )
+    first = planned.references["one"]
+    assert first["reference_1"] - first["reference_2"] == pytest.approx(np.full(len(planned.time), 0.6))
+    assert set(planned.references["two"]) == {"equilibrium_position", "stiffness_preset"}
+    signal = planned.signals()["two"]["equilibrium_position"]
+    assert signal.values(np.array([0.05]))[0] == pytest.approx(elbow(0.35, 0.1)[1], abs=1e-6)
+
+
+def test_joints_that_the_task_leaves_out_hold_their_place():
+    start = elbow(0.35, 0.1)
+    goal, _ = Planar2R().pose(start + np.array([0.1, 0.0]), "tip", ORIGIN)
+    planned = plan(
+        task((0.0, 0.35, 0.1), (1.0, goal[0], goal[1]), joints=("one",), tolerance=0.02),
+        Planar2R(),
+        [qbmove("one"), qbmove("two")],
+        initial(start),
+        2.0,
+    )
+    assert np.ptp(planned.path.positions[:, 1]) == 0.0
+    assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize("turned", [0.3, -0.5])
+def test_of_what_cannot_be_met_the_closest_is_found(turned):
+    """Place and orientation that two joints cannot have together: no posture of a fine grid about it does better."""
+    model = Planar2R()
+    goal = np.array([0.5, 1.0])
+    place, rotation = model.pose(goal, "tip", ORIGIN)
+    cos, sin = math.cos(turned), math.sin(turned)
+    wanted = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ rotation
+    found = closest(model, "tip", ORIGIN, place, wanted, np.array([0.9, 0.4]))
+
+    def cost(q):
+        there, axes = model.pose(q, "tip", ORIGIN)
+        angle = math.acos(min(max((np.trace(axes.T @ wanted) - 1.0) / 2.0, -1.0), 1.0))
+        return math.hypot(float(np.linalg.norm(there - place)), ORIENTATION_WEIGHT * angle)
+
+    offsets = [np.array([a, b]) for a in np.linspace(-0.2, 0.2, 41) for b in np.linspace(-0.2, 0.2, 41)]
+    assert math.hypot(found.distance, ORIENTATION_WEIGHT * found.turn) == pytest.approx(cost(found.positions), rel=1e-9)
+    assert cost(found.positions) <= min(cost(found.positions + offset) for offset in offsets) + 1e-9
+    assert 0.0 < cost(found.positions) < cost(goal)
+
+
+@pytest.mark.parametrize("power", [1, 3, 5])
+def test_roots_of_increasing_functions_are_found_in_few_calls(power):
+    """Anywhere in the range; where there is none, the end that is nearer to it."""
+    wanted, calls = np.array([-1.5, -0.999, -0.3, 0.0, 1e-3, 0.7, 1.0, 2.0]), []
+
+    def function(x):
+        calls.append(x)
+        return np.sinh(2.0 * x) ** power - np.sinh(2.0 * wanted) ** power
+
+    found = increasing_roots(function, np.full(8, -1.0), np.ones(8))
+    np.testing.assert_allclose(found, np.clip(wanted, -1.0, 1.0), atol=1e-9 if power == 1 else 1e-2)
+    assert len(calls) < 60
+    calls.clear()
+    near = increasing_roots(lambda x: calls.append(x) or 2.0 * x - 0.6, np.full(1, -1.0), np.ones(1))
+    assert near == pytest.approx(0.3, abs=1e-12)
+    assert len(calls) < 8

@@ -1,0 +1,349 @@
+"""Springs and motors against the arm's own weight: what is foretold is what the simulation does."""
+
+from __future__ import annotations
+
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.kinematics.sizing import holding_findings, sizing
+from asrsim.robot import with_overrides
+from asrsim.robot.chain import Chain
+from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
+from asrsim.scenario.starter import write_starter
+from support.paths import ROOT
+from support.random_robots import random_urdf
+from support.robots import PLAIN_ARM, write_plain_arm
+
+pytestmark = pytest.mark.once
+
+SCENARIOS = ROOT / "examples" / "scenarios"
+
+
+def scenario_of(robot: Path, **keys: object):
+    return make_scenario(robot, **{"duration": 4.0, **keys})
+
+
+FURTHER_RESTS = (("sea", 0.45, 6), ("qbmove", 0.3, 3), ("qbmove", 0.45, 6), ("bavs", 0.3, 3))
+
+
+def judged(scenario, **options):
+    robot, _ = checked_robot(scenario)
+    return sizing(scenario, apply_to_robot(scenario, robot), **options)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "preset", "mode"),
+    [("sea", 0.3, 3), ("bavs", 0.45, 6), *(pytest.param(*case, marks=pytest.mark.slow) for case in FURTHER_RESTS)],
+)
+def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuator, preset, mode):
+    """Ideal motors, or weak controllers, which droop: the run, strongly damped, ends at rest, and sags as it was foretold."""
+    weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0}
+    motors = (1,) if actuator == "sea" else (1, 2)
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, lengths=(0.2, 0.15), masses=(0.3, 0.2)),
+        actuators={"*": {"type": actuator, "mode": mode}},
+        parameters={"*": {name.format(i): value for name, value in weak.items() for i in motors}},
+        references={"*": {"equilibrium_position": 0.5, **({} if actuator == "sea" else {"stiffness_preset": preset})}},
+        link_damping={"*": {"constant": 0.05}},
+        duration=12.0,
+    )
+    result = asrsim.run(scenario)
+    for one in judged(scenario).joints:
+        moved = result[one.joint].link_position
+        assert abs(moved[-1] - moved[-200]) < 1e-4
+        assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
+
+
+@pytest.mark.parametrize("limits", [(6.0, 20.0, 24.0), (0.2, 20.0, 24.0), (6.0, 0.1, 24.0), (6.0, 20.0, 1.0)])
+def test_a_servo_of_volts_holds_as_one_whose_gain_and_limit_are_its_torques(tmp_path, limits):
+    """Its gain is in V/rad, its torque the least of what its limits of torque, current and voltage leave; and what is proposed
+    raises the one that is too low. Twelve V/rad through 1.6 ohm are 3.75 N m/rad."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(2.0,))
+    constants = {"torque_constant": 0.05, "gear_ratio": 10.0, "resistance": 1.6}
+    names = ("max_torque", "max_current", "max_voltage")
+    volts = {f"motor_1_{name}": value for name, value in {**constants, **dict(zip(names, limits, strict=True))}.items()}
+    plain = {"motor_1_max_torque": min(limits[0], 0.5 * limits[1], 0.5 / 1.6 * limits[2])}
+
+    def scenario(values):
+        actuator = {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 60.0, **values}}
+        return scenario_of(robot, actuators={"*": actuator}, references={"*": {"equilibrium_position": 0.9}})
+
+    servo = judged(scenario({**volts, "controller_1_proportional": 12.0}))
+    motor = judged(scenario({**plain, "controller_1_proportional": 3.75}))
+    assert servo.joints == motor.joints
+    proposal = servo.proposal["joint_1"]
+    assert not judged(scenario({**volts, "controller_1_proportional": 12.0, **proposal}), propose=False).weak
+
+
+@pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
+def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
+    """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
+    from scipy.optimize import fsolve
+
+    goal, spring, masses = 0.4, 3.0, [0.2] * (len(lengths) - 1) + [1.5]
+    scenario = scenario_of(
+        write_plain_arm(tmp_path, lengths=lengths, masses=masses),
+        gravity=[0.0, 0.0, 9.81],
+        actuators={"*": {"type": "sea", "mode": 2, "parameters": {"spring_stiffness": spring, "max_deflection": 3.0}}},
+        references={"*": {"reference_1": goal}},
+    )
+
+    def unbalanced(q):
+        angles = np.cumsum(q)
+        joints = np.concatenate([[0.0], np.cumsum(np.array(lengths) * np.sin(angles))])
+        centres = joints[:-1] + 0.5 * np.array(lengths) * np.sin(angles)
+        weights = [sum(9.81 * masses[j] * (centres[j] - joints[i]) for j in range(i, len(q))) for i in range(len(q))]
+        return spring * (goal - q) - np.array(weights)
+
+    rest = fsolve(unbalanced, np.full(len(lengths), 0.01), xtol=1e-10)
+    found = [one.sag for one in judged(scenario, propose=False).joints]
+    assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
+
+
+def test_two_motors_asked_apart_are_an_equilibrium_and_a_preset(tmp_path):
+    """Mode 2 gives the motors' positions, mode 3 where the link would rest and how stiff: the same springs, the same sag."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(0.3,))
+    found = []
+    apart, mapped = {"reference_1": 0.8, "reference_2": 0.2}, {"equilibrium_position": 0.5, "stiffness_preset": 0.3}
+    for mode, references in ((2, apart), (3, mapped)):
+        keys = {"actuators": {"*": {"type": "qbmove", "mode": mode}}, "references": {"*": references}}
+        (one,) = judged(scenario_of(robot, **keys), propose=False).joints
+        found.append((one.sag, one.load))
+    assert found[0] == pytest.approx(found[1], abs=1e-4)
+    assert found[0][0] > 0.01
+
+
+def test_the_sag_of_one_spring_in_closed_form(tmp_path):
+    """k (e - q) + m g r sin q = 0, of one upright link."""
+    robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.5,))
+    scenario = scenario_of(
+        robot, actuators={"*": {"type": "sea", "mode": 2}}, references={"*": {"reference_1": 0.4}},
+    )  # fmt: skip
+    (one,) = judged(scenario).joints
+    q = 0.4 + one.sag
+    assert 10.0 * (0.4 - q) + 0.5 * 9.81 * 0.2 * math.sin(q) == pytest.approx(0.0, abs=1e-3)
+    assert one.load == pytest.approx(0.5 * 9.81 * 0.2 * math.sin(0.4), rel=1e-9)
+
+
+def test_an_arm_that_falls_is_told_of_and_the_values_proposed_hold_it(tmp_path):
+    keys = {
+        "actuators": "qbmove",
+        "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.5}}, "stiffness_preset": 0.3}},
+    }
+    robot = write_plain_arm(tmp_path)
+    fallen = asrsim.run(scenario_of(robot, **keys))
+    assert fallen["joint_1"].link_position.max() > PLAIN_ARM["upper"] - 1e-3
+    warned = [warning for warning in fallen.summary.warnings if warning.code == "falls"]
+    assert [warning.key for warning in warned] == ["joint_1"]
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    damped = asrsim.run(scenario_of(robot, **keys, link_damping={"*": {"constant": 0.1}}))
+    assert [warning.key for warning in damped.summary.warnings if warning.code == "on-stop"] == ["joint_1"]
+    held = asrsim.run(scenario_of(robot, **keys, parameters=proposal))
+    assert not [warning for warning in held.summary.warnings if warning.code in ("falls", "sags")]
+    for joint in held.joints:
+        assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_motors_that_are_too_weak_are_told_from_springs(tmp_path, side):
+    robot = write_plain_arm(tmp_path)
+    keys = {
+        "actuators": {"*": {"type": "sea", "parameters": {"spring_k": 300.0, "motor_1_max_torque": 0.5}}},
+        "references": {"*": {"equilibrium_position": 1.2 * side}},
+    }
+    scenario = scenario_of(robot, **keys)
+    applied = apply_to_robot(scenario, checked_robot(scenario)[0])
+    problems = holding_findings(scenario, applied, propose=True)
+    assert problems
+    assert all("motors are too weak" in problem.message for problem in problems)
+    assert all("motor_1_max_torque" in values for values in judged(scenario).proposal.values())
+
+
+def test_the_examples_hold_themselves():
+    for path in sorted(SCENARIOS.glob("*.yaml")):
+        for scenario in asrsim.load_scenario(path):
+            found = judged(scenario, propose=False)
+            assert not found.weak, f"{path.name}: {found.weak}"
+
+
+def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
+    robot = write_plain_arm(tmp_path)
+    lying = {"base": {"fixed": False}, "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
+    assert not judged(scenario_of(robot, **lying)).joints
+    weightless = {"gravity": [0, 0, 0], "actuators": "sea", "references": {"*": {"equilibrium_position": 0.5}}}
+    assert not judged(scenario_of(robot, **weightless)).joints
+    driven = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
+    for mode, reference in ((4, "motor_1_torque"), (7, "motor_1_voltage"), (8, "motor_1_current")):
+        actuator = {"type": "sea", "mode": mode, "parameters": driven}
+        assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
+
+
+@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal", 3, 9, 10])
+def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
+    """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
+    from asrsim.kinematics import model_of
+
+    place = tmp_path / "robot.urdf"
+    if isinstance(name, int):
+        place.write_text(random_urdf(name, moving=5, fixed=2))
+        assert 'type="prismatic"' in place.read_text()
+    else:
+        shutil.copy(ROOT / "examples" / "urdf" / f"{name}.urdf", place)
+    base = {"position": [0.1, -0.2, 0.3], "rpy": [0.4, -0.3, 0.7]}
+    scenario = make_scenario(place, duration=1.0, base=base)
+    robot, _ = checked_robot(scenario)
+    chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+    random = np.random.default_rng(3)
+    with model_of(scenario, robot) as model:
+        postures = random.uniform(-1.0, 1.0, (5, len(model.joints)))
+        table = {joint: postures[:, column] for column, joint in enumerate(model.joints)}
+        loads, poses = chain.gravity_load(table, scenario.gravity), chain.poses(table)
+        for row, posture in enumerate(postures):
+            assert [loads[joint][row] for joint in model.joints] == pytest.approx(-model.gravity_torques(posture), abs=1e-9)
+            for link in model.links:
+                position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
+                assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
+                assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)
+
+
+SLIDER = """
+  <link name="fork"><inertial><origin xyz="0.15 0 0"/><mass value="0.7"/>
+    <inertia ixx="0.001" iyy="0.005" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="reach" type="prismatic"><parent link="link_1"/><child link="fork"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.25" effort="60" velocity="1"/></joint>
+</robot>"""
+
+
+def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
+    """A slider of 0.25 m that its arm tilts: 0.15 m of sag would be most of its travel, and onto its stop as it moves."""
+    from asrsim.kinematics.sizing import ENOUGH, RESERVE
+    from asrsim.scenario.starter import write_starter
+
+    robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.8,))
+    robot.write_text(robot.read_text().replace("</robot>", SLIDER))
+    (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
+    assert [note.code for note in notes] == ["swings-on"]
+    (scenario,) = asrsim.load_scenario(file)
+    reach = next(one for one in judged(scenario, propose=False).joints if one.joint == "reach")
+    assert reach.sag <= ENOUGH * 0.25 + 1e-3
+    result = asrsim.run(scenario)
+    assert not [one for one in result.summary.warnings if one.code in ("falls", "sags", "on-stop")]
+    for block in apply_to_robot(scenario, checked_robot(scenario)[0]).actuators:
+        used = abs(result[block.joint].elastic_torque_1[-1000:]).mean()
+        assert used <= RESERVE * block.values()["motor_1_max_torque"]
+
+
+@pytest.mark.parametrize("travel", [0.31, 0.6])
+def test_a_slider_that_rests_on_its_stop_is_lifted_from_it(tmp_path, travel):
+    """PR2's torso: 1200 N on springs of 10 N/m, .05 m above the stop, so that the sag says nothing of what is lacking."""
+    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(120.0,), effort=10000.0)
+    lift = robot.read_text().replace('type="revolute"', 'type="prismatic"').replace('xyz="0 1 0"', 'xyz="0 0 1"')
+    robot.write_text(lift.replace('lower="-2.0"', 'lower="0"').replace('upper="2.0"', f'upper="{travel}"'))
+    keys = {"actuators": "sea", "references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.05}}}}}
+    found = judged(scenario_of(robot, **keys))
+    assert found.weak
+    proposal = found.proposal
+    assert proposal
+    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs"])
+def test_a_heavy_arm_is_held_too(tmp_path, actuator):
+    """Sixty N m at the shoulder, ten times what the default motors have and a thousand times what the springs hold."""
+    preset = {} if actuator == "sea" else {"stiffness_preset": 0.3}
+    keys = {"actuators": actuator, "references": {"*": {"equilibrium_position": 0.8, **preset}}, "duration": 1.0}
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=500.0)
+    proposal = judged(scenario_of(robot, **keys)).proposal
+    assert set(proposal) == {"joint_1", "joint_2"}
+    assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
+    assert proposal["joint_1"]["motor_1_max_torque"] > 50
+
+
+def test_the_swing_that_is_foretold_is_the_one_of_the_simulation(tmp_path):
+    """Ideal motors, no weight, a small step: the arm is nearly linear, and throws its wrist three times as far as it steps."""
+    from asrsim.kinematics.swing import steadying, swings
+
+    springs = {"joint_1": 300.0, "joint_2": 90.0, "joint_3": 0.5}
+    keys = {
+        "gravity": [0, 0, 0], "duration": 3.0, "compiled": False,
+        "references": {"*": {"equilibrium_position": {"step": {"at": 0.001, "to": 0.02}}}},
+        "actuators": {name: {"type": "sea", "mode": 3, "parameters": {"spring_k": k}} for name, k in springs.items()},
+    }  # fmt: skip
+    scenario = scenario_of(write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2)), **keys)
+    robot = apply_to_robot(scenario, checked_robot(scenario)[0])
+    result = asrsim.run(scenario)
+    found = swings(scenario, robot)
+    for one in found:
+        largest = np.abs(result[one.block.joint].link_position[2:] - 0.02).max()
+        assert one.deflection == pytest.approx(largest, rel=0.05)
+    assert [one.block.joint for one in found if one.shaken] == ["joint_3"]
+    held = swings(scenario, with_overrides(robot, parameters=steadying(scenario, robot)))
+    assert not any(one.shaken for one in held)
+
+
+def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):
+    from asrsim.kinematics import swing
+
+    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
+
+    monkeypatch.setattr(swing, "calming", lambda *_: (0.0, {}))
+
+    def at_their_limit(name):
+        (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
+        scenario = asrsim.load_scenario(file, overrides=["duration=1.5", "compiled=false"])[0]
+        blocks = apply_to_robot(scenario, checked_robot(scenario)[0]).actuators
+        result = asrsim.run(scenario)
+        most = {block.joint: 0.999 * block.values()["motor_1_max_torque"] for block in blocks}
+        return max(np.mean(np.abs(result[joint].motor_1_torque) >= limit) for joint, limit in most.items())
+
+    held = at_their_limit("held.yaml")
+    monkeypatch.setattr(swing, "steadying", lambda *_: {})
+    assert held < 0.03 < at_their_limit("before.yaml")
+
+
+def test_an_arm_without_damping_gets_some_and_comes_to_rest_within_its_first_run(tmp_path):
+    """Upright axes carry no weight, so that the default springs would be too soft for what they turn."""
+    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.3, 0.1), masses=(3.0, 2.0, 1.0), effort=500.0)
+    lying = re.sub(r'xyz="0 0 ([\d.]+)"', r'xyz="\1 0 0"', robot.read_text())
+    robot.write_text(lying.replace('xyz="0 1 0"', 'xyz="0 0 1"'))
+    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "qbmove"}, schema=False)
+    for scenario in asrsim.load_scenario(file):
+        assert set(scenario.link_damping) == {"joint_1", "joint_2", "joint_3"}
+        for joint in asrsim.run(scenario).summary.joints:
+            assert 0.0 < joint.measures.settling < 2.9
+            assert joint.measures.overshoot < 100.0
+    assert [note.code for note in notes] == ["swings-on"]
+
+
+def test_an_effort_limit_below_the_weight_is_told_of_and_the_rest_is_sized(tmp_path):
+    """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
+    robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
+    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"}, schema=False)
+    told = [(note.key, "effort limit of 20 N m" in note.message) for note in notes if note.code != "swings-on"]
+    assert told == [("joint_1", True)]
+    (scenario,) = asrsim.load_scenario(file)
+    (told,) = holding_findings(scenario, apply_to_robot(scenario, checked_robot(scenario)[0]), propose=True)
+    assert "effort limit of 20 N m" in told.message
+    assert "parameters" not in told.hint
+
+
+@pytest.mark.parametrize("seed", [40, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (55, 56))])
+def test_what_init_writes_begins_at_rest_and_gets_where_it_is_asked(tmp_path, seed):
+    """Sliders under their weight, without any damping: nothing moves before the step, and in the mean they then are within
+    0.06 m of where they are sent, which would be little of a radian."""
+    source = np.random.default_rng([seed, 17])
+    moving, fixed = int(source.integers(1, 5)), int(source.integers(0, 5))
+    robot, out = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
+    robot.write_text(random_urdf(seed, moving=moving, fixed=fixed, massless_root=True), encoding="utf-8")
+    write_starter(robot, out, actuators={"*": str(source.choice(["sea", "qbmove", "bavs", "awas_ii"]))}, schema=False)
+    for scenario in asrsim.load_scenario(out, overrides=["engine=mujoco", "duration=8"]):
+        found = asrsim.run(scenario)
+        assert np.abs(found.run.samples.values["link_velocity"][:100]).max() < 1e-6
+        for joint in found.summary.joints:
+            assert abs(joint.measures.steady_state_error) < (0.06 if joint.prismatic else 0.3)

@@ -1,0 +1,118 @@
+"""Recordings of the robot as a laboratory has them, taken as trials of learning."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asrsim.errors import InputError
+from asrsim.learning.hardware import next_input
+from asrsim.learning.plant import make_plant
+from asrsim.learning.recorded import MISSING, recorded
+from asrsim.recordings import read_recording
+from asrsim.scenario import make_scenario
+from support.paths import ROOT
+
+ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
+MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.5}}, "joint_2": {"minimum_jerk": {"duration": 2.0, "to": -0.4}}}
+
+
+@pytest.fixture(scope="module")
+def plant():
+    block = {"trajectory": MOTION, "tolerance": 1e-3, "keep_logs": "none"}
+    return make_plant(make_scenario(ARM, duration=2.5, references={"*": {"stiffness_preset": 0.3}}, ilc=block))
+
+
+def write(path, plant, header, *, rate=200.0, late=0.0, scale=(1.0, 1.0), gap=(0.0, 0.0), mark=".", apart=","):
+    """What the laboratory writes of a robot that lags 15 ms and is 3 mrad off."""
+    time = np.arange(0.0, plant.time[-1] + late + 0.1, 1.0 / rate)
+    time = time[(time <= gap[0]) | (time >= gap[1])]
+    true = [0.003 + np.interp(time - late - 0.015, plant.time, one) for one in plant.reference.T]
+    seen = [factor * values for factor, values in zip(scale, true, strict=True)]
+    rows = [apart.join(f"{value:.9g}".replace(".", mark) for value in row) for row in np.column_stack([time, *seen])]
+    path.write_text("\n".join([header, *rows]) + "\n")
+    return path
+
+
+def take(path, plant, *maps, lag="off"):
+    return recorded(read_recording(path, mapping=maps or None, joints=plant.joints), plant, lag)
+
+
+DEGREES = (180.0 / np.pi, 180.0 / np.pi)
+
+
+@pytest.mark.parametrize(
+    ("header", "how"),
+    [
+        ("t_s,q1_deg,q2_deg", {"scale": DEGREES}),
+        ("Zeit;Joint 1 [Grad];Joint 2 [Grad]", {"scale": DEGREES, "mark": ",", "apart": ";"}),
+        ("time [s],joint_1.link_position [rad],joint_2.link_position [rad]", {"rate": 60.0}),
+        ("time [s],joint_1 [rad],joint_2 [rad]", {"gap": (1.0, 1.08)}),
+    ],
+    ids=["degrees", "german", "slow", "gap"],
+)
+def test_what_the_laboratory_writes_is_the_trial(header, how, plant, tmp_path):
+    found = take(write(tmp_path / "trial.csv", plant, header, **how), plant)
+    late = np.column_stack([np.interp(plant.time - 0.015, plant.time, one) for one in plant.reference.T])
+    assert np.abs(found.outputs - late - 0.003).max() < 1e-3
+    assert any("bridged" in one.message for one in found.findings) == ("gap" in how)
+
+
+@pytest.mark.parametrize(
+    ("header", "scale", "said"),
+    [("t,a1,a2", DEGREES, "degrees"), ("t,q1,q2", (-1.0, 1.0), "other way round"), ("t,q1 [m],q2 [m]", (1.0, 1.0), "is in m")],
+    ids=["degrees", "sign", "unit"],
+)
+def test_columns_that_cannot_be_meant_are_refused_unless_they_are_said_to_be(header, scale, said, plant, tmp_path):
+    path = write(tmp_path / "trial.csv", plant, header.replace("a", "angle"), scale=scale)
+    with pytest.raises(InputError, match=said):
+        take(path, plant)
+    names = header.replace("a", "angle").split(",")[1:]
+    unit = "deg" if scale is DEGREES else "rad"
+    maps = [f"{name}=joint_{number}.link_position [{unit}]" for number, name in enumerate(names, 1)]
+    assert take(path, plant, *maps).outputs.shape == plant.reference.shape
+
+
+def test_a_clock_that_is_off_is_told_and_a_robot_that_lags_is_not(plant, tmp_path):
+    path = write(tmp_path / "late.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", late=0.3)
+    (said,) = take(path, plant).findings
+    assert "0.31" in said.message
+    assert "--lag 0.31" in str(said.hint)
+    for lag in (0.3, "auto"):
+        assert not take(path, plant, lag=lag).findings
+    assert not take(write(path, plant, "time [s],joint_1 [rad],joint_2 [rad]"), plant).findings
+
+
+def test_gaps_that_hide_the_motion_are_refused(plant, tmp_path):
+    path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))
+    with pytest.raises(InputError, match=r"over the whole motion, 0 to 2.5 s"):
+        take(path, plant)
+
+
+@pytest.mark.parametrize("lacking", [0.7, 1.6])
+@pytest.mark.parametrize("at", ["start", "end"])
+def test_a_recording_may_lack_a_little_of_the_start_or_the_end(plant, tmp_path, at, lacking):
+    missing = lacking * MISSING * plant.time[-1]
+    gap = (-1.0, missing) if at == "start" else (plant.time[-1] - missing, 99.0)
+    path = write(tmp_path / "short.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=gap)
+    if lacking > 1.0:
+        with pytest.raises(InputError, match="over the whole motion"):
+            take(path, plant, lag=0.0)
+        return
+    outputs = take(path, plant, lag=0.0).outputs
+    late = np.column_stack([np.interp(plant.time - 0.015, plant.time, one) for one in plant.reference.T])
+    assert np.abs(outputs - late - 0.003).max() < 2e-3
+
+
+@pytest.mark.slow
+def test_the_last_recording_may_be_given_again(plant, tmp_path):
+    """With the lag that was asked for: the trial is replaced, and the next input is that of a folder that never knew better."""
+    late = write(tmp_path / "late.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", late=0.3)
+    steps = [next_input(plant, tmp_path / "twice", late, lag=lag) for lag in ("off", 0.3)]
+    once = next_input(plant, tmp_path / "once", late, lag=0.3)
+    assert [len(step.trials) for step in steps] == [1, 1]
+    assert steps[1].trials[0].largest == once.trials[0].largest < steps[0].trials[0].largest
+    assert (tmp_path / "twice" / "next.csv").read_text() == (tmp_path / "once" / "next.csv").read_text()
+    (tmp_path / "twice" / "hardware.json").unlink()
+    with pytest.raises(InputError, match="begin anew"):
+        next_input(plant, tmp_path / "twice", late)

@@ -1,0 +1,188 @@
+"""The WebSocket for Foxglove: its protocol's own client from npm, and bytes that no client should send."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+
+import pytest
+
+from support.paths import ROOT
+
+pytest.importorskip("foxglove")
+
+from asrsim.errors import InputError
+from asrsim.live.foxglove import FoxgloveTransport, read
+from asrsim.live.origin import origin_of
+from asrsim.live.transport import Access, Interface, Parameter
+from asrsim.runs.repeat import repeat
+
+FLOAT, ARRAY, STATE = "std_msgs/Float64", "std_msgs/Float64MultiArray", "sensor_msgs/JointState"
+
+
+def test_messages_in_both_encodings():
+    assert read(1, FLOAT, "json", b'{"data": 0.5}').values == [0.5]
+    assert read(1, FLOAT, "cdr", b"\x00\x01\x00\x00" + struct.pack("<d", 0.5)).values == [0.5]
+    assert read(2, ARRAY, "json", b'{"data": [1, null]}').values[0] == 1.0
+    assert math.isnan(read(2, ARRAY, "json", b'{"data": [1, null]}').values[1])
+    state = read(3, STATE, "json", b'{"name": ["a"], "position": [], "effort": [2.0]}')
+    assert (state.names, state.values) == (["a"], [2.0])
+
+
+@pytest.mark.parametrize(
+    ("message", "encoding", "data"),
+    [
+        (FLOAT, "json", b"{"),
+        (FLOAT, "json", b"[]"),
+        (FLOAT, "json", b'{"data": "high"}'),
+        (FLOAT, "json", b"\xff\xfe"),
+        (FLOAT, "json", b"[" * 100_000),
+        (FLOAT, "cdr", b""),
+        (FLOAT, "cdr", b"\x00\x01\x00\x00\x00"),
+        (FLOAT, "protobuf", b"\x00"),
+        (ARRAY, "json", b'{"data": 3}'),
+        (ARRAY, "cdr", b"\x00\x01\x00\x00" + b"\xff" * 40),
+        (STATE, "json", b'{"position": [1]}'),
+        (STATE, "cdr", b"\x00\x01\x00\x00" + b"\xff" * 40),
+    ],
+)
+def test_bytes_that_cannot_be_read_say_so(message, encoding, data):
+    received = read(1, message, encoding, data)
+    assert received.fault
+    assert not received.values
+
+
+def connected(transport, *headers):
+    """A client's socket after its request, and the first line of the answer."""
+    client = socket.create_connection(("127.0.0.1", transport.port), timeout=10)
+    key = base64.b64encode(os.urandom(16)).decode()
+    lines = [
+        "GET / HTTP/1.1", f"Host: 127.0.0.1:{transport.port}", "Upgrade: websocket", "Connection: Upgrade",
+        f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: foxglove.sdk.v1", *headers,
+    ]  # fmt: skip
+    client.sendall("\r\n".join([*lines, "", ""]).encode())
+    answer = b""
+    while b"\r\n" not in answer and (part := client.recv(64)):
+        answer += part
+    return client, answer.split(b"\r\n")[0].decode()
+
+
+@pytest.fixture
+def transport():
+    interface = Interface(
+        "/asrsim", outlets=(), inlets=(), latched={}, parameters={"speed": Parameter("", lambda: 1.0, lambda speed: "")}
+    )
+    transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))
+    yield transport
+    transport.close()
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [None, "http://localhost", "http://localhost:8080", "https://127.0.0.1:3000", "http://[::1]:1", "file://", "app://lichtblick",
+     "https://lab.example"],
+)  # fmt: skip
+def test_native_clients_and_pages_of_this_machine_or_of_named_origins_connect(transport, origin):
+    client, answer = connected(transport, *([] if origin is None else [f"Origin: {origin}"]))
+    client.close()
+    assert answer == "HTTP/1.1 101 Switching Protocols"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["https://evil.example", "null", "", "http://localhost.evil.example", "http://localhost@evil.example", "http://127.0.0.1.nip.io",
+     "http://lab.example", "https://lab.example:444", "chrome-extension://abc"],
+)  # fmt: skip
+def test_web_pages_of_other_origins_are_refused_by_name(transport, origin):
+    client, answer = connected(transport, f"oRIGIN:{origin}")
+    client.close()
+    assert answer == "HTTP/1.1 403 Forbidden"
+    assert transport.notices == [f"a web page of {origin} was refused; to allow its commands: --allow-origin {origin}"]
+
+
+def test_one_foreign_origin_among_several_is_refused(transport):
+    client, answer = connected(transport, "Origin: http://localhost", "Origin: https://evil.example")
+    client.close()
+    assert answer == "HTTP/1.1 403 Forbidden"
+
+
+def test_the_server_behind_the_check_has_another_address_than_other_servers_of_this_machine(transport):
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", transport._server.port), timeout=10)
+
+
+@pytest.mark.parametrize("text", ["lab.example", "https://lab.example/page", "*", "https://"])
+def test_an_origin_is_a_scheme_and_a_host(text):
+    with pytest.raises(InputError, match="is no origin"):
+        origin_of(text)
+
+
+def test_closing_does_not_wait_for_clients_whose_requests_wait(transport):
+    client, _ = connected(transport)
+    text = b'{"op": "setParameters", "parameters": [{"name": "speed", "value": 2}], "id": "1"}'
+    client.sendall((b"\x81" + bytes([0x80 | len(text)]) + bytes(4) + text) * 100)
+    until = time.monotonic() + 10
+    while not transport._errands and time.monotonic() < until:
+        time.sleep(0.01)
+    assert transport._errands
+    began = time.monotonic()
+    transport.close()
+    assert time.monotonic() - began < 1.0
+    client.close()
+
+
+@pytest.mark.slow
+def test_a_client_of_the_protocol(tmp_path):
+    """Channels, client publish, parameters and services, by npm's @foxglove/ws-protocol."""
+    if shutil.which("npm") is None or shutil.which("node") is None:
+        pytest.skip("node and npm are not installed")
+    packages = tmp_path / "node"
+    packages.mkdir()
+    (packages / "package.json").write_text('{"name": "client", "private": true}')
+    done = subprocess.run(["npm", "install", "@foxglove/ws-protocol", "ws"], cwd=packages, capture_output=True, check=False)
+    if done.returncode:
+        pytest.skip("npm cannot install the client")
+    scenario = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+    command = [
+        sys.executable, "-m", "asrsim", "live", scenario, "--variant", "soft", "--on", "foxglove", "--port", "0",
+        "--rate", "200", "-o", tmp_path / "out", "--set", "engine=mujoco",
+    ]  # fmt: skip
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()
+        assert "ws://127.0.0.1:" in line, line + process.stderr.read()
+        address = line.split("foxglove: ")[1].strip()
+        client = subprocess.run(
+            ["node", ROOT / "tests" / "live_client.mjs", address, packages], capture_output=True, text=True, check=False
+        )
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=120)
+    assert client.returncode == 0, client.stdout + client.stderr
+    assert process.returncode == 0, err
+    seen = json.loads(client.stdout)
+    assert seen["subprotocol"] == "foxglove.sdk.v1"
+    assert not seen["errors"]
+    for topic, channel in seen["channels"].items():
+        assert (channel["encoding"], channel["schemaEncoding"]) == ("cdr", "ros2msg"), topic
+    assert set(seen["messages"]) == set(seen["channels"])
+    assert seen["messages"]["/robot_description"] == 1
+    assert seen["values"]["/joint_1/applied/equilibrium_position"] == 0.1
+    assert seen["values"]["/joint_2/applied/equilibrium_position"] == -0.1
+    first, second = (seen["parameters"][name] for name in ("first", "second"))
+    assert [(one["name"], one["value"]) for one in first] == [("speed", 1)]
+    assert [(one["name"], one["value"]) for one in second] == [("speed", 2)]
+    assert sorted(seen["services"]) == [f"/asrsim/{name}" for name in ("pause", "release", "reset", "step")]
+    assert [seen["answers"][number]["success"] for number in "1234"] == [True, True, True, False]
+    live = json.loads((tmp_path / "out" / "summary.json").read_text())["live"]
+    assert live["commands"] == 200
+    assert sum(live["dropped"].values()) == 5
+    assert repeat(tmp_path / "out" / "log.mcap").identical

@@ -1,0 +1,462 @@
+"""Live runs without any network: what comes in is checked and recorded, what goes out is in the log, and that repeats it."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+import struct
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import Stores, get_typestore
+
+import asrsim
+from asrsim.live import TRANSPORTS, Received, TransportEntry
+from asrsim.live.gate import Gate
+from asrsim.live.pace import Lateness, Pace
+from asrsim.live.session import Session, Settings
+from asrsim.log import open_log, read_log
+from asrsim.runs.repeat import repeat
+from asrsim.samples import JointInfo
+from support.paths import EXAMPLES
+
+
+class Script:
+    """A transport that sends what it was given to send, a message a poll, and keeps what it hears."""
+
+    where, lost = "in this process", 0
+
+    def __init__(self, messages, calls=()):
+        self.messages, self.calls = list(messages), dict(calls)
+        """Received, or a function of the interface that makes it; poll -> (service, flag)."""
+        self.heard, self.polls, self.closed, self.answers, self.notices = [], 0, False, [], []
+
+    def make(self, interface, access):
+        self.interface = interface
+        self.inlets = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
+        self.wanted = [not outlet.latched for outlet in interface.outlets if not outlet.latched]
+        return self
+
+    def publish(self, time, messages):
+        self.heard.append((time, [bytes(message) for message in messages]))
+
+    def poll(self):
+        self.polls += 1
+        if self.polls in self.calls:
+            name, flag = self.calls[self.polls]
+            self.answers.append(self.interface.services[name].call(flag))
+        count = len(self.messages) // 400 + 1
+        for _ in range(min(count, len(self.messages))):
+            name, values, *names = self.messages.pop(0)
+            yield Received(self.inlets[name], values, *names)
+
+    def close(self):
+        self.closed = True
+
+
+def run_live(folder, script, scenario=EXAMPLES / "scenarios" / "step_2dof.yaml", *, duration=0.4, changes=None, **settings):
+    TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
+    (one,) = asrsim.load_scenario(scenario, variant="soft" if "2dof" in str(scenario) else None, overrides=changes or {})
+    settings = Settings(duration=duration, transports=["script"], **{"speed": math.inf, **settings})
+    session = Session(one, folder, settings)
+    summary = session.run(stop=lambda: False)
+    return session, summary
+
+
+PLAIN = {"compiled": False, "expect": [], "reference_ranges": {"*": {"external_torque": [-0.3, 0.3]}}}
+
+
+def random_commands(seed, count=300):
+    chance = random.Random(seed)
+    for _ in range(count):
+        joint = chance.choice(("joint_1", "joint_2"))
+        kind, spread = chance.choice((("equilibrium_position", 1.0), ("stiffness_preset", 0.4), ("external_torque", 0.3)))
+        yield f"/{joint}/{kind}", [chance.uniform(-spread, spread)]
+        if chance.random() < 0.1:
+            yield "/reference_1", [chance.uniform(-1, 1), chance.uniform(-1, 1)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_live_run_is_repeated_from_its_log_bit_for_bit(tmp_path, seed):
+    _, summary = run_live(tmp_path / "run", Script(random_commands(seed)), changes=PLAIN)
+    assert summary.ok
+    assert summary.live["applied"] > 100
+    commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
+    assert len(commands) == summary.live["applied"]
+    assert {command.reference for command in commands} == {"equilibrium_position", "stiffness_preset", "external_torque"}
+    found = repeat(tmp_path / "run" / "log.mcap")
+    assert found.identical
+    assert found.samples == 401
+    assert not found.missing
+
+
+@pytest.mark.slow
+def test_a_run_whose_topics_cost_too_much_keeps_real_time_at_a_lower_rate(tmp_path):
+    class Slow(Script):
+        def publish(self, time_, messages):
+            super().publish(time_, messages)
+            time.sleep(3e-3)
+
+    script = Slow([])
+    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=6.0, speed=1.0)
+    rate = summary.live["rate"]
+    assert 31.25 <= rate <= 250.0
+    last = [at for at, _ in script.heard][-5:]
+    np.testing.assert_allclose(np.diff(last), 1e9 / rate)
+    assert summary.wall_time < 8.0
+
+
+def test_five_joints_live_take_no_more_substeps_than_in_a_run(tmp_path):
+    scenario = EXAMPLES / "scenarios" / "box_push_5dof.yaml"
+    for one in asrsim.load_scenario(scenario, overrides={"expect": []}):
+        session = Session(one, tmp_path, Settings())
+        with asrsim.Simulation(one) as offline:
+            assert session.simulation.substeps == offline.substeps
+        session.simulation.close()
+
+
+def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):
+    run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
+    before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+
+    class Taken(Script):
+        def make(self, interface, access):
+            raise asrsim.AsrsimError("the port is taken")
+
+    script = Script([])
+    TRANSPORTS.add("first", TransportEntry(make=script.make, doc="", module="json"), replace=True)
+    TRANSPORTS.add("taken", TransportEntry(make=Taken([]).make, doc="", module="json"), replace=True)
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
+    session = Session(one, tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["first", "taken"]))
+    with pytest.raises(asrsim.AsrsimError, match="the port is taken"):
+        session.run(stop=lambda: False)
+    assert script.closed
+    assert {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+
+
+def test_without_its_commands_the_log_is_not_repeated(tmp_path, monkeypatch):
+    run_live(tmp_path / "run", Script(random_commands(1, 40)), changes=PLAIN)
+    monkeypatch.setattr("asrsim.log.reader.LogReader.commands", lambda self: iter(()))
+    assert not repeat(tmp_path / "run" / "log.mcap").identical
+
+
+def test_what_is_said_is_what_the_log_holds(tmp_path):
+    script = Script([("/joint_1/equilibrium_position", [0.5]), ("/joint_2/stiffness_preset", [0.2])])
+    session, _ = run_live(tmp_path / "run", script, changes={**PLAIN, "initial": {"joint_1": 0.3}}, duration=0.1)
+    samples = read_log(tmp_path / "run" / "log.mcap").samples
+    assert [time for time, _ in script.heard] == [round(t * 1e9) for t in samples.time]
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    for row, (_, messages) in enumerate(script.heard):
+        said = dict(zip((outlet.name for outlet in session.board.outlets), messages, strict=False))
+        for topic, quantities in (
+            ("/joint_states", ("link_position", "link_velocity", "link_torque")),
+            ("/motor_2_state", ("motor_2_position", "motor_2_velocity", "motor_2_torque")),
+        ):
+            state = types.deserialize_cdr(said[topic], "sensor_msgs/msg/JointState")
+            assert state.name == ["joint_1", "joint_2"]
+            assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == round(samples.time[row] * 1e9)
+            for numbers, quantity in zip((state.position, state.velocity, state.effort), quantities, strict=True):
+                np.testing.assert_array_equal(numbers, samples.values[quantity][row])
+        for topic, quantity in (("stiffness", "stiffness"), ("torque_el2_state", "elastic_torque_2")):
+            (value,) = struct.unpack_from("<d", said[f"/joint_1/{topic}"], 4)
+            assert value == samples.values[quantity][row, 0]
+    (echo,) = struct.unpack_from("<d", said["/joint_1/applied/equilibrium_position"], 4)
+    assert echo == 0.5
+    assert script.closed
+
+
+NONSENSE = [
+    ("/joint_1/equilibrium_position", [math.nan]),
+    ("/joint_1/equilibrium_position", [math.inf]),
+    ("/joint_1/equilibrium_position", [1e308]),
+    ("/joint_1/equilibrium_position", []),
+    ("/joint_1/equilibrium_position", [0.1, 0.2]),
+    ("/reference_1", [0.1]),
+    ("/reference_1", [0.1, 0.2, 0.3]),
+    ("/reference_2", [-math.inf, 0.1]),
+    ("/ros2_control/joint_commands", [0.1], ["nobody"]),
+    ("/ros2_control/joint_commands", [0.1, 0.2], ["joint_1"]),
+    ("/ros2_control/joint_commands", [math.inf], ["joint_1_stiffness"]),
+]
+
+
+def test_a_command_at_the_end_of_its_range_is_no_clamped_one(tmp_path):
+    ranges = {"reference_ranges": {"joint_1": {"equilibrium_position": [-0.25, 0.5]}}}
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, **ranges})
+    values = (-0.25, 0.5, 0.1, -0.2500001, 0.5000001)
+    script = Script([("/joint_1/equilibrium_position", [value]) for value in values])
+    TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"))
+    summary = Session(one, tmp_path / "run", Settings(speed=math.inf, duration=0.2, transports=["script"])).run(
+        stop=lambda: False
+    )
+    assert summary.live["clamped"] == {"joint_1.equilibrium_position": 2}
+    assert summary.live["commands"] == 5
+
+
+def test_nonsense_is_counted_said_once_and_dropped(tmp_path):
+    said = []
+    TRANSPORTS.add("script", TransportEntry(make=Script(NONSENSE * 3).make, doc="", module="json"))
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
+    settings = Settings(speed=math.inf, duration=0.2, transports=["script"])
+    session = Session(one, tmp_path / "run", settings, tell=said.append)
+    summary = session.run(stop=lambda: False)
+    assert sum(summary.live["dropped"].values()) == 3 * 10
+    assert summary.live["clamped"] == {"joint_1.equilibrium_position": 3}
+    told = [text for text in said if "counted only" in text]
+    assert len(told) == len(set(told)) == len(summary.live["dropped"])
+    command, low, *_ = list(open_log(tmp_path / "run" / "log.mcap").commands())
+    assert (command.joint, command.reference) == ("joint_1", "equilibrium_position")
+    assert command.value == session.simulation.prepared.range_of("joint_1", "equilibrium_position")[1]
+    assert low.joint == "joint_2"
+    assert repeat(tmp_path / "run" / "log.mcap").identical
+
+
+def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
+    names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+    script = Script([("/ros2_control/joint_commands", [0.3, math.nan, math.nan, 0.1], names)])
+    _, summary = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.05)
+    assert not summary.live["dropped"]
+    commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
+    assert [(c.joint, c.reference, c.value) for c in commands] == [
+        ("joint_1", "equilibrium_position", 0.3), ("joint_2", "stiffness_preset", 0.1),
+    ]  # fmt: skip
+
+
+def test_only_a_preset_is_a_stiffness_and_passive_joints_have_no_place_in_arrays():
+    """Of the toolbox's arrays, one entry for each joint with an actuator."""
+    kinds = {"vsa": ("qbmove", 6, 2), "free": ("rigid", None, 0), "motors": ("qbmove", 5, 2), "single": ("sea", 5, 1)}
+    joints = [JointInfo(name=name, actuator=kind, mode=mode, motors=count) for name, (kind, mode, count) in kinds.items()]
+    ranges = {
+        "vsa": {"equilibrium_position": (-1.0, 1.0), "stiffness_preset": (0.0, 0.4)}, "free": {"external_torque": (-2.0, 2.0)},
+        "motors": {"reference_1": (-1.0, 1.0), "reference_2": (-1.0, 1.0)}, "single": {"reference_1": (-1.0, 1.0)},
+    }  # fmt: skip
+    gate = Gate(joints, ranges)
+    inlets = {inlet.name: number for number, inlet in enumerate(gate.inlets)}
+    assert gate.check(Received(inlets["/reference_1"], [0.1, 0.2, 0.3])) == [
+        (("vsa", "equilibrium_position"), 0.1), (("motors", "reference_1"), 0.2), (("single", "reference_1"), 0.3),
+    ]  # fmt: skip
+    assert gate.check(Received(inlets["/reference_2"], [0.1, 0.2, 0.3])) == [
+        (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_2"), 0.2),
+    ]  # fmt: skip
+    assert gate.check(Received(inlets["/free/external_torque"], [0.5])) == [(("free", "external_torque"), 0.5)]
+    names = ["vsa", "vsa_stiffness", "motors", "motors_stiffness", "single", "free"]
+    assert gate.check(Received(inlets["/ros2_control/joint_commands"], [0.1] * 6, names)) == [
+        (("vsa", "equilibrium_position"), 0.1), (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_1"), 0.1),
+        (("single", "reference_1"), 0.1),
+    ]  # fmt: skip
+    assert sum(gate.refused.values()) == 2
+
+
+def test_pause_step_release_and_reset(tmp_path):
+    script = Script(
+        [("/joint_1/equilibrium_position", [0.4])],
+        {3: ("pause", True), 5: ("step", False), 9: ("pause", False), 12: ("step", False), 14: ("release", False),
+         20: ("reset", False)},
+    )  # fmt: skip
+    session, last = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.1)
+    assert [ok for ok, _ in script.answers] == [True, True, True, False, True, True]
+    first, second = session.summaries
+    assert last is second
+    assert second.simulated_time == pytest.approx(0.1)
+    assert 0.0 < first.simulated_time < 0.1
+    logs = (tmp_path / "run" / "log.mcap", tmp_path / "run" / "reset_1" / "log.mcap")
+    commands = list(open_log(logs[0]).commands())
+    assert [command.value for command in commands] == [0.4, None]
+    for log in logs:
+        assert repeat(log).identical
+    # After the reset it is a fresh run.
+    run_live(tmp_path / "fresh", Script([]), changes=PLAIN, duration=0.1)
+    a, b = (read_log(path).samples for path in (logs[1], tmp_path / "fresh" / "log.mcap"))
+    for quantity, values in a.values.items():
+        np.testing.assert_array_equal(values, b.values[quantity])
+
+
+def test_a_killed_run_is_repeated_as_far_as_its_log_goes(tmp_path, tiny):
+    commands = [("/elbow/equilibrium_position", [0.5 * math.sin(0.1 * k)]) for k in range(400)]
+    run_live(tmp_path / "run", Script(commands), tiny.scenario, duration=5.0, changes={"compiled": False})
+    whole = (tmp_path / "run" / "log.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: int(0.7 * len(whole))])
+    found = repeat(tmp_path / "cut.mcap")
+    assert found.logged_status == "truncated"
+    assert found.identical
+    assert 1000 < found.samples < 5001
+
+
+def test_a_run_that_diverges_is_told_and_its_log_is_whole(tmp_path, monkeypatch):
+    from asrsim.simulation.divergence import runaway
+    from asrsim.simulation.simulation import Simulation
+
+    advance_to = Simulation.advance_to
+
+    def breaks(self, end):
+        if end > 500:
+            raise runaway("joint_1", 0.1, "its motion is no longer finite or sane", 0.1)
+        advance_to(self, end)
+
+    monkeypatch.setattr(Simulation, "advance_to", breaks)
+    _, summary = run_live(tmp_path / "run", Script([]), changes=PLAIN)
+    assert summary.status == "diverged"
+    assert not summary.ok
+    assert "joint_1" in summary.message
+    assert open_log(tmp_path / "run" / "log.mcap").status == "diverged"
+
+
+def test_every_message_of_the_log_is_read_by_its_schema(tmp_path):
+    run_live(tmp_path / "run", Script(random_commands(4, 50)), changes=PLAIN, duration=0.1)
+    topics = set()
+    with (tmp_path / "run" / "log.mcap").open("rb") as file:
+        for _, channel, _, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            topics.add(channel.topic)
+            if channel.topic == "/asrsim/commands":
+                assert decoded.joint in ("joint_1", "joint_2")
+                assert decoded.substep % 5 == 1
+                assert math.isfinite(decoded.value)
+    assert {"/asrsim/commands", "/tf", "/robot_description", "/joint_states"} <= topics
+
+
+def test_a_range_of_the_scenario_stands_above_the_robots(tmp_path, tiny):
+    (one,) = asrsim.load_scenario(tiny.scenario, overrides={"reference_ranges": {"*": {"equilibrium_position": [-0.1, 0.2]}}})
+    session = Session(one, tmp_path / "run", Settings())
+    session.simulation.close()
+    (joint,) = session.simulation.joints
+    assert session.simulation.prepared.range_of(joint, "equilibrium_position") == (-0.1, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ({"joint_1": {"equilibrium_position": [1, -1]}}, "least value is larger"),
+        ({"joint_1": {"equilibrium": [0, 1]}}, "no such reference"),
+        ({"elbow": {"equilibrium_position": [0, 1]}}, "no moving joint 'elbow'"),
+        ({"joint_1": {"equilibrium_position": [0]}}, "must be"),
+        ({"*": {"equilibrium_position": [0, ".inf"]}}, "must be"),
+    ],
+)
+def test_wrong_ranges_are_refused(ranges, message):
+    with pytest.raises(asrsim.AsrsimError, match=message):
+        asrsim.Simulation(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={"reference_ranges": ranges})
+
+
+def test_the_command_ends_by_its_duration(asrsim_command, tiny):
+    done = asrsim_command("live", tiny.scenario, "--on", "none", "--speed", "max", "--duration", 0.2, "--set", "compiled=false")
+    assert done.code == 0, done.err
+    assert "asrsim rerun" in done.out
+    again = asrsim_command("rerun", next(tiny.folder.glob("out/**/log.mcap")))
+    assert again.code == 0
+    assert "identical, bit for bit" in again.out
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [("--speed", "fast"), ("--speed", "0"), ("--duration", "-1"), ("--rate", "0"), ("--port", "70000"), ("--on", "pigeon")],
+)
+def test_wrong_options_are_refused(asrsim_command, tiny, wrong):
+    done = asrsim_command("live", tiny.scenario, *wrong)
+    assert done.code != 0
+    assert "Traceback" not in done.err
+
+
+def test_ticks_catch_up_and_slip():
+    now = [0.0]
+    pace = Pace(2.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
+    for _ in range(10):
+        now[0] += 0.001
+        pace.wait(0.01)
+    assert now[0] == pytest.approx(0.05)
+    assert pace.busy == pytest.approx(0.01)
+    now[0] += 0.1
+    for _ in range(30):
+        pace.wait(0.01)
+    assert now[0] == pytest.approx(0.2)
+    assert not pace.slips
+    now[0] += 1.0
+    pace.wait(0.01)
+    assert pace.slips == 1
+    pace.wait(0.01)
+    assert now[0] == pytest.approx(1.205)
+
+
+def test_a_run_stops_within_a_second_however_long_a_tick_lasts(tmp_path):
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, "step": 0.01})
+    session = Session(one, tmp_path / "run", Settings(speed=0.001))
+    asked = []
+
+    def stop():
+        asked.append(time.monotonic())
+        return len(asked) == 3
+
+    assert session.run(stop=stop).ok
+    assert asked[-1] - asked[0] < 1.0
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")
+@pytest.mark.parametrize(("granted", "nice"), [(True, 0), (True, 5), (False, 0)])
+def test_real_time_priority_is_taken_where_it_is_granted_and_left_by_a_run_that_is_too_slow(
+    tmp_path, monkeypatch, granted, nice
+):
+    policies, said = [os.SCHED_OTHER], []
+
+    def set_policy(pid, policy, parameter):
+        if not granted:
+            raise PermissionError
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_setscheduler", set_policy)
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: policies[-1])
+    monkeypatch.setattr(os, "nice", lambda more: nice)
+    taken = granted and not nice
+    (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides=PLAIN)
+    session = Session(one, tmp_path / "run", Settings(duration=0.03), tell=said.append)
+    wait = session.pace.wait
+
+    def late(simulated):
+        session.pace.slips += session.pace.lateness.count == 9
+        return wait(simulated)
+
+    session.pace.wait = late
+    assert session.run(stop=lambda: False).ok
+    assert policies == ([os.SCHED_OTHER, os.SCHED_RR, os.SCHED_OTHER] if taken else [os.SCHED_OTHER])
+    assert [text for text in said if "too slow" in text] == [
+        "this machine is too slow for ticks at real-time priority: others come first again"
+    ] * taken
+
+
+def test_energy_from_nowhere_is_told_though_samples_are_made_later(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "asrsim.simulation.divergence.EnergyGuard.fault", lambda self, energy, **rest: ("joint_2", "it has too much")
+    )
+    _, summary = run_live(tmp_path / "run", Script([]), changes=PLAIN, duration=0.1)
+    assert summary.status == "diverged"
+    assert "joint_2" in summary.message
+    assert open_log(tmp_path / "run" / "log.mcap").status == "diverged"
+
+
+def test_quantiles_of_lateness():
+    late, chance = Lateness(), np.random.default_rng(0)
+    values = 10 ** chance.uniform(-5, -1, 20_000)
+    for value in values:
+        late.add(float(value))
+    for share in (0.5, 0.99):
+        assert late.quantile(share) == pytest.approx(np.quantile(values, share), rel=0.07)
+    assert late.worst == values.max()
+
+
+def test_the_status_line_says_how_the_run_stands(monkeypatch, capsys):
+    from asrsim.cli import live_status
+
+    figures = {"busy": 1.0, "late_p50": 0.002, "late_p99": 0.03, "commands": 7, "clamped": {"a": 2}, "dropped": {}, "lost": 0}
+    session = SimpleNamespace(figures=lambda: figures, simulation=SimpleNamespace(time=3.0), paused=False)
+    monkeypatch.setattr(live_status.clock, "perf_counter", lambda: 10.0)
+    line = live_status.StatusLine(show=True)
+    line.show(session)
+    assert capsys.readouterr().err == ""
+    line._shows = True
+    monkeypatch.setattr(live_status.clock, "perf_counter", lambda: 14.0)
+    line.show(session)
+    expected = "     3.00 s  0.75 x real time  load  25 %  late 2.00 ms, p99 30.00 ms  7 commands, 2 clamped"
+    assert capsys.readouterr().err.rpartition("\x1b[K")[2] == expected

@@ -1,0 +1,435 @@
+"""Killed writers, cut files, full disks, foreign and damaged files: nothing that was written is lost, nothing crashes."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import suppress
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.records import Footer, Header
+
+from asrsim.errors import LogError, OutputError
+from asrsim.log import LogWriter, open_log, read_log
+from asrsim.log.chunks import read_chunk
+from asrsim.log.columns import ColumnReader
+from asrsim.log.container import DATA_END, McapStorage
+from asrsim.log.description import info_from
+from asrsim.log.structure import split_records
+from asrsim.samples import Samples
+from support.log_example import INFO, assert_same, example_samples, part
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+COUNT = 6000
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return example_samples(COUNT)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> bytes:
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    with LogWriter(path, INFO) as writer:
+        writer.write(samples)
+    return path.read_bytes()
+
+
+def official_times(path: Path) -> list[float]:
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        return [np.frombuffer(message.data, "<f8", 1, 4)[0] for _, _, message in reader.iter_messages("/asrsim/time")]
+
+
+WRITE_FOREVER = textwrap.dedent(
+    """
+    import sys
+    from dataclasses import replace
+    sys.path.insert(0, {tests!r})
+    from support.log_example import INFO, example_samples
+    from asrsim.log import LogWriter
+    writer = LogWriter({path!r}, INFO)
+    step = INFO.step * INFO.log_every
+    chunk = example_samples(500)
+    index = 0
+    print("begun", flush=True)
+    while True:
+        writer.write(replace(chunk, time=chunk.time + index * 500 * step))
+        index += 1
+    """
+)
+
+
+def write_and_kill(path: Path, chunks_size: int, pause: float) -> None:
+    code = WRITE_FOREVER.format(tests=str(ROOT / "tests"), path=str(path))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        until = time.monotonic() + 30
+        while path.stat().st_size < chunks_size and time.monotonic() < until:
+            time.sleep(0.001)
+        time.sleep(pause)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+
+
+def check_killed(path: Path) -> None:
+    log = read_log(path)
+    assert (log.truncated, log.status) == (True, "truncated")
+    assert log.info == INFO
+    count = len(log.samples.time)
+    assert count >= 1000
+    index = np.tile(np.arange(500), count // 500 + 1)[:count]
+    expected = example_samples(500).values["motor_1_position"][index]
+    np.testing.assert_array_equal(log.samples.values["motor_1_position"], expected)
+    assert official_times(path) == log.samples.time.tolist()
+
+
+def test_a_killed_writer_leaves_whole_chunks(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_and_kill(path, 5_000_000, 0.0)
+    check_killed(path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("attempt", range(30))
+def test_killed_at_any_moment(tmp_path: Path, attempt: int) -> None:
+    path = tmp_path / "run.mcap"
+    write_and_kill(path, 5_000_000, attempt * 0.0017)
+    check_killed(path)
+
+
+def test_a_log_is_readable_while_it_is_written(tmp_path: Path, samples: Samples) -> None:
+    from rosbags.highlevel import AnyReader
+
+    path = tmp_path / "run.mcap"
+    writer = LogWriter(path, INFO)
+    assert len(read_log(path).samples.time) == 0
+    seen = set()
+    with AnyReader([path]) as reader:
+        assert reader.message_count == 0
+    for start in range(0, COUNT, 500):
+        writer.write(part(samples, slice(start, start + 500)))
+        log = read_log(path)
+        assert log.truncated
+        assert_same(log.samples, part(samples, slice(0, len(log.samples.time))))
+        seen.add(len(log.samples.time))
+    assert len(seen) > 4
+    with AnyReader([path]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    assert counts["/joint_states"] == counts["/lever/details"] == max(seen)
+    writer.close()
+    assert_same(read_log(path).samples, samples)
+
+
+def test_every_write_leaves_a_file_for_the_official_reader(
+    tmp_path: Path, samples: Samples, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process may be killed between any two writes to the file: there, too, the file is whole."""
+    path = tmp_path / "run.mcap"
+    counts = []
+    write = os.write
+
+    def watched(file: int, data: bytes) -> int:
+        written = write(file, data)
+        times = official_times(path)
+        assert times == samples.time[: len(times)].tolist()
+        assert len(read_log(path).samples.time) == len(times)
+        counts.append(len(times))
+        return written
+
+    monkeypatch.setattr(os, "write", watched)
+    with LogWriter(path, INFO) as writer:
+        writer.write(part(samples, slice(0, 1400)))
+    assert counts == sorted(counts)
+    assert set(counts) == {0, writer.chunk_samples, 1400}
+
+
+def test_cut_anywhere_it_is_read_or_refused(tmp_path: Path, whole: bytes, samples: Samples) -> None:
+    path = tmp_path / "cut.mcap"
+    rng = np.random.default_rng(0)
+    described = whole.index(b"asrsim_version")
+    cuts = [*rng.integers(0, len(whole), 40), *range(len(whole) - 200, len(whole), 7), 1, 8, 9, described]
+    counts = []
+    for cut in cuts:
+        path.write_bytes(whole[:cut])
+        try:
+            log = read_log(path)
+        except LogError:
+            assert cut < described
+            continue
+        assert log.truncated
+        assert_same(log.samples, part(samples, slice(0, len(log.samples.time))))
+        counts.append(len(log.samples.time))
+    assert COUNT in counts
+    assert 0 in counts
+    assert len(set(counts)) > 4
+
+
+def test_flipped_bytes_never_pass_unseen_nor_crash(tmp_path: Path, whole: bytes, samples: Samples) -> None:
+    path = tmp_path / "bad.mcap"
+    rng = np.random.default_rng(1)
+    refused = 0
+    for place in rng.integers(0, len(whole), 60):
+        data = bytearray(whole)
+        data[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        try:
+            log = read_log(path)
+        except LogError:
+            refused += 1
+        else:
+            assert_same(log.samples, part(samples, slice(0, len(log.samples.time))))
+    assert refused > 20
+
+
+def test_a_damaged_chunk_is_named_by_its_time(tmp_path: Path, whole: bytes) -> None:
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(whole)
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    chunk = sorted(chunks, key=lambda one: one.message_start_time)[1]
+    data = bytearray(whole)
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(LogError, match=re.escape(f"(at {chunk.message_start_time * 1e-9:g} s)")):
+        read_log(path)
+
+
+def test_a_hole_at_the_end_of_a_cut_file(tmp_path: Path, whole: bytes) -> None:
+    """After a power cut the last blocks may be zeros."""
+    path = tmp_path / "zeros.mcap"
+    path.write_bytes(whole[: len(whole) // 2] + bytes(len(whole) // 2))
+    log = read_log(path)
+    assert log.truncated
+    assert 1000 < len(log.samples.time) < COUNT
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [
+        (b"", "empty-log"),
+        (b"time,q\n0,0\n", "not-mcap"),
+        (b"\x89MCAP0\r\n", "foreign-log"),
+        (b"\x89MCAP0\r\n" + b"\xff" * 5000, "foreign-log"),
+    ],
+)
+def test_files_that_are_no_logs(tmp_path: Path, content: bytes, code: str) -> None:
+    path = tmp_path / "file.mcap"
+    path.write_bytes(content)
+    with pytest.raises(LogError) as caught:
+        open_log(path)
+    assert caught.value.problems[0].code == code
+    assert caught.value.problems[0].file == path
+
+
+def test_an_mcap_of_somebody_else(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_attachment(0, 0, "notes.txt", "text/plain", b"hello")
+        writer.finish()
+    with pytest.raises(LogError, match="not written by asrsim"):
+        read_log(path)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.mcap", tmp_path):
+        with pytest.raises(LogError, match="cannot read"):
+            read_log(path)
+
+
+def test_unwritable_places(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "none" / "run.mcap"):
+        with pytest.raises(OutputError, match=r"cannot (write|be written)"):
+            LogWriter(path, INFO)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_device_without_space() -> None:
+    with pytest.raises(OutputError, match="No space left"):
+        LogWriter("/dev/full", INFO)
+
+
+@pytest.mark.parametrize("spare", [0, 30, 5000, 200_000])
+def test_a_full_disk_keeps_what_is_written(tmp_path: Path, samples: Samples, spare: int) -> None:
+    path = tmp_path / "run.mcap"
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = LogWriter(path, INFO)
+    writer.write(part(samples, slice(0, 3000)))
+    kept = len(read_log(path).samples.time)
+    size = path.stat().st_size
+    assert kept > 1000
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + spare, old[1]))
+        with pytest.raises(OutputError, match="File too large"):
+            writer.write(part(samples, slice(3000, COUNT)))
+        with pytest.raises(OutputError, match="closed"):
+            writer.write(part(samples, slice(0, 1)))
+        assert path.stat().st_size == size
+        if spare < 10_000:
+            with pytest.raises(OutputError, match="File too large"):
+                writer.close({"status": "failed"})
+        else:
+            writer.close({"status": "failed"})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    log = read_log(path)
+    assert_same(log.samples, part(samples, slice(0, kept)))
+    assert official_times(path) == samples.time[:kept].tolist()
+    assert log.status == ("truncated" if spare < 10_000 else "failed")
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, call: int, part: int) -> list[int]:
+    """The `call`-th write from now on takes only some bytes, and the one after it none; gives how many were asked for."""
+    asked: list[int] = []
+    write = os.write
+
+    def faulty(file: int, data: memoryview) -> int:
+        asked.append(len(data))
+        if len(asked) == call and part < len(data):
+            return write(file, data[:part]) if part else faulty(file, data)
+        if len(asked) == call + 1:
+            raise OSError(28, "No space left on device")
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", faulty)
+    return asked
+
+
+@pytest.mark.parametrize("size", [5, 36, 37, 38, 4000])
+@pytest.mark.parametrize("part", [0, 1, 20])
+def test_an_append_that_fails_anywhere_leaves_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int, part: int
+) -> None:
+    """Whichever of its writes fails, and after how many bytes; the next one succeeds."""
+    first, second, third = (bytes([0x80 + i]) + (size - 9).to_bytes(8, "little") + bytes(size - 9) if size > 9 else b"abcde"
+                            for i in range(3))  # fmt: skip
+    header, footer = Header(profile="", library="x"), Footer(summary_start=0, summary_offset_start=0, summary_crc=0)
+    whole = McapStorage(tmp_path / "whole.mcap", header, b"")
+    for body in (first, second, third):
+        whole.append(body)
+    whole.finish(DATA_END, footer)
+    for call in range(4):
+        path = tmp_path / f"{call}.mcap"
+        storage = McapStorage(path, header, b"")
+        storage.append(first)
+        before = path.read_bytes()
+        with monkeypatch.context() as patch:
+            asked = failing(patch, call, part)
+            with suppress(OutputError):
+                storage.append(second)
+        if len(asked) > call:
+            assert path.read_bytes() == before
+            assert storage.size == len(before) - len(DATA_END) - 37
+            storage.append(second)
+        assert len(asked) > call or call >= (1 if size < 50 else 3)
+        storage.append(third)
+        storage.finish(DATA_END, footer)
+        assert path.read_bytes() == (tmp_path / "whole.mcap").read_bytes()
+
+
+def test_writes_that_take_only_some_bytes_go_on_with_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, samples: Samples, whole: bytes
+) -> None:
+    write, sizes = os.write, cycle((1, 700, 13))
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, data[: next(sizes)]))
+    with LogWriter(tmp_path / "run.mcap", INFO) as writer:
+        writer.write(samples)
+    assert (tmp_path / "run.mcap").read_bytes() == whole
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_log_that_cannot_be_begun_leaves_no_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, there: bool) -> None:
+    path = tmp_path / "run.mcap"
+    if there:
+        path.write_bytes(b"")
+    failing(monkeypatch, 0, 0)
+    with pytest.raises(OutputError, match="No space left"):
+        McapStorage(path, Header(profile="", library="x"), b"")
+    assert path.exists() == there
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_duration(tmp_path: Path) -> None:
+    import tracemalloc
+    from dataclasses import replace
+
+    chunk = example_samples(1000)
+    span = 1000 * INFO.step * INFO.log_every
+
+    def peaks(count: int) -> tuple[int, int]:
+        """Peak memory in bytes of writing and of reading `count` thousand samples."""
+        path = tmp_path / "run.mcap"
+        tracemalloc.start()
+        with LogWriter(path, INFO) as writer:
+            for index in range(count):
+                writer.write(replace(chunk, time=chunk.time + index * span))
+        written = tracemalloc.get_traced_memory()[1]
+        tracemalloc.reset_peak()
+        total = sum(len(part.time) for part in open_log(path).iter_samples())
+        read = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert total == count * 1000
+        return written, read
+
+    short, long = peaks(10), peaks(400)
+    assert long[0] < short[0] + 2_000_000
+    assert long[1] < short[1] + 2_000_000
+
+
+@pytest.mark.parametrize(("place", "value"), [(0, 0x06), (0, 0xFF), (1, 0x01), (9, 0xEE)])
+def test_a_row_with_another_record_in_it_is_refused(whole: bytes, tmp_path: Path, place: int, value: int) -> None:
+    """Opcode, length and channel of every record must be those of the first row: numbers are read by their place alone."""
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    log = open_log(path)
+    with path.open("rb") as file:
+        data = bytearray(read_chunk(file, log._structure.chunks[0]))
+    names = {name for joint in INFO.joints for name in joint.quantities}
+    joints = {joint.name for joint in INFO.joints}
+    reader = ColumnReader(log._structure.channels)
+    assert reader.read(bytes(data), names, joints)
+    messages = [
+        start
+        for opcode, start, _ in split_records(bytes(data))
+        if opcode == Opcode.MESSAGE and reader._columns.get(int.from_bytes(data[start : start + 2], "little"))
+    ]
+    # Of the second row on.
+    for start in (messages[len(messages) // 2], messages[-3]):
+        changed = bytearray(data)
+        changed[start - 9 + place] = value if changed[start - 9 + place] != value else value - 1
+        with pytest.raises(ValueError, match="rows of a chunk differ"):
+            reader.read(bytes(changed), names, joints)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("log_every", 0), ("log_every", -1), ("step", 0.0), ("step", -1e-3), ("step", 1e301)]
+)
+def test_a_description_without_a_step_is_damaged(whole: bytes, tmp_path: Path, key: str, value: float) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(whole)
+    attachments = dict(open_log(path)._structure.attachments)
+    (name,) = (name for name, data in attachments.items() if b'"log_every"' in data and b'"format"' in data)
+    attachments[name] = json.dumps({**json.loads(attachments[name]), key: value}).encode()
+    with pytest.raises(LogError, match="larger than 0"):
+        info_from(attachments)

@@ -1,0 +1,150 @@
+"""`/tf` and `/tf_static` of a log: where viewers see the links is where the engine has them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+import asrsim
+from asrsim.log import LogWriter
+from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.simulation.describe import link_frames
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
+from support.paths import EXAMPLES
+from support.random_robots import random_urdf
+
+
+def matrix(transform):
+    x, y, z, w = (getattr(transform.rotation, name) for name in "xyzw")
+    result = np.eye(4)
+    result[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    result[:3, 3] = [getattr(transform.translation, name) for name in "xyz"]
+    return result
+
+
+def transforms(path):
+    """Topic -> [(time in s, {child: (parent, frame)})]."""
+    found = {"/tf": [], "/tf_static": []}
+    with path.open("rb") as file:
+        for _, channel, message, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            if channel.topic in found:
+                frames = {one.child_frame_id: (one.header.frame_id, matrix(one.transform)) for one in decoded.transforms}
+                stamps = {one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in decoded.transforms}
+                assert stamps == {message.log_time}
+                found[channel.topic].append((message.log_time * 1e-9, frames))
+    return found
+
+
+def placed(link, frames):
+    """Frame of a link in the world."""
+    pose = np.eye(4)
+    while link in frames:
+        link, step = frames[link]
+        pose = step @ pose
+    assert link in ("world", "map")
+    return pose
+
+
+@pytest.mark.parametrize("robot", ["dof2_vertical", "dof5_arm"])
+def test_links_stand_where_the_engine_has_them(tmp_path, robot):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        f"robot: {EXAMPLES}/urdf/{robot}.urdf\nduration: 0.3\ntf_rate: 20\nsubstep_cap: 1000\ncompiled: false\n"
+        "base: {position: [0.1, 0.2, 0.3], rpy: [0.1, 0.4, -0.2]}\n"
+        "references: {'*': {equilibrium_position: 0.7, stiffness_preset: 0.1}}\nmodes: 6\n"
+    )
+    result = asrsim.run(path, out=tmp_path / "out")
+    found = transforms(result.log)
+    assert [time for time, _ in found["/tf_static"]] == [0.0]
+    moving = [entry for entry in found["/tf"] if set(entry[1]) & {j.child for j in result.run.robot.moving_joints}]
+    assert [round(time, 9) for time, _ in moving] == pytest.approx(np.arange(0.0, 0.301, 0.05))
+    compare(path, result)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 8])
+def test_frames_of_any_tree_are_those_of_the_engine(tmp_path, seed):
+    """Sliding and turning joints about any axis, in frames that are turned, with links that fixed joints hold."""
+    (tmp_path / "robot.urdf").write_text(random_urdf(seed))
+    path = tmp_path / "scenario.yaml"
+    path.write_text("robot: robot.urdf\nduration: 0.1\ntf_rate: 20\ncompiled: false\nbase: {rpy: [0.5, -0.3, 0.8]}\n")
+    compare(path, asrsim.run(path, out=tmp_path / "out"))
+
+
+def compare(path, result):
+    """The log's frames at the end with those of the engine."""
+    found = transforms(result.log)
+    moved = {joint.child for joint in result.run.robot.moving_joints}
+    time, frames = [entry for entry in found["/tf"] if set(entry[1]) & moved][-1]
+    still = found["/tf_static"][0][1] if found["/tf_static"] else {}
+    engine = prepare(path).make_engine()
+    row = round(time / result.run.scenario.step)
+    positions = [result[joint]["link_position"][row] for joint in engine.joints]
+    for link in engine.model.links:
+        point, rotation, _ = engine.model.link_point(link, (0.0, 0.0, 0.0), positions)
+        pose = placed(link, {**still, **frames})
+        np.testing.assert_allclose(pose[:3, 3], point, atol=1e-6)
+        np.testing.assert_allclose(pose[:3, :3], rotation, atol=1e-6)
+    engine.close()
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("size", [1, 3, 1000])
+def test_every_frame_is_written_once_however_the_log_is_cut(tmp_path, size, every):
+    """A frame of a chunk's last sample belongs to it, and to no other."""
+    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+    one = simulate(asrsim.load_scenario(path, variant="soft", overrides={"duration": 0.05, "expect": []})[0])
+    # Times of which many lie a little below a whole ns in binary.
+    one = replace(one, samples=replace(one.samples, time=0.0017 * np.arange(len(one.samples.time))))
+    assert np.any(np.floor(one.samples.time * 1e9) != np.rint(one.samples.time * 1e9))
+    info = replace(one.info, frame_rate=1.0 / (every * 0.0017))
+    with LogWriter(tmp_path / "a.mcap", info) as writer:
+        for start in range(0, len(one.samples.time), size):
+            cut = slice(start, start + size)
+            values = {name: table[cut] for name, table in one.samples.values.items()}
+            writer.write(replace(one.samples, time=one.samples.time[cut], values=values))
+            writer.flush()
+    moving, still = transforms(tmp_path / "a.mcap").values()
+    assert [time for time, _ in moving] == pytest.approx(one.samples.time[::every])
+    assert len(still) <= 1
+
+
+def test_no_rate_no_frames(tmp_path):
+    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+    result = asrsim.run(path, variant="soft", overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
+    assert transforms(result.log) == {"/tf": [], "/tf_static": []}
+
+
+@pytest.mark.parametrize("rpy", [(0.3, -1.2, 2.0), (3.0, 1.5707963, -0.4), (0.0, 0.0, 0.0)])
+def test_quaternions_are_the_rotations_that_they_stand_for(rpy):
+    x, y, z, w = quaternion(rpy)
+
+    class Turn:
+        rotation = type("Q", (), {"x": x, "y": y, "z": z, "w": w})
+        translation = type("V", (), {"x": 0.0, "y": 0.0, "z": 0.0})
+
+    np.testing.assert_allclose(matrix(Turn)[:3, :3], rotation_matrix(rpy), atol=1e-12)
+
+
+@pytest.mark.parametrize("root", ["world", "base_link"])
+@pytest.mark.parametrize(
+    "pose", [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)), ((0.0,) * 3, (0.1, 0.0, 0.0))]
+)
+@pytest.mark.parametrize("fixed", [True, False])
+def test_the_root_has_a_frame_wherever_it_is_not_the_world_itself(root, pose, fixed):
+    """One that floats is a body; the world that the scenario moves stands in another."""
+    position, rpy = pose
+    scenario = SimpleNamespace(fixed_base=fixed, base_position=position, base_rpy=rpy)
+    frames = link_frames(scenario, SimpleNamespace(joints=(), root=SimpleNamespace(name=root)))
+    told = [(frame.parent, frame.child, frame.position, frame.rotation) for frame in frames]
+    wanted = ("map" if root == "world" else "world", root, position, quaternion(rpy))
+    assert told == ([wanted] if fixed and (root != "world" or any((*position, *rpy))) else [])

@@ -1,0 +1,129 @@
+"""Whatever writes a log: the log alone repeats the run bit for bit, and is judged by the claims that are its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import LogError
+from asrsim.log import open_log
+from asrsim.plots.claims import judge
+from asrsim.reproduce import Lab
+from asrsim.robot import load_robot, with_overrides
+from asrsim.runs.repeat import repeat
+from asrsim.scenario import load_scenario
+from asrsim.scenario.data import Effects
+from asrsim.signals.base import Signal
+from asrsim.signals.sampled import Sampled
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+EXAMPLES = ROOT / "examples/scenarios"
+
+
+def as_file(folder: Path) -> list[Path]:
+    """`asrsim run`: a task, a body, claims about both."""
+    path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
+    result = asrsim.run(
+        EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4", path], out=folder, certify=True
+    )
+    return [result.log]
+
+
+def as_learned(folder: Path) -> list[Path]:
+    """`asrsim ilc`, every trial and the last."""
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.session import run_session
+
+    motion = "ilc.trajectory={'*': {minimum_jerk: {duration: 1, to: 0.8}}}"
+    short = ["duration=1", "ilc.max_iterations=2", motion]
+    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=short)
+    for keep in ("all", "last"):
+        run_session(make_plant(scenario), folder / keep, keep_logs=keep, picture=False)
+    return sorted(folder.rglob("*.mcap"))
+
+
+def as_transferred(folder: Path) -> list[Path]:
+    """A drawn plant: another mass, damping, friction, stiffness and delay."""
+    from asrsim.learning.plant import make_plant
+    from asrsim.learning.transfer import perturbed
+
+    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=["duration=0.3"])
+    plant = make_plant(scenario)
+    draw = {"mass.joint_1": 0.3, "damping.joint_2": 0.5, "friction.joint_1": -0.2, "delay": 0.01}
+    other = perturbed(plant, draw)
+    wave = 0.3 * np.sin(9.0 * plant.reference)
+    return [asrsim.run(other.with_inputs(wave), robot=other.robot, out=folder).log]
+
+
+def as_reproduced(folder: Path) -> list[Path]:
+    """The lab of `asrsim reproduce`, with other parameters."""
+    lab = Lab(folder=folder)
+    lab.run("sine_2dof", "soft", overrides=["duration=0.3", "link_damping={'*': {constant: 0.3}}"], label="damped")
+    return sorted(folder.rglob("*.mcap"))
+
+
+def as_changed(folder: Path) -> list[Path]:
+    """The library: a scenario and a robot that were changed after they were read."""
+    (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.3"])
+    robot = load_robot(scenario.robot)
+    losses = {"damping": 0.2, "friction": 0.01, "effort": 2.0}
+    joints = tuple(
+        replace(joint, **losses, origin=(*joint.origin[:2], joint.origin[2] + 0.01)) if joint.moves else joint
+        for joint in robot.joints
+    )
+    links = tuple(replace(link, mass=link.mass * 1.1) if link.mass else link for link in robot.links)
+    robot = with_overrides(replace(robot, joints=joints, links=links), parameters={"joint_1": {"spring_k_1": 0.05}})
+    name = next(iter(scenario.references_of("joint_1")))
+    signal = Sampled(times=np.linspace(0.0, 0.3, 7), samples=np.array([0.0, -0.0, 0.1, 0.2, 0.1, 0.3, 0.25]))
+    changed = replace(
+        scenario, robot=scenario.robot, gravity=(0.0, 1.0, -3.0), initial_positions={"joint_1": 0.2}, seed=5, log_every=2,
+        references={**scenario.references, "joint_1": {**scenario.references_of("joint_1"), name: signal}},
+        command_effects={"*": Effects(delay=0.003, noise=0.001)}, substeps=3, expect=(),
+    )  # fmt: skip
+    return [asrsim.run(changed, robot=robot, out=folder).log]
+
+
+PRODUCERS = (as_file, as_learned, as_transferred, as_reproduced, as_changed)
+
+
+@pytest.mark.parametrize("produce", PRODUCERS)
+def test_a_log_alone_repeats_its_run_and_is_judged_by_its_own_claims(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, produce: Callable[[Path], list[Path]]
+):
+    logs = produce(tmp_path / "made")
+    assert logs
+    for log in logs:
+        verdicts = judge(open_log(log))
+        assert any(verdict.expectation.body for verdict in verdicts) if produce is as_file else verdicts == ()
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for log in logs:
+        again = repeat(log, out=tmp_path / "again" / log.stem)
+        assert not again.differences, f"{log}: {again.differences[0]}"
+        assert again.identical
+        # And so does the log of the repetition.
+        assert repeat(again.log).identical
+
+
+class Odd(Signal):
+    """A signal of a library user, which no document can say."""
+
+    kind = "odd"
+
+    def values(self, time):
+        return 0.1 * np.sin(30.0 * time)
+
+
+def test_what_no_document_can_say_is_said_in_the_log(tmp_path: Path):
+    (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.1"])
+    references = {**scenario.references, "joint_1": {"equilibrium_position": Odd()}}
+    log = asrsim.run(replace(scenario, references=references, expect=()), out=tmp_path).log
+    with pytest.raises(LogError, match=r"cannot be repeated: .*references"):
+        repeat(log)

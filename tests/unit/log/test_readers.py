@@ -1,0 +1,326 @@
+"""The same numbers for every reader: the official one with CRC validation, mcap-ros2-support, and rosbags."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Channel, DataEnd, Schema
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+
+from asrsim.log import LogWriter, read_log
+from asrsim.log.structure import read_structure
+from asrsim.samples import Samples
+from support.log_example import INFO, example_samples
+
+pytestmark = pytest.mark.once
+
+COUNT = 1500
+BODIES, CONTACTS = ("box", "ball"), ("box/ground", "box/finger-1")
+TIMES = [round(0.002 * 1e9) * n for n in range(COUNT)]
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return example_samples(COUNT, bodies=BODIES, contacts=CONTACTS)
+
+
+@pytest.fixture(scope="module")
+def log_path(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    with LogWriter(path, INFO) as writer:
+        writer.write(samples)
+    return path
+
+
+@pytest.fixture(scope="module")
+def decoded(log_path: Path) -> dict[str, list[tuple[int, Any]]]:
+    """Topic -> (log time, message), by the official reader and mcap-ros2-support."""
+    found: dict[str, list[tuple[int, Any]]] = {}
+    with log_path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, value in reader.iter_decoded_messages():
+            assert message.log_time == message.publish_time
+            found.setdefault(channel.topic, []).append((message.log_time, value))
+    return found
+
+
+def same(left: Any, right: Any) -> bool:
+    """Equal bit for bit, also NaN."""
+    return struct.pack("<d", left) == struct.pack("<d", right)
+
+
+def test_what_the_file_counts_is_what_is_in_it(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        counts = summary.statistics
+        times = [message.log_time for _, _, message in reader.iter_messages()]
+        assert counts.message_count == len(times) == sum(counts.channel_message_counts.values())
+        assert (counts.message_start_time, counts.message_end_time) == (min(times), max(times))
+        assert counts.attachment_count == len(list(reader.iter_attachments())) == len(summary.attachment_indexes)
+        assert counts.metadata_count == len(list(reader.iter_metadata())) == len(summary.metadata_indexes)
+    assert (counts.channel_count, counts.schema_count) == (len(summary.channels), len(summary.schemas))
+    assert counts.chunk_count == len(summary.chunk_indexes) > 1
+
+
+def test_topics_and_types(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary is not None
+        types = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    joint_state, number = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64"
+    link_state, details = "asrsim_msgs/msg/LinkState", "asrsim_msgs/msg/JointDetails"
+    vector = "geometry_msgs/msg/Vector3Stamped"
+    assert types == {
+        "/robot_description": "std_msgs/msg/String",
+        "/asrsim/time": number,
+        "/arm/right/shoulder/link_state": link_state,
+        "/arm/right/shoulder/motor_1_state": joint_state,
+        "/arm/right/shoulder/motor_2_state": joint_state,
+        "/arm/right/shoulder/torque_el1_state": number,
+        "/arm/right/shoulder/torque_el2_state": number,
+        "/arm/right/shoulder/equilibrium_position": number,
+        "/arm/right/shoulder/stiffness_preset": number,
+        "/arm/right/shoulder/external_torque": number,
+        "/arm/right/shoulder/details": details,
+        "/arm/right/shoulder/motor_1_voltage": number,
+        "/arm/right/_lbow_2/link_state": link_state,
+        "/arm/right/_lbow_2/motor_1_state": joint_state,
+        "/arm/right/_lbow_2/torque_el1_state": number,
+        "/arm/right/_lbow_2/reference_1": number,
+        "/arm/right/_lbow_2/external_torque": number,
+        "/arm/right/_lbow_2/details": details,
+        "/slide/link_state": link_state,
+        "/lever/link_state": link_state,
+        "/lever/motor_1_state": joint_state,
+        "/lever/motor_2_state": joint_state,
+        "/lever/torque_el1_state": number,
+        "/lever/torque_el2_state": number,
+        "/lever/motor_1_command": number,
+        "/lever/motor_2_command": number,
+        "/lever/external_torque": number,
+        "/lever/details": details,
+        "/lever/temperature": number,
+        "/arm/right/robot_state": joint_state,
+        "/arm/right/motor_1_state": joint_state,
+        "/arm/right/motor_2_state": joint_state,
+        "/robot_state": joint_state,
+        "/motor_1_state": joint_state,
+        "/motor_2_state": joint_state,
+        "/joint_states": joint_state,
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/contacts/box/ground": vector,
+        "/contacts/box/finger_1": vector,
+    }
+
+
+def test_what_ros2_bag_needs(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    assert summary is not None
+    assert all(channel.metadata["offered_qos_profiles"] == "" for channel in summary.channels.values())
+    assert all(channel.message_encoding == "cdr" for channel in summary.channels.values())
+    assert all(schema.encoding == "ros2msg" for schema in summary.schemas.values())
+    statistics = summary.statistics
+    assert statistics is not None
+    assert (statistics.message_start_time, statistics.message_end_time) == (0, TIMES[-1])
+    assert statistics.chunk_count == len(summary.chunk_indexes) > 1
+    assert set(statistics.channel_message_counts) == set(summary.channels)
+    assert statistics.message_count == 1 + COUNT * (len(summary.channels) - 1)
+
+
+def test_statistics_count_what_is_there(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary is not None
+        file.seek(0)
+        counts = Counter(channel.id for _, channel, _ in NonSeekingReader(file, validate_crcs=True).iter_messages())
+        assert summary.statistics is not None
+        assert summary.statistics.channel_message_counts == counts
+
+
+def test_message_indexes_point_at_their_messages(log_path: Path) -> None:
+    from mcap.records import Chunk, ChunkIndex, MessageIndex
+    from mcap.stream_reader import StreamReader, get_chunk_data_stream
+
+    with log_path.open("rb") as file:
+        records = list(StreamReader(file, emit_chunks=True, validate_crcs=True).records)
+    places = [index for index, record in enumerate(records) if isinstance(record, Chunk)]
+    chunk_indexes = [record for record in records if isinstance(record, ChunkIndex)]
+    assert len(places) == len(chunk_indexes)
+    checked = 0
+    for place, chunk_index in zip(places, chunk_indexes, strict=True):
+        chunk = records[place]
+        assert isinstance(chunk, Chunk)
+        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+        data = stream.read(size)
+        indexes = []
+        for record in records[place + 1 :]:
+            if not isinstance(record, MessageIndex):
+                break
+            indexes.append(record)
+        assert [index.channel_id for index in indexes] == list(chunk_index.message_index_offsets)
+        for index in indexes:
+            for time, offset in index.records:
+                opcode, _, channel, _, log_time = struct.unpack_from("<BQHIQ", data, offset)
+                assert (opcode, channel, log_time) == (5, index.channel_id, time)
+                checked += 1
+        raw = log_path.read_bytes()
+        for channel, offset in chunk_index.message_index_offsets.items():
+            assert struct.unpack_from("<BQH", raw, offset)[::2] == (7, channel)
+    assert checked == 1 + COUNT * 38
+
+
+def test_attachments_and_metadata_with_the_official_reader(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        attachments = {attachment.name: attachment for attachment in reader.iter_attachments()}
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+    assert attachments["robot.urdf"].data.decode() == INFO.urdf
+    assert attachments["scenario.yaml"].data.decode() == INFO.scenario
+    assert attachments["attachments/raw"].data == bytes(range(256))
+    assert {"run.json", "resolved.json"} < set(attachments)
+    assert {attachment.log_time for attachment in attachments.values()} == {0}
+    assert metadata["asrsim"]["seed"] == "7"
+    assert metadata["asrsim_result"]["status"] == "complete"
+
+
+def test_numbers_with_mcap_ros2_support(decoded: dict[str, list[tuple[int, Any]]], samples: Samples) -> None:
+    values = samples.values
+    assert [value.data for _, value in decoded["/robot_description"]] == [INFO.urdf]
+    assert [time for time, _ in decoded["/asrsim/time"]] == TIMES
+    assert [value.data for _, value in decoded["/asrsim/time"]] == samples.time.tolist()
+    for n, (_, state) in enumerate(decoded["/arm/right/shoulder/link_state"]):
+        assert state.header.stamp.sec * 10**9 + state.header.stamp.nanosec == TIMES[n]
+        got = (state.q, state.dq, state.ref_1, state.ref_2, state.tau, state.stiff)
+        names = ("link_position", "link_velocity", "reference_1", "reference_2", "link_torque", "stiffness")
+        assert all(same(number, values[name][n, 0]) for number, name in zip(got, names, strict=True))
+    for n, (_, state) in enumerate(decoded["/arm/right/motor_1_state"]):
+        assert state.name == ["shoulder", "élbow-2"]
+        assert all(same(a, b) for a, b in zip(state.effort, values["motor_1_torque"][n, :2], strict=True))
+    for n, (_, state) in enumerate(decoded["/joint_states"]):
+        assert state.name == list(samples.joints)
+        assert all(same(a, b) for a, b in zip(state.position, values["link_position"][n], strict=True))
+    for n, (_, value) in enumerate(decoded["/lever/motor_2_command"]):
+        assert same(value.data, values["reference_2"][n, 3])
+    for n, (_, value) in enumerate(decoded["/lever/details"]):
+        assert same(value.spring_energy, values["spring_energy"][n, 3])
+    for n, (_, message) in enumerate(decoded["/tf"]):
+        assert [transform.child_frame_id for transform in message.transforms] == list(BODIES)
+        ball = message.transforms[1].transform
+        got = [ball.translation.x, ball.translation.z, ball.rotation.x, ball.rotation.w]
+        assert got == samples.bodies["ball"][n, [0, 2, 3, 6]].tolist()
+    for n, (_, message) in enumerate(decoded["/contacts/box/finger_1"]):
+        vector = message.vector
+        assert [vector.x, vector.y, vector.z] == samples.contacts["box/finger-1"][n].tolist()
+
+
+def test_numbers_with_rosbags(log_path: Path, decoded: dict[str, list[tuple[int, Any]]]) -> None:
+    from rosbags.highlevel import AnyReader
+
+    seen = Counter()
+    with AnyReader([log_path]) as reader:
+        assert reader.message_count == sum(map(len, decoded.values()))
+        for connection, time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            n = seen[connection.topic]
+            seen[connection.topic] += 1
+            log_time, official = decoded[connection.topic][n]
+            assert time == log_time
+            if n % 50 == 0:
+                assert_alike(message, official)
+    assert seen == {topic: len(messages) for topic, messages in decoded.items()}
+
+
+def assert_alike(ours: Any, official: Any) -> None:
+    if isinstance(official, (list, tuple)) or hasattr(official, "tolist"):
+        assert len(ours) == len(official)
+        for a, b in zip(ours, official, strict=True):
+            assert_alike(a, b)
+    elif isinstance(official, float):
+        assert same(ours, official)
+    elif hasattr(official, "__slots__") and not isinstance(official, (str, int, np.generic)):
+        for name in official.__slots__:
+            assert_alike(getattr(ours, name), getattr(official, name))
+    else:
+        assert ours == official
+
+
+def test_time_never_runs_backwards_in_the_file(log_path: Path) -> None:
+    with log_path.open("rb") as file:
+        messages = NonSeekingReader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        times = [message.log_time for _, _, message in messages]
+    assert times == sorted(times)
+
+
+@pytest.fixture(scope="module")
+def compact(tmp_path_factory: pytest.TempPathFactory, samples: Samples) -> Path:
+    path = tmp_path_factory.mktemp("compact") / "run.mcap"
+    info = replace(INFO, resolved={"scenario": {"robot": "arm.urdf", "log": "compact"}})
+    with LogWriter(path, info) as writer:
+        writer.write(samples)
+    return path
+
+
+def test_a_compact_log_holds_the_same_numbers_for_every_reader(log_path: Path, compact: Path, samples: Samples) -> None:
+    from rosbags.highlevel import AnyReader
+
+    whole, small = read_log(log_path).samples, read_log(compact).samples
+    for name in whole.values:
+        assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
+    joint = INFO.joints[0]
+    topic = next(name for name in topics_of(compact) if name.endswith(f"/{joint.name}/state"))
+    with compact.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        official = [value for _, _, _, value in reader.iter_decoded_messages([topic])]
+    with AnyReader([compact]) as reader:
+        chosen = [connection for connection in reader.connections if connection.topic == topic]
+        ours = [reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(chosen)]
+    assert len(official) == len(ours) == COUNT
+    for quantity in joint.quantities:
+        column = samples.values[quantity][:, samples.joints.index(joint.name)]
+        if hasattr(official[0], quantity):
+            assert all(same(getattr(message, quantity), value) for message, value in zip(official, column, strict=True))
+            assert all(same(getattr(message, quantity), value) for message, value in zip(ours, column, strict=True))
+    assert "/joint_states" in topics_of(compact)
+
+
+def test_arrays_of_the_robot_are_there_where_a_manager_asks(tmp_path: Path, log_path: Path, samples: Samples) -> None:
+    without = tmp_path / "run.mcap"
+    with LogWriter(without, replace(INFO, resolved={"scenario": {"robot": "arm.urdf"}})) as writer:
+        writer.write(samples)
+    gone = topics_of(log_path) - topics_of(without)
+    assert {name.rpartition("/")[2] for name in gone} == {"robot_state", "motor_1_state", "motor_2_state", "external_torque"}
+    whole, small = read_log(log_path).samples, read_log(without).samples
+    for name in whole.values:
+        assert np.array_equal(whole.values[name].view(np.uint64), small.values[name].view(np.uint64)), name
+
+
+def topics_of(path: Path) -> set[str]:
+    return {channel.topic for channel in read_structure(path).channels}
+
+
+def test_every_channel_comes_after_its_schema(log_path: Path) -> None:
+    """A reader that goes from the start, or a file that ends early, has no summary to find them in."""
+    known: set[int] = set()
+    channels = 0
+    for record in StreamReader(log_path.open("rb")).records:
+        if isinstance(record, Schema):
+            known.add(record.id)
+        elif isinstance(record, Channel):
+            assert record.schema_id in known
+            channels += 1
+        elif isinstance(record, DataEnd):
+            break
+    assert channels > 3

@@ -1,0 +1,190 @@
+"""Samples and RunInfo go into a log and come out of it bit for bit, whole or in parts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from asrsim.errors import LogError, OutputError
+from asrsim.log import LogWriter, open_log, read_log
+from asrsim.samples import JointInfo, RunInfo, Samples, concatenate
+from support.log_example import INFO, assert_same, example_samples, part
+
+
+@pytest.fixture(scope="module")
+def log_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("log") / "run.mcap"
+    with LogWriter(path, INFO) as writer:
+        writer.write(example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1")))
+        writer.close({"summary": "fine", "error_estimate": "1e-6"})
+    return path
+
+
+@pytest.fixture(scope="module")
+def samples() -> Samples:
+    return example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1"))
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
+def test_round_trip_is_exact(tmp_path: Path, samples: Samples, compression: str) -> None:
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, INFO, compression=compression) as writer:
+        for start in range(0, 3000, 700):
+            writer.write(part(samples, slice(start, start + 700)))
+    log = read_log(path)
+    assert_same(log.samples, samples)
+    assert log.info == INFO
+    assert (log.status, log.truncated) == ("complete", False)
+
+
+def test_result_and_run_metadata(log_path: Path) -> None:
+    reader = open_log(log_path)
+    assert reader.result == {"status": "complete", "samples": "3000", "summary": "fine", "error_estimate": "1e-6"}
+    assert reader.metadata["engine"] == "bullet"
+    assert reader.metadata["log_every"] == "2"
+    assert reader.duration == pytest.approx(2999 * 0.002)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    sizes=st.lists(st.integers(0, 600), max_size=5),
+    numbers=st.lists(st.floats(width=64), min_size=1, max_size=8),
+    step=st.floats(1e-7, 0.5),
+)
+def test_any_numbers_in_any_chunks(tmp_path: Path, sizes: list[int], numbers: list[float], step: float) -> None:
+    info = RunInfo(robot="r", joints=(JointInfo(name="j", actuator="sea", mode=0, quantities=("link_position",)),), step=step)
+    count = sum(sizes)
+    whole = Samples(
+        time=np.arange(count) * step,
+        joints=("j",),
+        values={"link_position": np.resize(np.array(numbers), (count, 1))},
+    )
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, info) as writer:
+        start = 0
+        for size in sizes:
+            writer.write(part(whole, slice(start, start + size)))
+            start += size
+    assert_same(read_log(path).samples, whole)
+
+
+def test_selection_by_quantity_and_joint(log_path: Path, samples: Samples) -> None:
+    log = read_log(log_path, quantities=["motor_1_torque", "link_position"], joints=["lever", "shoulder"])
+    assert log.samples.joints == ("lever", "shoulder")
+    assert list(log.samples.values) == ["motor_1_torque", "link_position"]
+    np.testing.assert_array_equal(log.samples.values["motor_1_torque"], samples.values["motor_1_torque"][:, [3, 0]])
+
+
+@pytest.mark.parametrize("stride", [None, 1, 7, 1000, 5000])
+@pytest.mark.parametrize(("start", "end"), [(None, None), (0.5, 4.0), (0.0, 0.0), (5.9, 99.0)])
+def test_selection_by_time_and_stride(
+    log_path: Path, samples: Samples, start: float | None, end: float | None, stride: int | None
+) -> None:
+    low, high = (-1.0 if start is None else start), (100.0 if end is None else end)
+    chosen = np.flatnonzero((samples.time >= low) & (samples.time <= high))[::stride]
+    log = read_log(log_path, start=start, end=end, stride=stride)
+    np.testing.assert_array_equal(log.samples.time, samples.time[chosen])
+    np.testing.assert_array_equal(log.samples.bodies["ball"], samples.bodies["ball"][chosen])
+
+
+def test_nothing_in_the_time_asked_for(log_path: Path) -> None:
+    empty = read_log(log_path, start=50.0, quantities=["link_position"]).samples
+    assert empty.time.shape == (0,)
+    assert empty.values["link_position"].shape == (0, 4)
+
+
+def test_iteration_is_the_whole_in_parts(log_path: Path, samples: Samples) -> None:
+    parts = list(open_log(log_path).iter_samples())
+    assert len(parts) >= 3
+    assert_same(concatenate(parts), samples)
+
+
+def test_unknown_names_are_all_listed(log_path: Path) -> None:
+    with pytest.raises(LogError) as caught:
+        read_log(log_path, quantities=["link_positon"], joints=["shoulder", "hip"])
+    assert [problem.code for problem in caught.value.problems] == ["unknown-quantity", "unknown-joint"]
+    assert "link_position" in str(caught.value.problems[0].hint)
+    assert caught.value.problems[1].choices == ("shoulder", "élbow-2", "slide", "lever")
+
+
+def test_bad_stride(log_path: Path) -> None:
+    with pytest.raises(LogError, match="stride"):
+        read_log(log_path, stride=0)
+
+
+def test_bodies_and_contacts_may_come_and_go(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    first = example_samples(50, bodies=("box",))
+    second = example_samples(50, start=50, bodies=("box", "ball"), contacts=("box/ground",))
+    third = example_samples(50, start=100)
+    with LogWriter(path, INFO) as writer:
+        for chunk in (first, second, third):
+            writer.write(chunk)
+    log = read_log(path).samples
+    assert_same(log, concatenate([first, second, third]))
+    assert np.isnan(log.bodies["ball"]).all(axis=1).tolist() == [True] * 50 + [False] * 50 + [True] * 50
+
+
+def test_log_without_samples(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, INFO):
+        pass
+    log = read_log(path)
+    assert log.samples.time.shape == (0,)
+    assert log.info == INFO
+
+
+def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path: Path) -> None:
+    names = ("a-b", "a_b", "a.b", "1st")
+    joints = tuple(JointInfo(name=name, actuator="sea", mode=0, quantities=("link_position",)) for name in names)
+    info = RunInfo(robot="r", joints=joints, step=0.1)
+    samples = example_samples(5, info=info)
+    path = tmp_path / "run.mcap"
+    with LogWriter(path, info) as writer:
+        writer.write(samples)
+    assert_same(read_log(path).samples, samples)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    topics = [channel.topic for channel in summary.channels.values()]
+    assert len(topics) == len(set(topics)) > len(names)
+    assert all(re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic) for topic in topics), topics
+
+
+@pytest.mark.parametrize(("error", "status"), [(KeyboardInterrupt(), "interrupted"), (ValueError("no"), "failed")])
+def test_an_exception_leaves_a_closed_log(tmp_path: Path, error: BaseException, status: str) -> None:
+    path = tmp_path / "run.mcap"
+    samples = example_samples(10)
+
+    def run() -> None:
+        with LogWriter(path, INFO) as writer:
+            writer.write(samples)
+            raise error
+
+    with pytest.raises(type(error)):
+        run()
+    log = read_log(path)
+    assert (log.status, log.truncated) == (status, False)
+    assert_same(log.samples, samples)
+
+
+def test_closed_means_closed(tmp_path: Path) -> None:
+    writer = LogWriter(tmp_path / "run.mcap", INFO)
+    writer.close({"status": "diverged"})
+    writer.close()
+    with pytest.raises(OutputError, match="closed"):
+        writer.write(example_samples(1))
+    assert read_log(writer.path).status == "diverged"
+
+
+def test_same_run_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        with LogWriter(tmp_path / name, INFO) as writer:
+            writer.write(example_samples(300))
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

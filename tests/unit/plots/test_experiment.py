@@ -1,0 +1,421 @@
+"""`asrsim plot`: runs beside experiments, their metrics, frequency responses and verdicts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.log import LogWriter, read_log
+from asrsim.plots import style
+from asrsim.plots.bode import draw_bode
+from asrsim.plots.figures import new_figure
+from asrsim.plots.job import PlotJob, plot
+from asrsim.plots.overlay import draw_difference, draw_overlay, side_figure
+from asrsim.plots.pairing import BUDGET, _groups, assign
+from asrsim.plots.world import WorldEnvelope
+from asrsim.samples import Samples
+from support.plot_example import made_up_log, simulated_log
+
+pytestmark = pytest.mark.once
+
+
+def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
+    """A recording of the made-up run: its position times a gain, its clock late."""
+    time = np.arange(0.0, 1.0, rate)
+    q = gain * 0.4 * np.sin(2 * np.pi * (time - late - 0.05)) * (180 / np.pi if unit == "deg" else 1.0)
+    reference = 0.5 * np.sin(2 * np.pi * (time - late))
+    rows = [f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time, q, reference, strict=True)]
+    path.write_text("\n".join([f"time [s],joint_1_position [{unit}],joint_1_reference [rad]", *rows]) + "\n")
+    return path
+
+
+def test_the_lag_is_found_and_the_difference_is_what_is_left(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=2001)
+    recording = lab(tmp_path / "lab.csv", late=0.1, gain=0.9, unit="deg")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(recording),)))
+    (alignment,) = result.compared[0].alignments.values()
+    assert alignment.lag == pytest.approx(0.1, abs=1e-3)
+    pair = result.compared[0].pairs["joint_1", "link_position"]
+    assert np.nanmax(np.abs(pair.difference.values)) == pytest.approx(0.04, abs=2e-3)
+    rmse = next(row for row in result.rows if (row.quantity, row.measure) == ("link_position", "rmse"))
+    assert rmse.unit == "rad"
+    assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
+    assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.json", "metrics.csv"}
+    data = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert {row["measure"] for row in data["metrics"]} >= {"rmse", "nrmse", "maximum_error", "bias", "delay", "r2", "rise"}
+
+
+def test_the_lag_can_be_set_and_switched_off(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=0.1)
+    for choice, lag in ((0.07, 0.07), ("off", 0.0)):
+        result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag=choice))
+        assert next(iter(result.compared[0].alignments.values())).lag == lag
+
+
+def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    axes = new_figure(4, 4).subplots(2, 1)
+    draw_overlay(axes[0], result.runs, result.compared, "joint_1", "link_position")
+    draw_difference(axes[1], result.runs, result.compared, "joint_1", "link_position")
+    drawn = {line.get_gid(): line for ax in axes for line in ax.get_lines() if line.get_gid()}
+    simulation = drawn["joint_1.link_position.simulation.0"].get_ydata()
+    experiment = drawn["joint_1.link_position.experiment.0"].get_ydata()
+    difference = drawn["joint_1.link_position.difference.0"].get_ydata()
+    np.testing.assert_allclose(experiment, 0.5 * simulation, atol=1e-3)
+    np.testing.assert_allclose(difference, simulation - experiment, atol=1e-12)
+    assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
+
+
+def test_side_by_side_one_run_has_the_colours_of_quantities_and_several_have_their_own(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    for compared in (result.compared, result.compared * 2):
+        figure = side_figure(result.runs, compared, ["joint_1"], ["link_position"], words="position")
+        left, right = ([line for line in ax.get_lines() if "link_position" in str(line.get_gid())] for ax in figure.axes[:2])
+        several = len(compared) > 1
+        colours = [style.variant_colour(n) if several else style.colour("link_position") for n in range(len(compared))]
+        assert [line.get_color() for line in left] == [line.get_color() for line in right] == colours
+        np.testing.assert_array_equal(left[0].get_ydata(), compared[0].pairs["joint_1", "link_position"].recording.values)
+        np.testing.assert_array_equal(right[0].get_ydata(), compared[0].pairs["joint_1", "link_position"].simulation.values)
+
+
+def test_several_recordings_are_a_band(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap")
+    files = tuple(str(lab(tmp_path / f"run{n}.csv", gain=gain)) for n, gain in enumerate((0.8, 1.0, 1.2)))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=files, lag="off"))
+    pair = result.compared[0].pairs["joint_1", "link_position"]
+    assert pair.count == 3
+    assert pair.low is not None
+    assert pair.high is not None
+    peak = int(np.argmax(pair.recording.values))
+    assert pair.recording.values[peak] == pytest.approx(0.4, rel=1e-3)
+    assert (pair.low.values[peak], pair.high.values[peak]) == pytest.approx((0.32, 0.48), rel=1e-3)
+
+
+def test_recordings_go_to_the_variant_that_they_name(tmp_path: Path):
+    labels = ["soft", "stiff"]
+    assert assign(labels, ["lab_soft_2.csv"]) == [(Path("lab_soft_2.csv"), 0, True)]
+    assert assign(labels, ["lab.csv"]) == [(Path("lab.csv"), None, False)]
+    assert assign(labels, ["stiff=lab.csv"]) == [(Path("lab.csv"), 1, False)]
+    assert assign(["soft"], ["lab_soft.csv"])[0][1] is None
+    with pytest.raises(InputError, match="Did you mean 'stiff'"):
+        assign(labels, ["stif=lab.csv"])
+
+
+def test_a_wrong_unit_is_suspected(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap")
+    recording = lab(tmp_path / "lab.csv", unit="deg")
+    recording.write_text(recording.read_text().replace("[deg]", "[rad]"))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
+    assert any("degrees" in problem.message for problem in result.findings)
+
+
+def test_a_long_log_is_compared_joint_by_joint_with_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log = made_up_log(tmp_path / "log.mcap", joints=3)
+    text = lab(tmp_path / "lab.csv", late=0.05).read_text().splitlines()
+    more = [",".join([line, *line.split(",")[1:], *line.split(",")[1:]]) for line in text]
+    more[0] = ",".join(["time [s]", *(f"joint_{n}_{k} [rad]" for n in (1, 2, 3) for k in ("position", "reference"))])
+    (tmp_path / "lab.csv").write_text("\n".join(more))
+    job = PlotJob(logs=(log,), folder=tmp_path, experiments=(str(tmp_path / "lab.csv"),))
+    whole = plot(job)
+    monkeypatch.setattr("asrsim.plots.pairing.BUDGET", 1.0)
+    parts = plot(job)
+    assert {(r.joint, r.quantity, r.measure): r.value for r in whole.rows} == pytest.approx(
+        {(r.joint, r.quantity, r.measure): r.value for r in parts.rows}, nan_ok=True
+    )
+
+
+def test_joints_of_long_logs_are_read_in_groups_that_fit_into_memory():
+    """As many at once as fit, however the log was thinned, and at least one."""
+    names, (quantities, kept) = [f"j{n}" for n in range(40)], (["link_position", "deflection"], 3)
+    stored = ["link_position", "motor_1_position", "motor_2_position", "link_velocity"]
+    for duration, step, every, samples in ((1.0, 1e-3, 1, 100), (1e4, 1e-3, 1, 100), (1e4, 1e-3, 20, 10**6), (9e5, 1e-3, 0, 5)):
+        joints = [SimpleNamespace(name=name, quantities=stored) for name in names]
+        reader = SimpleNamespace(duration=duration, info=SimpleNamespace(step=step, log_every=every, joints=joints))
+        recordings = [SimpleNamespace(time=np.zeros(count)) for count in (samples, 2 * samples)]
+        groups = list(_groups(reader, names, quantities, recordings))
+        rows = duration / step / max(every, 1) + 1
+        compared = min(rows, samples) + min(rows, 2 * samples)
+        each = 8.0 * (rows * kept + 4.0 * len(quantities) * compared)
+        assert [name for group in groups for name in group] == names
+        assert len(groups[0]) == min(max(1, int(BUDGET / each)), 40)
+
+
+def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path: Path):
+    log = simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="stiff", duration=8.0)
+    samples = read_log(log).samples
+    q, r = samples.values["link_position"][:, 0], samples.values["reference_1"][:, 0]
+    rows = [f"{samples.time[i]:.4f},{0.5 * q[max(i - 20, 0)]:.9f},{r[i]:.9f}" for i in range(0, len(q), 4)]
+    (tmp_path / "lab.csv").write_text("\n".join(["time [s],joint_1_position [rad],joint_1_reference [rad]", *rows]))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(tmp_path / "lab.csv"),), bode=True))
+    simulated, recorded = (one.response for one in result.responses)
+    f = np.linspace(1.0, 2.0, 5)
+    ratio = recorded.at(f) / simulated.at(f)
+    np.testing.assert_allclose(np.abs(ratio), 0.5, rtol=0.02)
+    np.testing.assert_allclose(np.angle(ratio), -2 * np.pi * f * 0.02, atol=0.02)
+    assert "bode.png" in {path.name for path in result.files}
+
+
+def test_a_run_without_excitation_has_no_bode_plot(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", values={"reference_1": np.zeros(1001)})
+    with pytest.raises(InputError, match="no joint has a reference that moves"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True))
+
+
+CLAIM = {"joint": "joint_1", "quantity": "link_position", "measure": "maximum", "value": 0.4, "tolerance": 0.01}
+
+
+@pytest.mark.parametrize(("value", "code", "word"), [(0.4, 0, "pass"), (0.7, 1, "FAIL")])
+def test_claims_of_the_logged_scenario_decide_the_exit_code(tmp_path: Path, value: float, code: int, word: str):
+    log = made_up_log(tmp_path / "log.mcap", expect=({**CLAIM, "value": value}, {**CLAIM, "variant": "other", "value": 9.0}))
+    result = CliRunner().invoke(app, ["plot", str(log)])
+    assert result.exit_code == code
+    assert f"{word} joint_1: maximum of link_position is 0.4 rad" in result.output
+    assert "other" not in result.output
+
+
+def test_claims_of_several_runs_name_theirs_and_those_that_fail_are_complaints(tmp_path: Path, asrsim_command):
+    claims = {"soft": 0.4, "stiff": 0.7}
+    logs = []
+    for variant, value in claims.items():
+        (tmp_path / variant).mkdir()
+        expect = ({**CLAIM, "value": value},)
+        logs.append(made_up_log(tmp_path / variant / "log.mcap", variant=variant, expect=expect))
+    outcome = asrsim_command("plot", *logs)
+    assert outcome.code == 1
+    assert "pass soft: joint_1: maximum of link_position" in outcome.out
+    assert "FAIL stiff: joint_1: maximum of link_position" in outcome.err
+    assert (tmp_path / "variants").is_dir()
+    assert "FAIL stiff" in asrsim_command("plot", *logs, "--quiet").err
+    recording = lab(tmp_path / "lab.csv")
+    alone = asrsim_command("plot", logs[0], "-e", recording)
+    assert alone.code == 0
+    assert "pass joint_1: maximum" in alone.out
+    assert list((tmp_path / "soft" / "compared").glob("comparison.*"))
+
+
+@pytest.mark.parametrize(("late", "said"), [(0.05, "0.05 s late"), (-0.05, "0.05 s early")])
+def test_the_command_prints_how_the_recording_was_read_and_where_it_wrote(late: float, said: str, tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=late)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
+    assert result.exit_code == 0, result.output
+    assert "joint_1.link_position" in result.output
+    assert said in result.output
+    assert "rmse" in result.output
+    assert (out / "comparison.svg").is_file()
+    again = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--out", str(out), "--format", "svg"])
+    assert "4 replaced" in again.output
+
+
+def test_json_is_one_document(tmp_path: Path):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    out = str(tmp_path / "out")
+    result = CliRunner().invoke(app, ["plot", str(log), "-e", str(recording), "--json", "--out", out, "--layout", "side"])
+    data = json.loads(result.stdout)
+    assert data["ok"] is True
+    assert data["experiments"][0]["columns"]["joint_1_position [rad]"] == "joint_1.link_position"
+    assert Path(data["files"][0]).name == "side_by_side_position.png"
+    bad = CliRunner().invoke(app, ["plot", str(log), "-e", "nowhere.csv", "--json", "--out", out])
+    assert bad.exit_code == 1
+    assert json.loads(bad.stdout)["errors"]
+
+
+def test_no_common_joint_says_what_there_is(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", joints=2)
+    (tmp_path / "lab.csv").write_text("time [s],knee_position [rad]\n" + "".join(f"{n / 100},{n}\n" for n in range(100)))
+    with pytest.raises(InputError, match="no common joint") as caught:
+        plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),)))
+    assert "joint_1" in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_bode_of_any_pair_has_its_unit_and_its_gain_in_decibels(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_1_position", output="joint_1.link_velocity"))
+    (response,) = result.responses
+    assert response.unit == "rad/s/rad"
+    gain = {row.measure: row for row in result.rows}["resonance_gain"]
+    assert gain.unit == "dB re rad/s/rad"
+    assert gain.quantity == "link_velocity"
+
+
+def test_bode_says_what_a_log_or_a_recording_has_not(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    with pytest.raises(InputError, match="no quantity 'motor_9'"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_9"))
+    with pytest.raises(InputError, match="no joint 'elbow'"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, output="elbow.link_position"))
+    recorded = tmp_path / "lab.csv"
+    recorded.write_text("time,q\n" + "".join(f"{0.01 * i},{0.3 * np.sin(0.0628 * i)}\n" for i in range(400)))
+    result = plot(
+        PlotJob(
+            logs=(log,), folder=tmp_path, experiments=(str(recorded),), mapping=("q=joint_1.link_position [rad]",), lag="off",
+            bode=True, given="motor_1_position",
+        )
+    )  # fmt: skip
+    assert any("the recording has no motor_1_position of joint_1" in str(problem) for problem in result.findings)
+
+
+def test_a_remark_on_a_response_names_its_recording_and_joint(tmp_path: Path):
+    time, recorded = np.arange(0.0, 4.0, 0.002), tmp_path / "lab.csv"
+    columns = np.c_[time, np.random.default_rng(1).normal(size=(len(time), 2))]
+    header = "t,arm.reference_1 [rad],arm.link_position [rad]"
+    np.savetxt(recorded, columns, delimiter=",", header=header, comments="")
+    result = plot(PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True))
+    said = [(problem.key, problem.file and problem.file.name) for problem in result.findings if problem.code == "low-coherence"]
+    assert said == [("arm", "lab.csv")]
+
+
+def test_a_recording_alone_has_its_frequency_response(tmp_path: Path):
+    """A chirp through a gain of 0.5 and 10 ms of delay, in degrees and mN m: the gain and the phase that it has."""
+    time = np.arange(0.0, 8.0, 0.002)
+    chirp = lambda t: np.sin(2 * np.pi * (0.5 + 0.4 * t) * t)  # noqa: E731
+    recorded = tmp_path / "lab.csv"
+    columns = np.c_[time, chirp(time), 0.5 * chirp(time - 0.01) * 180 / np.pi, 3e3 * chirp(time), 0 * time]
+    header = "t,arm.reference_1 [rad],arm.link_position [deg],arm.link_torque [mNm],leg.link_position [deg]"
+    np.savetxt(recorded, columns, delimiter=",", header=header, comments="")
+    result = plot(PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True))
+    (found,) = result.responses
+    assert (found.joint.name, found.unit, found.experiment) == ("arm", "", True)
+    np.testing.assert_allclose(found.response.gain, 0.5, rtol=0.02)
+    np.testing.assert_allclose(found.response.phase, -360 * 0.01 * found.response.frequency, atol=1.0)
+    assert any("has no reference_1 of leg" in str(problem) for problem in result.findings)
+    assert {path.name for path in result.files} == {"bode.png", "metrics.json", "metrics.csv"}
+    job = PlotJob(logs=(), folder=tmp_path / "out", experiments=(str(recorded),), bode=True, given="link_torque")
+    (found,) = plot(job).responses[:1]
+    assert found.unit == "rad/(N·m)"
+    np.testing.assert_allclose(found.response.gain, 0.5 / 3, rtol=0.02)
+    with pytest.raises(InputError, match=r"no log was named.*--experiment FILE --bode"):
+        plot(PlotJob(logs=(), folder=tmp_path, experiments=(str(recorded),)))
+
+
+def test_the_octaves_of_a_bode_plot_are_labelled():
+    from asrsim.plots.bode import _label_octaves
+
+    for start, end in ((0.6, 6.0), (0.1, 30.0), (0.01, 400.0), (1.1, 1.9)):
+        axes = new_figure(4, 3).subplots()
+        axes.set_xscale("log")
+        _label_octaves(axes, start, end)
+        ticks = [tick for tick in axes.get_xticks() if start <= tick <= end]
+        assert 2 <= len(ticks) <= 16
+        if end / start < 2000:
+            assert max(b / a for a, b in pairwise(ticks)) <= 2.0
+            assert ticks[0] / start <= 2.0
+            assert end / ticks[-1] <= 2.0
+
+
+def simulated_chirp(tmp_path: Path) -> Path:
+    return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
+
+
+def test_identical_data_has_the_scale_of_what_is_compared(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=200)
+    recorded = tmp_path / "same.csv"
+    samples = read_log(log).samples
+    rows = zip(samples.time.tolist(), samples.values["link_position"][:, 0].tolist(), strict=True)
+    recorded.write_text("time,q\n" + "".join(f"{t!r},{q!r}\n" for t, q in rows))
+    job = PlotJob(
+        logs=(log,), folder=tmp_path, experiments=(str(recorded),), mapping=("q=joint_1.link_position [rad]",), lag="off"
+    )
+    result = plot(job)
+    axes = new_figure(4, 3).subplots()
+    draw_difference(axes, result.runs, result.compared, "joint_1", "link_position")
+    assert axes.get_ylim()[1] < 0.1
+    assert [text.get_text() for text in axes.texts] == ["RMSE 0 rad (0.0 %)"]
+
+
+def test_forces_on_an_object_count_on_whichever_side_of_a_pair_it_stands() -> None:
+    """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
+    time = np.linspace(0.0, 1.0, 11)
+    force = np.tile([1.0, 0.0, 0.0], (11, 1))
+    poses = np.zeros((11, 7))
+    poses[:, 0] = 5.0 + time
+    samples = Samples(
+        time=time, joints=(), values={}, bodies={"box": poses},
+        contacts={"box/robot": 3.0 * force, "ball/box": force, "box/ground": 9.0 * force},
+    )  # fmt: skip
+    envelope = WorldEnvelope(samples, start=0.0, end=1.0, bins=5)
+    envelope.add(samples)
+    curves = envelope.curves()["box"]
+    np.testing.assert_allclose(curves["force"].values, 2.0)
+    assert (curves["dx"].values.min(), curves["dx"].values.max()) == pytest.approx((0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        ("truncated", "log.mcap: the run is truncated, drawn as far as it goes"),
+        ("diverged", "log.mcap: the run is diverged, drawn as far as it goes; its claims are not judged"),
+    ],
+)
+def test_a_run_that_did_not_end_well_is_drawn_and_said_to_be(tmp_path: Path, asrsim_command, status: str, said: str) -> None:
+    whole = read_log(made_up_log(tmp_path / "whole.mcap", count=50))
+    with LogWriter(tmp_path / "log.mcap", whole.info) as writer:
+        writer.write(whole.samples)
+        writer.close({"status": status})
+    outcome = asrsim_command("plot", "log.mcap", "-o", "pictures")
+    assert outcome.code == 0
+    assert [line for line in (outcome.out + outcome.err).splitlines() if "the run is" in line] == [said]
+
+
+def test_up_to_three_runs_have_their_error_over_the_difference(tmp_path: Path):
+    """Each in its colour, from the left in their order, the first with the word."""
+    recording = lab(tmp_path / "lab.csv", gain=0.9)
+    logs = tuple(made_up_log(tmp_path / f"{name}.mcap", variant=name) for name in ("a", "b", "c", "d"))
+    for count in (1, 2, 3, 4):
+        result = plot(PlotJob(logs=logs[:count], folder=tmp_path / "out", experiments=(str(recording),), lag="off"))
+        axes = new_figure(6, 3).subplots()
+        draw_difference(axes, result.runs, result.compared, "joint_1", "link_position")
+        texts = sorted(axes.texts, key=lambda text: text.get_position()[0])
+        shown = min(count, 3)
+        assert len(texts) == shown
+        assert [text.get_text().startswith("RMSE ") for text in texts] == [True, *[False] * (shown - 1)]
+        if count > 1:
+            assert [text.get_color() for text in texts] == [style.variant_colour(i) for i in range(shown)]
+        assert len([line for line in axes.get_lines() if "difference" in str(line.get_gid())]) == count
+
+
+def test_a_column_mapped_to_a_joint_that_is_none_is_refused_with_the_nearest(tmp_path: Path):
+    log = simulated_log("step_1dof_sea", tmp_path / "log.mcap", duration=0.3)
+    (tmp_path / "lab.csv").write_text("t [s],position\n" + "".join(f"{0.004 * i:g},{0.01 * i:g}\n" for i in range(70)))
+    job = PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),))
+    with pytest.raises(InputError, match=r"no joint 'joint1x'.*joint_1"):
+        plot(replace(job, mapping=("position=joint1x.link_position [rad]",)))
+    found = plot(replace(job, mapping=("position=Joint-1.link_position [rad]",)))
+    assert {row.joint for row in found.rows} == {"joint_1"}
+
+
+def test_logs_of_robots_with_other_joints_are_drawn_in_one_picture(tmp_path: Path):
+    one = simulated_log("step_1dof_sea", tmp_path / "one" / "log.mcap", duration=0.1)
+    two = simulated_log("step_2dof", tmp_path / "two" / "log.mcap", variant="stiff", duration=0.1)
+    for logs in ((one, two), (two, one)):
+        result = plot(PlotJob(logs=logs, folder=tmp_path / "out"))
+        assert {joint.name for run in result.runs for joint in run.joints} == {"joint_1", "joint_2"}
+        assert all(path.is_file() for path in result.files)
+
+
+def test_a_bode_plot_of_a_single_frequency_is_a_point_and_says_so(tmp_path: Path):
+    log = simulated_chirp(tmp_path)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", bode=True, band=(2.9, 3.1)))
+    (one,) = result.responses
+    assert len(one.response.frequency) == 1
+    assert "single-frequency" in {finding.code for finding in result.findings}
+    gain, phase = new_figure(4.0, 3.0).subplots(2, 1)
+    draw_bode(gain, phase, None, [one], several=False)
+    for axes in (gain, phase):
+        drawn = [line for line in axes.lines if np.isfinite(line.get_ydata()).all()]
+        assert drawn
+        assert all(line.get_marker() == "o" for line in drawn)
+    low, high = gain.get_xlim()
+    assert low < one.response.frequency[0] < high

@@ -1,0 +1,140 @@
+"""What stands in a picture: every line against the numbers that it was made of, of its own run, joint and object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.metrics.frequency import FrequencyResponse
+from asrsim.plots import read_curves, style
+from asrsim.plots.bode import bode_figure
+from asrsim.plots.curves import RunCurves
+from asrsim.plots.figures import objects_figure, run_pages
+from asrsim.plots.responses import Response
+from asrsim.plots.world import Curve
+from asrsim.samples import JointInfo
+from support.plot_example import made_up_log
+
+pytestmark = pytest.mark.once
+
+TIME = np.linspace(0.0, 1.0, 21)
+
+
+def curves(slopes: dict[str, float]) -> dict[str, Curve]:
+    return {key: Curve(time=TIME, values=slope * TIME) for key, slope in slopes.items()}
+
+
+def test_every_line_of_every_page_is_the_curve_that_it_is_called(tmp_path: Path) -> None:
+    scales = {"soft": 1.0, "stiff": 0.7}
+    time = np.arange(1001) * 0.001
+    values = {
+        name: {"stiffness": 10.0 + scale * time, "link_torque": scale * np.sin(9 * time), "external_torque": scale * time}
+        for name, scale in scales.items()
+    }
+    runs = [read_curves(made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=values[name]))
+            for name in scales]  # fmt: skip
+    seen = set()
+    for page in run_pages(runs):
+        for axes in page.figure.axes:
+            for line in axes.get_lines():
+                joint, quantity, number = (line.get_gid() or "..").split(".")[:3]
+                if not joint or quantity not in style.KNOWN:
+                    continue
+                curve = runs[int(number)].get(joint, quantity)
+                assert curve is not None
+                np.testing.assert_array_equal(line.get_xdata(), curve.time)
+                np.testing.assert_array_equal(line.get_ydata(), curve.values)
+                shared = quantity.startswith("reference") and number == "0"
+                assert shared or line.get_color() == style.variant_colour(int(number))
+                seen.add((joint, quantity, number))
+        assert [axes.get_xlabel() for axes in page.figure.axes].count("time (s)") == 2
+    wanted = {"link_position", "link_torque", "stiffness", "external_torque", "motor_1_position", "motor_2_position"}
+    assert {(joint, name, str(n)) for joint in ("joint_1", "joint_2") for name in wanted for n in (0, 1)} <= seen
+
+
+def test_objects_and_goals_are_drawn_from_their_own_runs_and_a_goal_once(tmp_path: Path) -> None:
+    run = read_curves(made_up_log(tmp_path / "log.mcap"))
+    moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
+    runs: list[RunCurves] = []
+    for label, scale in (("soft", 1.0), ("stiff", 5.0)):
+        box = curves({**{key: scale * slope for key, slope in moved.items()}, "force": 7.0 * scale})
+        tip = curves({**{key: scale * slope for key, slope in moved.items()}, "error": scale})
+        goal = curves({"goal_x": 1.1, "goal_y": 2.1, "goal_z": 3.1})
+        runs.append(replace(run, label=label, bodies={"box": box, "tip": {**tip, **goal}}))
+    for drawn in (runs[:1], runs):
+        figure = objects_figure(drawn)
+        lines = {line.get_gid(): line for axes in figure.axes for line in axes.get_lines() if line.get_gid()}
+        wanted = {
+            f"{body}.{key}.{number}"
+            for number, one in enumerate(drawn)
+            for body, own in one.bodies.items()
+            for key in own
+            if not (key.startswith("goal") and number)
+        }
+        assert set(lines) == wanted
+        for gid, line in lines.items():
+            body, key, number = gid.split(".")
+            np.testing.assert_array_equal(line.get_ydata(), drawn[int(number)].bodies[body][key].values)
+            goal = key.startswith("goal")
+            own = style.variant_colour(int(number)) if len(drawn) > 1 else style.colour(key)
+            assert line.get_color() == (style.colour("reference_position") if goal else own)
+            assert (line.get_zorder() < 2.0) == goal
+        labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
+        assert labels == ["displacement (m)"] * 2 + ["contact force\nwithout ground (N)", "distance to the goal (m)"]
+        words = [text.get_text() for axes in figure.axes if (box := axes.get_legend()) for text in box.get_texts()]
+        assert {"goal", "along x", "along y", "along z"} <= set(words)
+
+
+def response(coherence: list[float], *, experiment: bool = False, scale: float = 1.0) -> Response:
+    count = len(coherence)
+    gain = scale * np.array([1.0, 10.0, 0.1, 0.5][:count])
+    found = FrequencyResponse(
+        frequency=np.array([1.0, 2.0, 4.0, 8.0][:count]), gain=gain, phase=np.array([0.0, -90.0, -120.0, -170.0][:count]),
+        coherence=np.array(coherence), gain_low=gain / 2, gain_high=gain * 2, phase_margin=np.full(count, 20.0),
+        confidence=0.95, averages=4.0, resolution=1.0, method="welch", band=(1.0, 8.0), resonance=(2.0, 10.0), bandwidth=None,
+        moves=True,
+    )  # fmt: skip
+    joint = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
+    return Response(joint=joint, label="soft", variant=0, source="lab.csv", experiment=experiment, unit="rad/(N·m)",
+                    output="link_position", response=found)  # fmt: skip
+
+
+def test_a_bode_plot_shows_decibels_and_degrees_and_fades_what_is_not_coherent() -> None:
+    """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
+    figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")
+    gain, phase, coherence = figure.axes[:3]
+    assert [axes.get_ylabel() for axes in (gain, phase, coherence)] == ["gain\n(dB re rad/(N·m))", "phase (°)", "coherence"]
+    for axes, wanted in ((gain, [0.0, 20.0, -20.0, 20 * np.log10(0.5)]), (phase, [0.0, -90.0, -120.0, -170.0])):
+        trusted, faint = axes.get_lines()[:2]
+        np.testing.assert_allclose(trusted.get_ydata(), [*wanted[:3], np.nan], atol=1e-12)
+        np.testing.assert_allclose(faint.get_ydata(), [np.nan] * 3 + wanted[3:])
+        assert faint.get_alpha() < 0.5
+        low, high = axes.get_ylim()
+        assert low < min(wanted[:3])
+        assert high > max(wanted[:3])
+    assert phase.get_ylim()[0] > -170.0
+    np.testing.assert_array_equal(coherence.get_lines()[0].get_ydata(), [0.95, 0.5, 0.6, 0.49])
+    (peak,) = (line for line in gain.get_lines() if line.get_marker() == "o")
+    assert (float(peak.get_xdata()[0]), float(peak.get_ydata()[0])) == pytest.approx((2.0, 20.0))
+    for axes, (low, high) in ((gain, (-20 - 20 * np.log10(2), 20 + 20 * np.log10(2))), (phase, (-140.0, 20.0))):
+        (band,) = axes.collections
+        corners = np.concatenate([path.vertices for path in band.get_paths()])
+        assert (corners[:, 1].min(), corners[:, 1].max()) == pytest.approx((low, high))
+    assert any("95%" in text.get_text() for text in phase.texts)
+
+
+def test_coherence_is_drawn_where_any_tells_something_and_recordings_are_thin_and_dark() -> None:
+    certain = [0.95, 0.9, 1.0]
+    assert [axes.get_ylabel() for axes in bode_figure([response(certain)]).axes if "coherence" in axes.get_ylabel()] == []
+    figure = bode_figure([response(certain), response([0.89, 1.0, 1.0], experiment=True, scale=2.0)])
+    assert "coherence" in [axes.get_ylabel() for axes in figure.axes]
+    simulated, recorded = (line for line in figure.axes[0].get_lines() if (line.get_gid() or "").startswith("elbow."))
+    assert (simulated.get_gid(), recorded.get_gid()) == ("elbow.simulation.0", "elbow.experiment.0")
+    np.testing.assert_allclose(np.asarray(recorded.get_ydata()) - np.asarray(simulated.get_ydata()), 20 * np.log10(2))
+    assert recorded.get_linewidth() < simulated.get_linewidth()
+    assert recorded.get_color() == style.EXPERIMENT != simulated.get_color()
+    words = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert words == ["simulation\nsoft", "experiment\nsoft", "resonance"]

@@ -1,0 +1,196 @@
+"""The document beside a recording that says how it is read: what it states counts, and nothing else is taken from names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import RecordingError
+from asrsim.recordings import read_recording
+from asrsim.scenario import load_scenario
+from asrsim.signals import Playback
+from support.paths import ROOT
+
+TIME = np.arange(60) * 0.01
+ALPHA = 30 * np.sin(5 * TIME)
+BETA = 20 * np.cos(5 * TIME)
+
+
+def lab(folder: Path, name: str = "lab.csv") -> Path:
+    """A file of which names say nothing: decimal commas, a remark above, names in another encoding."""
+    rows = [f"{1000 * t:.0f};{a:.9f};{b:.9f}".replace(".", ",") for t, a, b in zip(TIME, ALPHA, BETA, strict=True)]
+    path = folder / name
+    path.write_bytes("\n".join(["run 7; of May", "\u6642\u9593;\u89d2\u5ea6;q1", *rows, ""]).encode("shift_jis"))
+    return path
+
+
+WHOLE = """\
+time: {column: \u6642\u9593, unit: ms}
+separator: ";"
+decimal: ","
+encoding: shift_jis
+header: 2
+map:
+  \u89d2\u5ea6: elbow.link_position [deg]
+"""
+
+
+def test_a_document_states_layout_time_and_columns(tmp_path: Path) -> None:
+    path = lab(tmp_path)
+    (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-12)
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, np.radians(ALPHA), atol=1e-9)
+    assert recording.reading == tmp_path / "lab.csv.yaml"
+
+
+def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path: Path) -> None:
+    path = lab(tmp_path)
+    assert read_recording(path, mapping=["1=time [ms]"]).joints == ("joint_1",)
+    (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    assert read_recording(path).joints == ("elbow",)
+    assert "not in lab.csv.yaml" in read_recording(path).channels["q1"].origin
+
+
+def test_the_command_line_overrules_the_document(tmp_path: Path) -> None:
+    path = lab(tmp_path)
+    (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    over = read_recording(path, mapping=["q1=elbow.link_velocity [deg/s]", "\u89d2\u5ea6=-elbow.link_position [deg]"])
+    np.testing.assert_allclose(over.column("elbow", "link_position").values, -np.radians(ALPHA), atol=1e-9)
+    np.testing.assert_allclose(over.column("elbow", "link_velocity").values, np.radians(BETA), atol=1e-9)
+
+
+def test_a_document_serves_other_files_and_stands_for_the_one_that_it_names(tmp_path: Path) -> None:
+    path = lab(tmp_path)
+    (tmp_path / "arm.yaml").write_text("file: lab.csv\n" + WHOLE, encoding="utf-8")
+    for found in (read_recording(path, mapping=tmp_path / "arm.yaml"), read_recording(tmp_path / "arm.yaml")):
+        np.testing.assert_allclose(found.column("elbow", "link_position").values, np.radians(ALPHA), atol=1e-9)
+
+
+def test_a_rate_and_a_window_are_stated(tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack([ALPHA, BETA]), delimiter=",", header="alpha,beta", comments="")
+    (tmp_path / "lab.csv.yaml").write_text(
+        "time: {rate: 50}\nwindow: [0.1, 0.5]\nmap:\n  alpha: elbow.link_position [deg] - start\n"
+    )
+    column = read_recording(path).column("elbow", "link_position")
+    np.testing.assert_allclose(column.time, np.arange(5, 26) * 0.02)
+    np.testing.assert_allclose(column.values, np.radians(ALPHA[5:26] - ALPHA[5]), atol=1e-9)
+
+
+def test_two_columns_are_one_time(tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    stamps = [1_700_000_000_900_000_000 + round(t * 1e9) for t in TIME]
+    path.write_text("".join(f"{ns // 10**9},{ns % 10**9},{a}\n" for ns, a in zip(stamps, ALPHA, strict=True)))
+    (tmp_path / "lab.csv.yaml").write_text("header: 0\ntime: {column: [1, 2]}\nmap:\n  3: elbow.link_position [deg]\n")
+    with pytest.raises(RecordingError, match="nanosec"):
+        read_recording(path)
+    (tmp_path / "lab.csv").write_text("sec,nanosec,alpha\n" + path.read_text())
+    (tmp_path / "lab.csv.yaml").write_text("time: {column: [sec, nanosec]}\nmap:\n  alpha: elbow.link_position [deg]\n")
+    np.testing.assert_allclose(np.diff(read_recording(path).time), 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mapp: {q1: a.link_position}", "Did you mean 'map'"),
+        ("map: {q1: a.link_positon}", "q1: no quantity is called 'link_positon'"),
+        ("map: {absent: a.link_position}", "no such column"),
+        ("columns: {q1: a.link_position}", "list all that are used under 'map'"),
+        ("separator: ':'", "not one of the choices"),
+        ("encoding: klingon", "no encoding"),
+        ("time: {column: absent}", "no such column for the time"),
+        ("time: {column: time, unit: rad}", "time cannot be in rad"),
+        ("window: [3, 1]", "START..END"),
+    ],
+)
+def test_a_fault_of_a_document_is_told_with_its_place(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "lab.csv"
+    np.savetxt(path, np.column_stack([TIME, ALPHA]), delimiter=",", header="time,q1", comments="")
+    (tmp_path / "lab.csv.yaml").write_text(text + "\n")
+    with pytest.raises(RecordingError) as caught:
+        read_recording(path)
+    assert words in str(caught.value)
+    assert "lab.csv" in str(caught.value.problems[0].file)
+
+
+def test_what_is_proposed_reads_the_same_numbers(tmp_path: Path, asrsim_command) -> None:
+    rows = [f"{1000 * t:.0f}\t{a:.9f}\t{b:.9f}\t0.5" for t, a, b in zip(TIME, ALPHA, BETA, strict=True)]
+    path = tmp_path / "lab.txt"
+    path.write_text("\n".join(["%Time (ms)\tHubangle (deg)\tq1 [deg]\teff", *rows]) + "\n")
+    plain = read_recording(path)
+    assert asrsim_command("init", "--experiment", "lab.txt").code == 0
+    text = (tmp_path / "lab.txt.yaml").read_text()
+    assert "Hubangle" in text
+    assert "# eff: JOINT.QUANTITY [unit]" in text
+    stated = read_recording(path)
+    assert stated.reading is not None
+    for name in ("Hubangle (deg)", "q1 [deg]"):
+        np.testing.assert_array_equal(stated.channels[name].values, plain.channels[name].values)
+        np.testing.assert_array_equal(stated.channels[name].time, plain.channels[name].time)
+        assert stated.channels[name].quantity == plain.channels[name].quantity
+    assert stated.channels["eff"].quantity is None
+    # What is confirmed by hand is not written over.
+    assert asrsim_command("init", "--experiment", "lab.txt").code == 1
+
+
+@pytest.mark.parametrize("name", ["quanser_2dsfl_lqr_10deg.csv", "hebi_sine_1hz.csv", "emps_estimation.csv"])
+def test_what_is_proposed_for_real_files_changes_nothing_that_is_read(tmp_path: Path, shared: Path, name: str) -> None:
+    from asrsim.recordings.propose import propose
+
+    path = tmp_path / name
+    path.write_bytes((shared / "recordings" / name).read_bytes())
+    plain = read_recording(path)
+    propose(path)
+    stated = read_recording(path)
+    for column in plain.channels.values():
+        other = stated.channels[column.source]
+        assert (other.joint, other.quantity, other.unit) == (column.joint, column.quantity, column.unit) or not column.quantity
+        np.testing.assert_array_equal(other.values, column.values)
+
+
+def test_a_scenario_from_a_recording_comes_with_the_document_that_reads_the_same_numbers(
+    tmp_path: Path, asrsim_command
+) -> None:
+    path = tmp_path / "data" / "lab.csv"
+    path.parent.mkdir()
+    lines = [f"{0.01 * i:.2f},{0.3 * np.sin(i / 9):.6f},{-9999 if i in (7, 8) else 0.2 * i / 50:.6f}" for i in range(50)]
+    path.write_text("time,q1_ref,q1\n" + "\n".join(lines))
+    robot = ROOT / "examples" / "urdf" / "dof1_sea.urdf"
+    done = asrsim_command("init", robot, "--experiment", path, "--out", tmp_path / "s.yaml")
+    assert done.code == 0, done.err
+    document = tmp_path / "lab.csv.yaml"
+    assert "file: data/lab.csv" in document.read_text()
+    assert "# missing: -9999" in document.read_text()
+    read, again = (read_recording(one, joints=["joint_1"]) for one in (path, document))
+    for name, column in read.channels.items():
+        assert again.channels[name].meaning == column.meaning
+        np.testing.assert_array_equal(again.channels[name].values, column.values)
+    document.write_text(document.read_text().replace("# missing", "missing"))
+    assert np.isnan(read_recording(document, joints=["joint_1"]).channels["q1"].values[7:9]).all()
+    scenario = tmp_path / "s.yaml"
+    scenario.write_text(scenario.read_text().replace("# expect:", "expect:").replace("# - {joint", "- {joint"))
+    asrsim_command("run", scenario, "--out", tmp_path / "out")
+    assert "compared with 'q1' (rad assumed; by its name)" in (tmp_path / "out" / "summary.json").read_text()
+
+
+def test_a_signal_is_played_as_the_document_says(tmp_path: Path) -> None:
+    path = lab(tmp_path)
+    (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    times, values = Playback(file=path, column="\u89d2\u5ea6").samples
+    np.testing.assert_allclose(times, TIME, atol=1e-12)
+    np.testing.assert_allclose(values, np.radians(ALPHA), atol=1e-9)
+
+
+def test_a_scenario_keeps_the_document_of_what_it_plays(tiny) -> None:
+    lab(tiny.folder)
+    (tiny.folder / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
+    text = tiny.scenario.read_text()
+    played = "{playback: {file: lab.csv, column: \u89d2\u5ea6}}"
+    tiny.scenario.write_text(
+        text.replace("references:", f"external_torques: {{joint_1: {played}}}\nreferences:", 1), encoding="utf-8"
+    )
+    (scenario,) = load_scenario(tiny.scenario)
+    assert {"lab.csv", "lab.csv.yaml"} <= set(scenario.attachments)

@@ -1,0 +1,304 @@
+"""Pictures of the logged motion: the camera sees all of it, links without shapes are seen, files are what they say."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.errors import InputError, LogError
+from asrsim.render import Film, even_times, share_view, solids, telling_times, write_gif, write_mp4, write_strip
+from asrsim.render.camera import fit_camera, main_axis, viewpoint
+from asrsim.render.mesh_files import read_mesh
+from asrsim.render.raster import rasterise
+from asrsim.render.shapes import drawable
+from asrsim.robot import load_robot
+from support.plot_example import EXAMPLES, made_up_log, simulated_log
+
+pytestmark = pytest.mark.once
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return simulated_log("step_2dof", tmp_path_factory.mktemp("film") / "log.mcap", variant="soft", duration=0.4)
+
+
+def background(image: np.ndarray) -> np.ndarray:
+    """Where nothing is: the sky, which goes evenly from top to bottom."""
+    share = np.linspace(0.0, 1.0, len(image))[:, None, None]
+    sky = (1 - share) * image[0, 0].astype(float) + share * image[-1, 0].astype(float)
+    return np.all(np.abs(image - sky) < 8, axis=2)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_camera_sees_every_point_and_stands_no_farther_than_needed(seed: int):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(200, 3)) * rng.uniform(0.1, 2.0, size=3) + rng.normal(size=3)
+    towards, aspect = viewpoint(None), 1.4
+    camera = fit_camera(points, towards, aspect=aspect)
+    forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
+    np.testing.assert_allclose(forward, -towards / np.linalg.norm(towards), atol=1e-9)
+    right = np.cross(forward, camera.up)
+    seen = points - camera.eye
+    edge = math.tan(math.radians(camera.field / 2))
+    x, y = np.abs(seen @ right) / (seen @ forward) / (edge * aspect), np.abs(seen @ camera.up) / (seen @ forward) / edge
+    assert (seen @ forward > 0).all()
+    assert 0.85 < max(x.max(), y.max()) <= 1.0
+
+
+def test_a_planar_robot_is_seen_along_its_axis():
+    axes = {"a": np.array([0.0, 1.0, 0.0]), "b": np.array([0.0, -1.0, 0.0])}
+    axis = main_axis(axes, {"a": 1.0, "b": 0.5})
+    assert axis is not None
+    assert abs(viewpoint(axis)[1]) > 0.8
+    assert viewpoint(np.array([0.0, 0.0, 1.0]))[2] > 0.8
+    assert main_axis({**axes, "c": np.array([0.0, 0.0, 1.0])}, {"a": 1.0, "c": 1.0}) is None
+    # A joint that does not move does not count.
+    assert main_axis({**axes, "c": np.array([0.0, 0.0, 1.0])}, {"a": 1.0, "c": 0.0}) is not None
+
+
+def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(
+        """<robot name="r">
+        <link name="base"/>
+        <link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+        <link name="hand"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+        <collision><origin xyz="0 0 0.1"/><geometry><box size="1 2 3"/></geometry></collision></link>
+        <link name="nice"><visual><geometry><sphere radius="1"/></geometry></visual></link>
+        <joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.5"/></joint>
+        <joint name="k" type="revolute"><parent link="arm"/><child link="hand"/><origin xyz="0.3 0 0.4"/></joint>
+        <joint name="l" type="fixed"><parent link="hand"/><child link="nice"/></joint>
+        </robot>"""
+    )
+    made = drawable(load_robot(file))
+    assert made.collisions == ("hand",)
+    assert made.rods == ("base", "arm")
+    assert any("hand" in note for note in made.notes)
+    base, arm, hand, nice = (link.visuals for link in made.robot.links)
+    assert [(shape.kind, shape.size, shape.origin) for shape in hand] == [("box", (1.0, 2.0, 3.0), (0.0, 0.0, 0.1))]
+    assert [shape.kind for shape in (*base, *arm)] == ["sphere", "cylinder"] * 2
+    assert (base[1].size[1], arm[1].size[1]) == (0.5, 0.5)
+    assert len(nice) == 1
+
+
+def test_frames_show_the_motion_within_the_picture(log: Path):
+    film = Film(log, size=120)
+    first, last = film.frame(film.start).image, film.frame(film.end).image
+    assert first.shape == (film.height, film.width, 3)
+    for image in (first, last):
+        seen = ~background(image)
+        assert seen.sum() > 300
+        # A margin all around: nothing of the motion is cut off.
+        assert not np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]]).any()
+    assert np.abs(first.astype(int) - last.astype(int)).max() > 50
+    np.testing.assert_array_equal(film.frame(film.start).image, first)
+
+
+def test_objects_stand_where_the_log_has_them(tmp_path: Path):
+    path = simulated_log("box_push_5dof", tmp_path / "log.mcap", variant="stiff", duration=0.01)
+    film = Film(path, size=100, sharpness=1)
+    image = film.frame(0.0).image.astype(int)
+    # The box is brown: much more red than blue.
+    assert (image[:, :, 0] - image[:, :, 2] > 40).mean() > 0.05
+
+
+def test_a_strip_has_so_many_frames_at_even_times(log: Path, tmp_path: Path):
+    from matplotlib.image import imread
+
+    film = Film(log, size=80, sharpness=1)
+    assert even_times(film, 3) == pytest.approx([0.0, 0.2, 0.4])
+    assert even_times(film, 1) == [film.end]
+    with pytest.raises(InputError):
+        even_times(film, 0)
+    picture = imread(write_strip(film, tmp_path / "strip.png", count=4))
+    dark = (picture[:, :, :3].max(axis=2) < 0.5).any(axis=0)
+    assert dark.any()
+
+
+def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
+    from PIL import Image
+
+    film = Film(log, size=60, sharpness=1)
+    path = write_gif(film, tmp_path / "motion.gif", fps=10, speed=0.5)
+    with Image.open(path) as gif:
+        assert gif.info["loop"] == 0
+        # Frames that are alike are joined; the last one is shown too.
+        total = 0
+        for number in range(gif.n_frames):
+            gif.seek(number)
+            total += gif.info["duration"]
+    assert gif.n_frames > 3
+    assert total == pytest.approx(900, abs=20)
+
+
+@pytest.mark.slow
+def test_a_video_is_an_mp4(log: Path, tmp_path: Path):
+    pytest.importorskip("imageio_ffmpeg")
+    film = Film(log, size=60, sharpness=1)
+    data = write_mp4(film, tmp_path / "motion.mp4").read_bytes()
+    assert data[4:8] == b"ftyp"
+
+
+def test_the_log_alone_is_enough(log: Path, tmp_path: Path):
+    alone = tmp_path / "elsewhere.mcap"
+    alone.write_bytes(log.read_bytes())
+    result = CliRunner().invoke(app, ["render", str(alone), "--frames", "2", "--size", "60", "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["files"] == [str(tmp_path / "filmstrip.png")]
+
+
+def test_a_log_without_its_robot_cannot_be_drawn(tmp_path: Path):
+    with pytest.raises((LogError, InputError)):
+        Film(made_up_log(tmp_path / "log.mcap", count=20))
+
+
+def test_pictures_need_neither_engine_nor_plugin(log: Path, tmp_path: Path):
+    """A log whose actuators nobody here knows is drawn on a machine without PyBullet."""
+    code = (
+        "import sys; sys.modules['pybullet'] = None\n"
+        "from asrsim.actuators import ACTUATORS\n"
+        "for name in list(ACTUATORS.names()): ACTUATORS._entries.pop(name, None)\n"
+        "from asrsim.render import Film, write_strip\n"
+        f"from pathlib import Path; write_strip(Film({str(log)!r}, size=60), Path({str(tmp_path / 'strip.png')!r}))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "strip.png").stat().st_size > 500
+
+
+@pytest.mark.parametrize("scenario", ["box_push_5dof", "step_2dof"])
+def test_links_are_drawn_where_the_engine_has_them(scenario: str):
+    from asrsim.kinematics.engine_model import model_of
+    from asrsim.render.scene import Scene
+    from asrsim.scenario import load_scenario
+
+    loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
+    robot = load_robot(loaded.robot)
+    scene = Scene(drawable(robot).robot, loaded)
+    rng = np.random.default_rng(3)
+    with model_of(loaded, robot) as model:
+        positions = rng.uniform(-1.0, 1.0, size=len(model.joints))
+        frames = scene.frames(dict(zip(model.joints, positions, strict=True)), {})
+        for link in model.links:
+            place, turn = model.pose(positions, link, (0.0, 0.0, 0.0))
+            np.testing.assert_allclose(frames[link][:3, 3], place, atol=1e-6)
+            np.testing.assert_allclose(frames[link][:3, :3], turn, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_rasteriser_finds_what_is_in_front(seed: int):
+    rng = np.random.default_rng(seed)
+    width, height = 31, 23
+    corners = rng.uniform([-8, -8, 0.2], [39, 31, 2.0], size=(40, 3, 3))
+    found = rasterise(corners, width, height)
+    front, depth = np.full(width * height, -1), np.zeros(width * height)
+    for number, (a, b, c) in enumerate(corners):
+        for pixel in range(width * height):
+            x, y = pixel % width + 0.5, pixel // width + 0.5
+            turn = np.linalg.solve(np.array([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [1, 1, 1]]), [x, y, 1])
+            near = turn @ [a[2], b[2], c[2]]
+            if (turn >= 0).all() and near > depth[pixel]:
+                front[pixel], depth[pixel] = number, near
+    mine = np.full(width * height, -1)
+    mine[found.pixels] = found.triangles
+    np.testing.assert_array_equal(mine, front)
+    np.testing.assert_allclose(found.depth, depth, rtol=1e-6, atol=1e-9)
+
+
+def test_what_is_behind_the_camera_is_left_out():
+    corners = np.array([[[1.0, 1.0, 1.0], [9.0, 1.0, 1.0], [1.0, 9.0, -1.0]]])
+    assert not len(rasterise(corners, 10, 10).pixels)
+
+
+CUBE = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+FACES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
+         (1, 5, 7), (1, 7, 3)]  # fmt: skip
+
+
+def volume(points: np.ndarray, triangles: np.ndarray) -> float:
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    return abs(float(np.einsum("mi,mi->m", a, np.cross(b, c)).sum())) / 6
+
+
+@pytest.mark.parametrize("kind", ["stl", "text stl", "obj"])
+def test_meshes_are_read_with_their_colours(tmp_path: Path, kind: str):
+    path = tmp_path / f"cube.{kind.split()[-1]}"
+    if kind == "stl":
+        rows = np.zeros(len(FACES), dtype=[("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
+        rows["points"] = np.array(CUBE)[np.array(FACES)]
+        path.write_bytes(bytes(80) + len(FACES).to_bytes(4, "little") + rows.tobytes())
+    elif kind == "text stl":
+        points = [f"vertex {x} {y} {z}\n" for x, y, z in CUBE]
+        corners = "".join("facet\n" + "".join(points[i] for i in face) for face in FACES)
+        path.write_text(f"solid cube\n{corners}endsolid")
+    else:
+        (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
+        quads = ["f 1/1 2/2 4/3 3", "f -4 -2 -1 -3"]
+        text = [f"v {x} {y} {z}" for x, y, z in CUBE] + ["mtllib cube.mtl", "usemtl red", *quads]
+        text += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES[4:]]
+        path.write_text("\n".join(text))
+    mesh = read_mesh(path)
+    assert volume(mesh.points, mesh.triangles) == pytest.approx(1.0)
+    if kind == "obj":
+        np.testing.assert_array_equal(mesh.colours, np.tile([1.0, 0.0, 0.0], (12, 1)))
+
+
+def test_solids_have_their_volume_and_normals_that_point_outwards():
+    for mesh, wanted in (
+        (solids.box(np.array([1.0, 2.0, 3.0])), 6.0), (solids.sphere(0.5), math.pi / 6),
+        (solids.cylinder(0.5, 2.0), math.pi / 2), (solids.capsule(0.5, 2.0), math.pi / 2 + math.pi / 6),
+    ):  # fmt: skip
+        assert volume(mesh.points, mesh.triangles) == pytest.approx(wanted, rel=0.03)
+        centres = mesh.points[mesh.triangles].mean(axis=1)
+        assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
+
+
+def test_a_large_mesh_is_merged_but_keeps_its_shape():
+    x, y = np.meshgrid(np.linspace(0, 1, 300), np.linspace(0, 1, 300))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(90_000)], axis=1)
+    first = (np.arange(299)[:, None] * 300 + np.arange(299)).ravel()
+    triangles = np.concatenate([np.stack([first, first + 1, first + 301], 1), np.stack([first, first + 301, first + 300], 1)])
+    mesh = solids.merged(solids.flat(points, triangles), most=5000)
+    assert 500 < len(mesh.triangles) <= 5000
+    np.testing.assert_allclose(np.ptp(mesh.points, axis=0), [1, 1, 0], atol=0.06)
+
+
+def test_frames_are_closer_together_where_more_happens(log: Path):
+    film = Film(log, size=60)
+    times = telling_times([film], 8)
+    assert (times[0], times[-1]) == (film.start, film.end)
+    assert (np.diff(times) > 0).all()
+    # The step comes at 0.1 s: before it nothing moves.
+    assert sum(time < 0.1 for time in times) <= 2
+    assert sum(time < 0.1 for time in even_times(film, 8)) == 2
+
+
+def test_compared_runs_are_seen_from_one_place(log: Path, tmp_path: Path):
+    other = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.4)
+    films = [Film(log, size=60), Film(other, size=60)]
+    share_view(films)
+    assert films[0].camera is films[1].camera
+    assert films[0].frame(0.0).image.shape == films[1].frame(0.0).image.shape
+    np.testing.assert_array_equal(films[0].frame(0.0).image, films[1].frame(0.0).image)
+
+
+def test_a_part_of_the_run_and_a_folder_can_be_drawn(log: Path, tmp_path: Path):
+    for variant in ("b", "a"):
+        (tmp_path / variant).mkdir()
+        (tmp_path / variant / "log.mcap").write_bytes(log.read_bytes())
+    options = ["--size", "60", "--start", "0.2", "--end", "0.3", "--json"]
+    result = CliRunner().invoke(app, ["render", str(tmp_path), *options])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["files"] == [str(tmp_path / name / "filmstrip.png") for name in ("a", "b")]
+    film = Film(log, size=60, start=0.2, end=0.3)
+    assert (film.start, film.end) == pytest.approx((0.2, 0.3))
+    for wrong in (["--start", "0.3", "--end", "0.2"], ["--start", "5"]):
+        assert CliRunner().invoke(app, ["render", str(log), *wrong]).exit_code != 0

@@ -1,0 +1,140 @@
+"""Numbers of a page and of pictures against those of the logs that they were made of: series, limits, tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.metrics import MetricRow
+from asrsim.plots import read_curves, style
+from asrsim.plots.limits import panel_limits
+from asrsim.plots.rows import metric_tables
+from asrsim.recordings.names import find_joint
+from asrsim.report.plots import QUANTITIES, joint_sections
+from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
+from support.plot_example import made_up_log
+
+pytestmark = pytest.mark.once
+
+
+def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
+    time = np.arange(1001) * 0.001
+    rows = {name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
+            for name, scale in (("soft", 1.0), ("stiff", 3.0))}  # fmt: skip
+    logs = [made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=rows[name]) for name in rows]
+    grid, runs = read_runs(logs, quantities=QUANTITIES)
+    assert (grid.thinned, grid.start, grid.step, grid.count) == (False, 0.0, 0.001, 1001)
+    assert grid.as_dict() == {"start": 0.0, "step": 0.001, "count": 1001, "margin": 0.0}
+    np.testing.assert_allclose(grid.time, time, atol=1e-12)
+    assert [(run.curves.label, run.curves.samples, run.curves.status) for run in runs] == [
+        ("soft", 1001, "complete"), ("stiff", 1001, "complete"),
+    ]  # fmt: skip
+    half = (np.array([0.2, 0.4, 0.6]), np.array([1.0, 3.0, 2.0]))
+    sections = joint_sections(runs, {("joint_2", "link_position", 1): half}, grid.time)
+    assert [section["joint"] for section in sections] == ["joint_1", "joint_2"]
+    names = {style.name(quantity): quantity for quantity in QUANTITIES}
+    seen = set()
+    for section in sections:
+        for plot in section["plots"]:
+            dashes = {}
+            for line in plot["series"]:
+                values = unpack(line, grid.count)
+                if line["label"].endswith(", recorded"):
+                    assert (section["joint"], line["label"], line["run"]) == ("joint_2", "link position, recorded", 1)
+                    wanted = np.interp(time, *half, left=np.nan, right=np.nan)
+                    assert line["colour"] == style.darker(style.variant_colour(1))
+                else:
+                    quantity, number = names[line["label"]], line["run"] or 0
+                    wanted = runs[number].series[section["joint"], quantity]
+                    seen.add((section["joint"], quantity, line["run"]))
+                    shared = quantity.startswith("reference")
+                    assert (line["run"] is None) == shared
+                    assert line["colour"] == (style.colour(quantity) if shared else style.variant_colour(number))
+                    assert line["unit"] == style.unit(quantity, runs[0].curves.joints[0])
+                    if not shared:
+                        dashes.setdefault(quantity, line["dash"])
+                        assert line["dash"] == dashes[quantity]
+                np.testing.assert_allclose(values, wanted, atol=np.nanmax(np.abs(wanted)) / 30000)
+            assert len({tuple(dash) for dash in dashes.values()}) == len(dashes)
+    assert {(joint, name, n) for joint in ("joint_1", "joint_2") for name in ("link_position", "link_torque", "stiffness")
+            for n in (0, 1)} <= seen  # fmt: skip
+
+
+def test_runs_of_other_steps_and_lengths_share_one_grid_and_lose_no_extreme(tmp_path: Path) -> None:
+    fine = made_up_log(tmp_path / "fine" / "log.mcap", variant="fine", count=4001, step=0.001)
+    coarse = made_up_log(tmp_path / "coarse" / "log.mcap", variant="coarse", count=101, step=0.02)
+    grid, runs = read_runs([fine, coarse], quantities=["link_position", "nothing"])
+    bins = int(np.clip(BUDGET / (2 * 2 * 2 * 4 / 3), LEAST, MOST))
+    assert (grid.thinned, grid.count) == (True, 2 * bins)
+    width = 4.0 / bins
+    assert (grid.start, grid.step) == pytest.approx((0.25 * width, 0.5 * width))
+    assert grid.as_dict()["margin"] == 0.5 * grid.step
+    for log, run, end in ((fine, runs[0], 4.0), (coarse, runs[1], 2.0)):
+        whole = read_curves(log).curves["joint_1", "link_position"]
+        series = run.series["joint_1", "link_position"]
+        assert (np.nanmin(series), np.nanmax(series)) == (whole.values.min(), whole.values.max())
+        there = np.isfinite(series)
+        # Every sample stands within half an interval of its time.
+        np.testing.assert_allclose(series[there], 0.4 * np.sin(2 * np.pi * (grid.time[there] - 0.05)), atol=2.6 * width)
+        assert grid.time[there].max() == pytest.approx(end, abs=width)
+
+
+URDF = (
+    '<robot name="made_up">'
+    '<joint name="joint_1" type="revolute"><limit lower="-0.3" upper="0.5" effort="4" velocity="1"/></joint>'
+    '<joint name="joint_2" type="continuous"><limit lower="-1" upper="1" effort="0" velocity="1"/></joint></robot>'
+)
+
+
+def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
+    time = np.arange(1001) * 0.001
+    apart = {"motor_1_position": 0.3 + 0.1 * time, "motor_2_position": -0.1 - 0.1 * time}
+    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=2, values=apart))
+    given = {"motor_1_max_torque": 2.0, "motor_2_max_torque": 3.0, "max_deflection": 0.7}
+    info = replace(run.info, urdf=URDF, resolved={**run.info.resolved, "parameters": {"joint_1": given}})
+    run = replace(run, info=info)
+    found = lambda joint, panel: [curve.values.tolist() for curve in panel_limits(run, joint, panel)]  # noqa: E731
+    assert found("joint_1", "position") == found("joint_1", "quantity:link_position") == [[-0.3] * 2, [0.5] * 2]
+    assert found("joint_1", "torque") == found("joint_1", "link_torque") == [[-4.0] * 2, [4.0] * 2]
+    assert found("joint_1", "motor_torque") == [[-2.0] * 2, [2.0] * 2, [-3.0] * 2, [3.0] * 2]
+    assert found("joint_1", "quantity:motor_2_torque") == [[-3.0] * 2, [3.0] * 2]
+    assert found("joint_1", "velocity") == []
+    assert [found("joint_2", panel) for panel in ("position", "torque", "motor_torque", "deflection")] == [[]] * 4
+    upper, lower = panel_limits(run, "joint_1", "deflection")
+    np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
+    np.testing.assert_allclose(lower.values, -upper.values)
+    assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2
+
+
+def test_tables_say_what_differs_and_what_settled() -> None:
+    def row(quantity: str, measure: str, value: float, unit: str = "rad") -> MetricRow:
+        return MetricRow(source="lab", joint="elbow", quantity=quantity, measure=measure, value=value, unit=unit)
+
+    rows = [
+        row("link_position", "rmse", 0.01234567), row("link_position", "nrmse", 1e-13, ""),
+        row("link_position", "settling", math.nan, "s"), row("link_position", "overshoot", 0.2, ""),
+        row("link_velocity", "rmse", math.inf), row("link_velocity", "settling", 0.5, "s"),
+        row("link_velocity", "overshoot", 0.3, ""),
+        row("reference_1", "rmse", 0.1), row("reference_1", "nrmse", 0.0101, ""),
+        row("reference_2", "rmse", 0.1), row("reference_2", "nrmse", 0.01, ""),
+    ]  # fmt: skip
+    tables = {(table.measures, key[2]): cells for table in metric_tables(rows) for key, cells in table.lines}
+    assert tables == {
+        (("rmse", "nrmse"), "link_position"): ("0.01235 rad", "0"),
+        (("rmse", "settling", "overshoot"), "link_velocity"): ("-", "0.5 s", "0.3"),
+        (("rmse", "nrmse"), "reference_1"): ("0.1 rad", "0.0101"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "rest"),
+    [("elbow_1_pos", "elbow_1", " _pos"), ("elbow_12_pos", None, "elbow_12_pos"), ("myelbow_1", None, "myelbow_1"),
+     ("Elbow1 [rad]", "elbow_1", "  [rad]"), ("q_deg", None, "q_deg"), ("left_elbow_1", "left_elbow_1", " ")],
+)  # fmt: skip
+def test_a_joint_is_found_in_a_name_by_its_whole_and_longest_name(name: str, joint: str | None, rest: str) -> None:
+    """A name of one letter may stand for a quantity as well."""
+    assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)

@@ -1,0 +1,410 @@
+"""The page: everything in it, nothing from outside, small, and drawn by a real browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from asrsim.cli.app import app
+from asrsim.engines import default_engine
+from asrsim.errors import InputError
+from asrsim.log import LogWriter, read_log
+from asrsim.plots.curves import Curve
+from asrsim.quantities import QUANTITIES
+from asrsim.report import write_report
+from asrsim.report.content import read_parameters
+from asrsim.report.plots import object_plots
+from asrsim.report.series import pack, read_runs, unpack
+from asrsim.runs.folder import find_logs
+from support.browser import CHROMIUM, Browser
+from support.plot_example import made_up_log, simulated_log
+
+pytestmark = pytest.mark.once
+
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+
+
+class Links(HTMLParser):
+    """Everything that a page would load, and its visible text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.words: list[str] = []
+        self._silent = 0
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._silent += tag in ("script", "style")
+        self.loads += [value or "" for key, value in attrs if key in ("src", "href", "srcset", "data", "action")]
+
+    def handle_endtag(self, tag: str) -> None:
+        self._silent -= tag in ("script", "style")
+
+    def handle_data(self, data: str) -> None:
+        if not self._silent:
+            self.words.append(data)
+
+
+def parsed(page: Path) -> Links:
+    links = Links()
+    links.feed(page.read_text(encoding="utf-8"))
+    return links
+
+
+def page_data(page: Path) -> dict:
+    return json.loads(re.search(r'id="data">(.*?)</script>', page.read_text(encoding="utf-8"), re.DOTALL)[1])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    for variant in ("soft", "stiff"):
+        simulated_log("step_2dof", folder / variant / "log.mcap", variant=variant, duration=0.3)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Path:
+    return write_report(folder)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with Browser(tmp_path_factory.mktemp("profile")) as browser:
+        yield browser
+
+
+def test_the_page_loads_nothing_from_anywhere(page: Path):
+    loads = parsed(page).loads
+    assert loads
+    assert all(link.startswith("data:") for link in loads)
+    text = page.read_text(encoding="utf-8")
+    assert "default-src 'none'" in text
+    assert not re.search(r"@import|url\(\s*['\"]?http|fetch\(|XMLHttpRequest", text)
+
+
+def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
+    text = " ".join(" ".join(parsed(page).words).split())
+    for wanted in (
+        "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
+        "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
+    ):  # fmt: skip
+        assert wanted in text, wanted
+    assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
+    assert 'id="runs"' in page.read_text(encoding="utf-8")  # names of the variants, to hide their lines
+
+
+def test_series_come_back_with_exact_extremes(page: Path, folder: Path):
+    data = page_data(page)
+    assert [run["label"] for run in data["runs"]] == ["soft", "stiff"]
+    plot = next(p for p in data["joints"][0]["plots"] if p["title"] == "deflection")
+    assert plot["unit"] == "rad"
+    position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
+    line = next(s for s in position["series"] if s["label"] == "link position" and s["run"] == 1)
+    values = read_log(folder / "stiff" / "log.mcap").samples.values["link_position"][:, 0]
+    assert (line["low"], line["high"]) == (values.min(), values.max())
+    np.testing.assert_allclose(unpack(line, data["grid"]["count"]), values, atol=np.ptp(values) / 65000)
+
+
+@pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
+def test_packing_keeps_gaps_and_extremes(values: list[float]):
+    array = np.array(values)
+    back = unpack(pack(array), len(array))
+    np.testing.assert_array_equal(np.isnan(back), np.isnan(array))
+    np.testing.assert_allclose(back, array, atol=1e-4)
+    if np.isfinite(array).any():
+        assert np.nanmax(back) == np.nanmax(array)
+        assert np.nanmin(back) == np.nanmin(array)
+
+
+def test_a_spike_in_a_long_run_is_on_the_page(tmp_path: Path):
+    torque = np.zeros(40_000)
+    torque[[20_001, 31_234]] = 5.0, -3.0
+    log = made_up_log(tmp_path / "log.mcap", joints=5, count=40_000, values={"link_torque": torque})
+    grid, (run,) = read_runs([log], quantities=["link_torque", "link_position"])
+    assert grid.thinned
+    series = run.series["joint_5", "link_torque"]
+    assert (series.max(), series.min()) == (5.0, -3.0)
+    # At its time, to the width of an interval.
+    assert abs(grid.time[series.argmax()] - 20.001) <= 2 * grid.step
+    assert abs(grid.time[series.argmin()] - 31.234) <= 2 * grid.step
+
+
+def test_a_short_push_is_on_the_page_at_its_time():
+    """Of more samples than the page has places: the least and the largest of each place."""
+    times, force, grid = np.arange(0.0, 10.0, 0.001), np.zeros(10_000), np.arange(0.0, 10.0, 0.1)
+    force[[2345, 6789]] = 5.0, -3.0
+    run = SimpleNamespace(bodies={"box": {"force": Curve(time=times, values=force)}})
+    (plot,) = [plot for plot in object_plots([run], grid) if plot["series"]]
+    shown = unpack(plot["series"][0], len(grid))
+    assert (shown.max(), shown.min(), np.count_nonzero(np.abs(shown) > 0.1)) == (5.0, -3.0, 2)
+    assert abs(grid[shown.argmax()] - 2.345) <= 0.2
+    assert abs(grid[shown.argmin()] - 6.789) <= 0.2
+
+
+def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
+    rng = np.random.default_rng(1)
+    # Noise does not pack; the film strip, which is not drawn here, takes less than 0.2 MB.
+    values = {name: rng.normal(size=20_001) for name in QUANTITIES}
+    log = made_up_log(tmp_path / "log.mcap", joints=5, count=20_001, values=values)
+    assert write_report(log.parent, film=False).stat().st_size < 1_800_000
+
+
+def test_names_cannot_break_the_page(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", variant="</script><b>x", count=50)
+    page = write_report(log.parent, film=False)
+    text = page.read_text(encoding="utf-8")
+    assert "</script><b>x" not in text
+    assert page_data(page)["runs"][0]["label"] == "</script><b>x"
+    assert 'id="runs"' not in page.read_text(encoding="utf-8")  # one run has nobody beside it
+
+
+def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):
+    log = made_up_log(tmp_path / "log.mcap", count=300)
+    rows = [{"source": "soft - lab.csv", "joint": "joint_1", "quantity": "link_position", "measure": "rmse", "value": 0.0123,
+             "unit": "rad"}]  # fmt: skip
+    (tmp_path / "metrics.json").write_text(json.dumps({"metrics": rows}))
+    words = " ".join(parsed(write_report(log.parent, film=False)).words)
+    assert "Beside experiments" in words
+    assert "0.0123 rad" in words
+
+
+def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+    info = read_log(folder / "soft" / "log.mcap").info
+    text = info.urdf.splitlines()
+    found = [parameter for values in read_parameters(info).values() for parameter in values]
+    named = [re.fullmatch(r"tag <(\w+)>, line (\d+)", one.origin) for one in found]
+    assert [f"<{match[1]}>" in text[int(match[2]) - 1] for match in named if match] == [True] * 12
+    assert not any("line" in one.origin for one, match in zip(found, named, strict=True) if not match)
+
+
+def test_a_folder_without_log_is_an_error(tmp_path: Path):
+    with pytest.raises(InputError, match="no log of a run"):
+        write_report(tmp_path)
+
+
+def test_the_command_writes_the_page(tmp_path: Path):
+    made_up_log(tmp_path / "log.mcap", count=100)
+    result = CliRunner().invoke(app, ["report", str(tmp_path), "--json", "--no-film", "--out", str(tmp_path / "page.html")])
+    data = json.loads(result.stdout)
+    assert data["bytes"] == (tmp_path / "page.html").stat().st_size
+
+
+SCROLL = """(async () => {
+  for (let y = 0; y < document.documentElement.scrollHeight; y += 500) {
+    scrollTo(0, y); await new Promise((done) => setTimeout(done, 60));
+  }
+  await new Promise((done) => setTimeout(done, 200));
+})()"""
+INK = """[...document.querySelectorAll('.plots canvas')].map((canvas) => {
+  const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  let count = 0;
+  for (let i = 0; i < pixels.length; i += 4) {
+    const colour = pixels.slice(i, i + 3);
+    if (pixels[i + 3] > 200 && Math.max(...colour) - Math.min(...colour) > 60) count++;
+  }
+  return count;
+})"""
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1200, 390])
+def test_a_browser_draws_every_plot_without_complaint(browser: Browser, page: Path, width: int):
+    browser.open(page, width=width)
+    browser.evaluate(SCROLL)
+    assert browser.complaints == []
+    assert browser.requests == [page.absolute().as_uri()]
+    ink = browser.evaluate(INK)
+    data = page_data(page)
+    assert len(ink) == sum(len(joint["plots"]) for joint in data["joints"])
+    titles = [plot["title"] for joint in data["joints"] for plot in joint["plots"]]
+    # The residual's line is black; all others have colour.
+    assert all(count > 100 for count, title in zip(ink, titles, strict=True) if title != "energy residual")
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+
+
+@needs_browser
+@pytest.mark.slow
+def test_every_plot_is_drawn_in_time_and_shows_all_of_it(browser: Browser, page: Path):
+    """Nobody scrolls where a picture is taken of the whole page."""
+    browser.open(page, width=1200)
+    data = page_data(page)
+    count = sum(len(joint["plots"]) for joint in data["joints"])
+    browser.evaluate(f"""(async () => {{
+        for (let i = 0; i < 100 && asrsimCharts.length < {count}; i++) await new Promise((done) => setTimeout(done, 50));
+    }})()""")
+    ranges = browser.evaluate("asrsimCharts.map((chart) => [chart.scales.x.min, chart.scales.x.max])")
+    assert len(ranges) == count
+    assert ranges == [pytest.approx([0.0, 0.3], abs=1e-9)] * count
+
+
+@needs_browser
+@pytest.mark.slow
+def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
+    browser.open(page, width=1200)
+    browser.evaluate(SCROLL)
+    browser.evaluate("document.querySelector('.u-over').scrollIntoView({block: 'center'})")
+    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
+                           "(document.querySelector('.u-over').getBoundingClientRect())")  # fmt: skip
+    x, y, width, height = box
+
+    def mouse(kind: str, share: float, **more: object) -> None:
+        place = {"x": x + share * width, "y": y + 0.5 * height}
+        browser.call("Input.dispatchMouseEvent", {"type": kind, **place, **more})
+
+    mouse("mouseMoved", 0.4)
+    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+    assert re.search(r"soft -?\d\S* \| stiff -?\d\S* rad", browser.evaluate("document.querySelector('.legend').textContent"))
+    assert browser.evaluate("document.querySelector('.time').textContent") == "0.120 s"
+    mouse("mousePressed", 0.4, button="left", buttons=1, clickCount=1)
+    mouse("mouseMoved", 0.5, button="left", buttons=1)
+    mouse("mouseMoved", 0.6, button="left", buttons=1)
+    mouse("mouseReleased", 0.6, button="left", clickCount=1)
+    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+    ranges = browser.evaluate("asrsimCharts.map((chart) => [chart.scales.x.min, chart.scales.x.max])")
+    assert ranges[0] == pytest.approx([0.12, 0.18], abs=0.005)
+    assert all(one == ranges[0] for one in ranges)
+    browser.evaluate("document.querySelector('.legend button').click()")
+    hidden = browser.evaluate("asrsimCharts[0].series.filter((series) => !series.show).length")
+    assert hidden >= 1
+    browser.evaluate("document.querySelector('#runs button').click()")
+    assert browser.evaluate("asrsimCharts.every((chart) => chart.plot.series.every((s, i) => s.run !== 0 || "
+                            "!chart.series[i + 1].show))")  # fmt: skip
+    assert browser.complaints == []
+
+
+def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: Path):
+    """As `asrsim plot` leaves them beside a variant."""
+    log = made_up_log(tmp_path / "soft" / "log.mcap")
+    made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
+    lab = tmp_path / "lab.csv"
+    lab.write_text("time,q\n" + "".join(f"{0.01 * i},{0.3 * np.sin(0.0628 * i)}\n" for i in range(100)))
+    options = ["--experiment", str(lab), "--map", "q=joint_1.link_position [rad]", "--align", "off"]
+    assert CliRunner().invoke(app, ["plot", str(log), *options]).exit_code == 0
+    page = write_report(tmp_path, film=False)
+    assert "Beside experiments" in " ".join(parsed(page).words)
+    data = page_data(page)
+    position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
+    (recorded,) = (s for s in position["series"] if s["label"] == "link position, recorded")
+    assert data["runs"][recorded["run"]]["label"] == "soft"
+    assert recorded["high"] == pytest.approx(0.3, abs=1e-3)
+    assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
+
+
+def test_each_comparison_of_a_folder_is_found_once(tmp_path: Path):
+    """Beside the logs, in `compared`, in each variant's folder, and in `compared` of those."""
+    from asrsim.report.content import _compared_folders
+
+    names = ["", "compared", "soft", "stiff/compared"]
+    for name in names:
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        (tmp_path / name / "metrics.json").write_text("{}")
+    assert _compared_folders(tmp_path) == [tmp_path / name for name in names]
+
+
+def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
+    for variant in ("stiff", "nominal_soft", "soft"):
+        simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
+    (tmp_path / "zero").mkdir()
+    made_up_log(tmp_path / "zero" / "log.mcap", count=20)
+    assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
+
+
+def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path: Path, asrsim_command):
+    for name in ("a", "b", "cut"):
+        (tmp_path / name).mkdir()
+        made_up_log(tmp_path / name / "log.mcap", count=20)
+    good = [tmp_path / "a" / "log.mcap", tmp_path / "b" / "log.mcap"]
+    (tmp_path / "cut" / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "log.mcap").touch()
+    # Of a run that was stopped before its first sample.
+    (tmp_path / "early").mkdir()
+    with LogWriter(tmp_path / "early" / "log.mcap", read_log(good[0]).info):
+        pass
+    assert find_logs(tmp_path) == good
+    for command in ("plot", "report"):
+        outcome = asrsim_command(command, tmp_path, "-q")
+        assert outcome.code == 0
+        assert "empty/log.mcap: left out: the file is empty" in outcome.err
+        assert "cut/log.mcap: left out" in outcome.err
+        assert "early/log.mcap: left out: the log holds no samples" in outcome.err
+    for log in good:
+        log.write_bytes(b"")
+    outcome = asrsim_command("plot", tmp_path)
+    assert outcome.code == 1
+    assert "the file is empty" in outcome.err
+
+
+def test_the_motion_comes_small(page: Path):
+    text = page.read_text(encoding="utf-8")
+    motion = json.loads(re.search(r'id="motion-data">(.*?)</script>', text, re.DOTALL)[1])
+    assert [run["label"] for run in motion["runs"]] == ["soft", "stiff"]
+    assert {part["body"] for part in motion["parts"]} <= {joint["child"] for joint in motion["joints"]} | {motion["root"]}
+    assert len(json.dumps(motion)) < 150_000
+
+
+@needs_browser
+@pytest.mark.slow
+def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
+    from asrsim.render import Film
+
+    log = simulated_log("box_push_5dof", tmp_path / "stiff" / "log.mcap", variant="stiff", duration=0.3)
+    browser.open(write_report(log.parent), width=1000)
+    film = Film(log)
+    row = len(film.samples.time) // 2
+    mine = film._frames(row)
+    theirs = browser.evaluate(f"asrsimMotion.frames({float(film.samples.time[row])!r})")
+    assert set(theirs) == set(mine)
+    for body, frame in mine.items():
+        np.testing.assert_allclose(np.reshape(theirs[body], (4, 4)), frame, atol=2e-4)
+    look = """(() => { asrsimMotion.draw(); const gl = document.querySelector('#motion canvas').getContext('webgl2');
+      const w = gl.drawingBufferWidth, h = gl.drawingBufferHeight, p = new Uint8Array(4 * w * h);
+      gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, p);
+      let brown = 0, sum = 0;
+      for (let i = 0; i < p.length; i += 4) { brown += p[i] - p[i + 2] > 40; sum += p[i] * (i % 9973); }
+      return [brown / (w * h), sum]; })()"""
+    brown, first = browser.evaluate(look)
+    assert brown > 0.05
+    browser.evaluate("document.querySelector('#motion .speed').value = '0.1'")
+    browser.evaluate("document.querySelector('#motion .play').click()")
+    browser.evaluate("new Promise((done) => setTimeout(done, 600))")
+    browser.evaluate("document.querySelector('#motion .play').click()")
+    assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
+    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
+                           "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
+
+    def drag(button, held):
+        for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.45), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
+            place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": button, "clickCount": 1}
+            browser.call("Input.dispatchMouseEvent", {"type": kind, "buttons": held, **place})
+        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+        return browser.evaluate("asrsimMotion.camera()")
+
+    before = browser.evaluate("asrsimMotion.camera()")
+    turned = drag("left", 1)
+    moved = drag("right", 2)
+    assert turned["turn"] != pytest.approx(before["turn"], abs=1e-3)
+    assert turned["target"] == before["target"]
+    assert moved["target"] != turned["target"]
+    assert moved["turn"] == turned["turn"]
+    assert browser.evaluate(look)[1] != first
+    assert browser.complaints == []
+
+
+def test_where_the_logs_of_a_study_are_is_told(tmp_path):
+    (tmp_path / "study/logs/run_000000").mkdir(parents=True)
+    (tmp_path / "study/logs/run_000000/log.mcap").touch()
+    with pytest.raises(InputError, match=r"further down have some: .*study.logs$"):
+        find_logs(tmp_path / "study")
+    with pytest.raises(InputError, match="Run a scenario first"):
+        find_logs(tmp_path)

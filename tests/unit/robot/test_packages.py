@@ -1,0 +1,128 @@
+"""Robots as their packages ship them, with actuators added: driven and drawn; and their bodies in every engine."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.engines import ENGINES
+from asrsim.robot import Robot, engine_urdf, load_robot
+from asrsim.robot.mesh_colours import mesh_colour
+from asrsim.scenario import make_scenario
+from asrsim.simulation.run import simulate
+from support.pinocchio_model import ALTEREGO, dynamics, farthest
+from support.random_robots import random_urdf
+
+pytestmark = pytest.mark.once
+
+BLOCK = (
+    '<gazebo><plugin name="{0}" filename="libsea_plugin.so"><joint>{0}</joint><operation_mode>3</operation_mode>'
+    "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau><spring_k>500</spring_k>"
+    "</plugin></gazebo>"
+)
+SHIPPED = {
+    "franka_panda/panda.urdf": True,
+    "kuka_iiwa/model.urdf": True,
+    "mini_cheetah/mini_cheetah.urdf": False,
+    "a1/a1.urdf": False,
+}
+"""Robot of pybullet_data -> whether its base is fixed."""
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
+    data = Path(pytest.importorskip("pybullet_data").getDataPath())
+    shutil.copytree((data / name).parent, tmp_path / "robot")
+    path = tmp_path / "robot" / Path(name).name
+    blocks = "".join(BLOCK.format(joint.name) for joint in load_robot(path).moving_joints)
+    path.write_text(path.read_text().replace("</robot>", blocks + "</robot>"))
+    robot = load_robot(path)
+    assert len(robot.actuators) == len(robot.moving_joints)
+    text, warnings = engine_urdf(robot, visuals=True)
+    assert not [problem for problem in warnings if problem.code.startswith("missing")]
+    assert text.count("<visual>") == sum(len(link.visuals) for link in robot.links)
+    run = simulate(make_scenario(path, duration=0.02, base={"fixed": SHIPPED[name], "position": [0, 0, 1]}))
+    assert run.samples is not None
+    assert np.isfinite(run.samples.values["link_position"]).all()
+
+
+DAE = """<COLLADA><library_effects><effect id="e1"><diffuse><color>1 0 0 1</color></diffuse></effect>
+<effect id="e2"><diffuse><color>0 0 1 0</color></diffuse></effect></library_effects>
+<library_materials><material id="m1"><instance_effect url="#e1"/></material>
+<material id="m2"><instance_effect url="#e2"/></material></library_materials>
+<geometry><mesh><triangles material="s1" count="10"/><triangles material="s2" count="20"/></mesh></geometry>
+<instance_material symbol="s1" target="#m1"/><instance_material symbol="s2" target="#m2"/></COLLADA>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "colour"),
+    [
+        (DAE, (0.0, 0.0, 1.0, 1.0)),
+        (DAE.replace('count="20"', 'count="x"'), (1.0, 0.0, 0.0, 1.0)),
+        (DAE.replace("0 0 1 0", "0 0"), (1.0, 0.0, 0.0, 1.0)),
+        ("<COLLADA/>", None),
+        ("no xml", None),
+    ],
+)
+def test_a_mesh_has_the_colour_of_most_of_its_triangles(text: str, colour: tuple | None, tmp_path: Path) -> None:
+    (tmp_path / "m.dae").write_text(text)
+    assert mesh_colour(tmp_path / "m.dae") == colour
+
+
+# -- engines -----------------------------------------------------------------------------------------------------------
+
+
+def in_engine(engine: str, robot: Robot, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
+    """Mass matrix and bias (Coriolis, gravity) as an engine's model has them."""
+    names = [joint.name for joint in robot.moving_joints]
+    built, _ = ENGINES.get(engine).make(make_scenario(robot.path, duration=0.01, engine=engine), robot)
+    try:
+        matrix = built.model.mass_matrix([positions[name] for name in names])
+        bias = built.model.bias([positions[name] for name in names], [velocities[name] for name in names])
+    finally:
+        built.close()
+    return (
+        {(a, b): matrix[i, j] for i, a in enumerate(names) for j, b in enumerate(names)},
+        dict(zip(names, bias, strict=True)),
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_engines_have_the_bodies_of_the_file(engine: str, seed: int, tmp_path: Path) -> None:
+    (tmp_path / "r.urdf").write_text(random_urdf(seed))
+    same_bodies(engine, tmp_path / "r.urdf")
+
+
+@pytest.mark.parametrize("file", ALTEREGO)
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_engines_have_the_bodies_of_alterego(engine: str, file: str, shared: Path) -> None:
+    same_bodies(engine, shared / file)
+
+
+def same_bodies(engine: str, path: Path) -> None:
+    """Mass matrix and bias of the engine's robot are those of the file."""
+    robot = load_robot(path)
+    source, names = np.random.default_rng(0), [joint.name for joint in robot.moving_joints]
+    positions, velocities = (dict(zip(names, source.uniform(-2, 2, len(names)), strict=True)) for _ in range(2))
+    truth = dynamics(robot.text, positions, velocities)
+    found = in_engine(engine, robot, positions, velocities)
+    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12
+
+
+@pytest.mark.parametrize("inertia", [(0.0, 0, 0, 1e-2, 0, 1e-2), (1e-3, 0, 0, 1e-3, 0, 1.0), (0.0, 0, 0, 0.0, 0, 0.0)])
+@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+def test_bodies_that_are_none_are_simulated_as_they_are(engine: str, inertia: tuple, tmp_path: Path) -> None:
+    """A rod, a body against the triangle inequality, a point: warnings to us, which some engines refuse to build."""
+    (tmp_path / "r.urdf").write_text(random_urdf(1, moving=2, fixed=0))
+    robot = load_robot(tmp_path / "r.urdf")
+    robot = replace(robot, links=(robot.links[0], replace(robot.links[1], inertia=inertia), *robot.links[2:]))
+    names = [joint.name for joint in robot.moving_joints]
+    positions, velocities = dict.fromkeys(names, 0.3), dict.fromkeys(names, -1.0)
+    truth = dynamics(engine_urdf(robot)[0], positions, velocities)
+    found = in_engine(engine, robot, positions, velocities)
+    assert max(farthest(one, other) for one, other in zip(truth, found, strict=True)) < 1e-12

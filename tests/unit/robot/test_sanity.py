@@ -1,0 +1,556 @@
+"""Slips that a file or scenario may hold and still be read: words that nobody knows, improbable numbers, springs beside
+actuators; and that `check` knows what `run` refuses.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from asrsim.errors import Problem, RobotError, ScenarioError
+from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed, with_overrides
+from asrsim.robot.values import law_fault
+from asrsim.scenario import check_against_robot, load_scenario
+from support.paths import EXAMPLES
+
+MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
+
+
+def changed(tiny, *changes: tuple[str, str]) -> Robot:
+    """The tiny robot with texts replaced."""
+    text = tiny.robot.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    tiny.robot.write_text(text)
+    return load_robot(tiny.robot)
+
+
+def codes(problems: tuple[Problem, ...] | list[Problem]) -> set[str]:
+    return {problem.code for problem in problems}
+
+
+# -- words -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "close"),
+    [
+        ("<dynamics damping", "<dynamics dampening", "'damping'"),
+        ("<dynamics ", "<dynamic ", "<dynamics>"),
+        ('origin xyz="0 0 -0.1"', 'origin xzy="0 0 -0.1"', "'xyz'"),
+        ("<axis ", "<axes ", "<axis>"),
+        ('lower="-3"', 'lo="-3"', "'lower'"),
+        ("<mass value", '<mass unit="kg" value', None),
+        ("</inertial>", "</inertial><colision/>", "<collision>"),
+        ("<limit ", "<Limit ", "<limit>"),
+        ("</robot>", "<jiont/></robot>", "<joint>"),
+        ('ixy="0"', 'Ixy="0"', "'ixy'"),
+    ],
+)
+def test_unknown_words_are_told_of_with_the_nearest(old: str, new: str, close: str | None, tiny) -> None:
+    robot = changed(tiny, (old, new))
+    (found,) = [problem for problem in robot.warnings if problem.code.startswith("unknown-")]
+    assert found.line == 1 + tiny.robot.read_text().split(new)[0].count("\n")
+    assert found.hint == (f"Did you mean {close}?" if close else None)
+
+
+def test_what_other_programs_add_is_no_slip(tiny) -> None:
+    robot = changed(
+        tiny,
+        ("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:drake="http://drake.mit.edu" '),
+        ("</robot>", "<drake:x/><transmission><anything/></transmission><ros2_control/></robot>"),
+        ("</inertial>", "</inertial><contact/><drake:y/>"),
+    )
+    assert not [problem for problem in robot.warnings if problem.code.startswith("unknown-")]
+
+
+# -- numbers -----------------------------------------------------------------------------------------------------------
+
+
+INERTIA = 'ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('mass value="0.5"', 'mass value="500"', "heavy-link"),
+        ('xyz="0 0 -0.1"', 'xyz="0 0 -100"', "far-centre"),
+        ('lower="-3" upper="3"', 'lower="-180" upper="180"', "limit-in-degrees"),
+        ('lower="-3" upper="3"', 'lower="-90" upper="0"', "limit-in-degrees"),
+        ('xyz="0 0 -0.1"', 'xyz="0 0 -0.1" rpy="90 0 0"', "rpy-in-degrees"),
+        ("<mass ", '<mass value="5"/><mass ', "repeated-element"),
+        ("<limit ", '<limit effort="1" velocity="1"/><limit ', "repeated-element"),
+        ("<spring_k>10<", "<spring_k>0<", "no-spring"),
+        ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><ctrl_P>-1</ctrl_P>", "negative-gain"),
+        ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><mot_tauFric>6</mot_tauFric>", "stuck-motor"),
+        ('velocity="100"', 'velocity="0"', "zero-velocity-limit"),
+        ("<axis ", '<origin xyz="0 0 101"/><axis ', "wide-robot"),
+        ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="2.1" iyz="0" izz="2.1"', "large-inertia"),
+        ("<spring_k>10<", "<spring_k>1.1e5<", "unusual-value"),
+        ("<spring_k>10<", "<spring_k>0.9e-3<", "unusual-value"),
+        ("<spring_k>", "<mot_J>1e6</mot_J><spring_k>", "unusual-value"),
+    ],
+)
+def test_improbable_numbers_are_told_of(old: str, new: str, code: str, tiny) -> None:
+    assert code not in codes(load_robot(tiny.robot).warnings)
+    robot = changed(tiny, (old, new))
+    (found,) = [problem for problem in robot.warnings if problem.code == code]
+    assert found.line is not None
+
+
+HUGE = ("<axis ", '<origin xyz="2 0 0"/><axis ')
+"""A robot of 2 m, whose links may be of 800 kg."""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('mass value="0.5"', 'mass value="900"', "heavy-link"),
+        (INERTIA, INERTIA.replace('izz="1e-3"', 'izz="2.1e-3"'), "triangle-inequality"),
+    ],
+)
+@pytest.mark.parametrize("more", [True, False])
+def test_improbable_numbers_begin_at_their_bounds(old: str, new: str, code: str, more: bool, tiny) -> None:
+    less = {"900": "700", "2.1e-3": "1.9e-3"}
+    for large, small in less.items() if not more else ():
+        new = new.replace(large, small)
+    assert (code in codes(changed(tiny, HUGE, (old, new)).warnings)) == more
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<operation_mode>3</operation_mode>", "<operation_mode>5</operation_mode><mot_tauFric>5.9</mot_tauFric>"),
+        ('velocity="100"', 'velocity="0.01"'),
+        ("<axis ", '<origin xyz="0 0 99"/><axis '),
+        ('iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="1.9" iyz="0" izz="1.9"'),
+        ("<spring_k>10<", "<spring_k>0.9e5<"),
+        ("<spring_k>10<", "<spring_k>1.1e-3<"),
+        # The spring of a drive whose motor is twice as large.
+        ("<spring_k>10<", "<mot_tauMax>12</mot_tauMax><spring_k>1.9e5<"),
+    ],
+)
+def test_what_is_just_probable_is_not_doubted(old: str, new: str, tiny) -> None:
+    assert codes(changed(tiny, (old, new)).warnings) <= codes(load_robot(EXAMPLES / "urdf" / "dof1_sea.urdf").warnings)
+
+
+def test_a_slider_has_no_usual_stiffness(tiny) -> None:
+    """What lifts a carriage is no stiffness of a joint that turns."""
+    robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ("<spring_k>10<", "<spring_k>1.1e5<"))
+    assert "unusual-value" not in codes(robot.warnings)
+
+
+def test_a_slider_may_be_long(tiny) -> None:
+    """Its limits are in m, and no degrees."""
+    robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ('lower="-3" upper="3"', 'lower="-25" upper="25"'))
+    assert "limit-in-degrees" not in codes(robot.warnings)
+
+
+def test_an_inertia_of_products_alone_is_no_rounding(tiny) -> None:
+    with pytest.raises(RobotError) as caught:
+        changed(tiny, (INERTIA, 'ixx="0" ixy="-0.5" ixz="0" iyy="0" iyz="0" izz="0"'))
+    assert codes(caught.value.problems) == {"negative-inertia"}
+
+
+def test_sound_robots_are_not_doubted() -> None:
+    """Nothing improbable in the examples, nor wheels that turn for ever."""
+    doubted = {
+        "heavy-link", "far-centre", "limit-in-degrees", "rpy-in-degrees", "repeated-element", "no-spring", "negative-gain",
+        "stuck-motor", "zero-velocity-limit", "wide-robot", "large-inertia", "unusual-value",
+    }  # fmt: skip
+    for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
+        assert not codes(load_robot(path).warnings) & doubted, path
+
+
+def test_an_inertia_that_is_rounding_is_zero(tiny) -> None:
+    """iCub's links have moments of -5e-20 kg m^2, as CAD wrote them; -1e-3 is a mistake (tests of bad input)."""
+    robot = changed(tiny, (INERTIA, 'ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-18" iyz="0" izz="0"'))
+    assert (0.0,) * 6 in [link.inertia for link in robot.links]
+    assert "zero-inertia" in codes(robot.warnings)
+
+
+@pytest.mark.parametrize("value", ["1e308", "1e13", "-1e300", "1e-308", "5e-324"])
+@pytest.mark.parametrize("tag", ["spring_k", "max_def", "mot_J", "mot_D", "ctrl_P", "mot_tauMax"])
+def test_parameters_that_cannot_be_calculated_with_are_refused(tag: str, value: str, tiny) -> None:
+    text = tiny.robot.read_text().replace("<spring_k>10</spring_k>", f"<{tag}>{value}</{tag}>")
+    tiny.robot.write_text(text)
+    with pytest.raises(RobotError, match=tag):
+        load_robot(tiny.robot)
+    robot = changed(tiny, (f"<{tag}>{value}</{tag}>", ""))
+    with pytest.raises(ScenarioError, match="elbow"):
+        with_overrides(robot, parameters={"elbow": {tag: float(value)}})
+
+
+@pytest.mark.parametrize(("actuator", "tag"), [("qbmove", "spring_a1"), ("qbmove", "spring_a2"), ("bavs", "spring_k_e")])
+def test_a_law_that_divides_by_zero_is_an_error_of_the_file(actuator: str, tag: str, tiny) -> None:
+    block = f"<{tag}>0</{tag}>"
+    text = tiny.robot.read_text().replace("libsea", f"lib{actuator}").replace("<spring_k>10</spring_k>", block)
+    tiny.robot.write_text(text)
+    with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be worked out"):
+        with_overrides(load_robot(tiny.robot))
+    robot = changed(tiny, (block, ""))
+    assert all(law_fault(block) is None for block in robot.actuators)
+    with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be worked out"):
+        with_overrides(robot, parameters={"*": {tag: 0.0}})
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('<axis xyz="0 1 0"/>', "<axis/>", "missing-attribute"),
+        ('mass value="0.5"', 'mass value="1e-300"', "out-of-range"),
+        ('ixx="1e-3"', 'ixx="1e-300"', "out-of-range"),
+    ],
+)
+def test_what_no_engine_can_use_is_an_error(old: str, new: str, code: str, tiny) -> None:
+    with pytest.raises(RobotError) as caught:
+        changed(tiny, (old, new))
+    assert codes(caught.value.problems) == {code}
+
+
+@pytest.mark.parametrize("encoding", ["UTF-7", "big5", "rot13", "undefined", "idna", "punycode", "nothing", "hex", "cp037"])
+def test_encodings_that_no_parser_knows_are_errors(encoding: str, tiny) -> None:
+    text = tiny.robot.read_text().replace('version="1.0"', f'version="1.0" encoding="{encoding}"')
+    tiny.robot.write_text(text)
+    with pytest.raises(RobotError, match="encoding"):
+        load_robot(tiny.robot)
+
+
+# -- passive springs and mimic -----------------------------------------------------------------------------------------
+
+
+def gazebo(*tags: str, joint: str = "elbow") -> str:
+    return f'<gazebo reference="{joint}">{"".join(tags)}</gazebo></robot>'
+
+
+SPRING = "<springStiffness>200</springStiffness>", "<springReference> -0.26 </springReference>"
+
+
+def test_a_passive_spring_is_read(tiny) -> None:
+    text = tiny.robot.read_text()
+    plain = text[: text.index("  <gazebo>")] + "</robot>"
+    tiny.robot.write_text(plain.replace("</robot>", gazebo(*SPRING)))
+    robot = load_robot(tiny.robot)
+    joint = robot.joint("elbow")
+    assert (joint.spring_stiffness, joint.spring_reference) == (200.0, -0.26)
+    assert codes(robot.warnings) == {"no-actuators"}
+    assert merge_fixed(robot).robot.joint("elbow").spring_stiffness == 200.0
+
+
+@pytest.mark.parametrize(
+    ("end", "code"),
+    [
+        (gazebo(*SPRING), "two-springs"),
+        (gazebo("<springStiffness>-1</springStiffness>"), "negative-spring"),
+        (gazebo("<springReference>1</springReference>"), "no-spring"),
+        (gazebo(*SPRING, joint="elbwo"), "misplaced-spring"),
+        (gazebo(*SPRING, joint="arm"), "misplaced-spring"),
+    ],
+)
+def test_a_misused_spring_is_told_of(end: str, code: str, tiny) -> None:
+    robot = changed(tiny, ("</robot>", end))
+    assert code in codes(robot.warnings)
+
+
+@pytest.mark.parametrize("text", ["", "x", "1_0", "nan", "inf", "1e300", "\u0661"])
+def test_a_spring_that_is_no_number_is_an_error(text: str, tiny) -> None:
+    with pytest.raises(RobotError, match="springStiffness"):
+        changed(tiny, ("</robot>", gazebo(f"<springStiffness>{text}</springStiffness>")))
+
+
+def test_springs_and_mimics_are_shown(tiny, asrsim_command) -> None:
+    second = (
+        '<link name="tip"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial></link>'
+        f'<joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="0 1 0"/>{MIMIC}'
+        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
+    )
+    robot = changed(tiny, ("</robot>", second + gazebo(*SPRING, joint="wrist")))
+    mimic = robot.joint("wrist").mimic
+    assert (mimic.joint, mimic.multiplier, mimic.offset) == ("elbow", -2.0, 0.1)
+    assert {"mimic-joint"} <= codes(robot.warnings)
+    from asrsim.robot import with_actuators
+
+    # Driven by the scenario, it moves as its own references say.
+    assert "mimic-joint" not in codes(with_actuators(robot, {"wrist": ("sea", 6)}, {}).warnings)
+    told = asrsim_command("check", tiny.robot).out
+    assert "passive spring, 200 N m/rad to -0.26 rad: wrist" in told
+    assert "mimic, not simulated: wrist = -2 * elbow + 0.1" in told
+    assert '"wrist": {' in asrsim_command("check", tiny.robot, "--json").out
+
+
+def test_a_mimic_of_nothing_is_told_of(tiny) -> None:
+    assert "mimic-of-nothing" in codes(changed(tiny, ("<axis ", '<mimic joint="elbwo"/><axis ')).warnings)
+
+
+# -- scenarios ---------------------------------------------------------------------------------------------------------
+
+SCENARIOS = {
+    "gravity": "gravity: [0, 0, -9810]",
+    "gravity upwards": "gravity: [0, 0, 9.81]",
+    "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
+    "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
+    "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
+    "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
+    "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
+    "late-reference term": "references: {elbow: {equilibrium_position: {sum: [0.1, {step: {at: 5, to: 0.5}}]}}}",
+    "late-reference among others": "references: {elbow: {equilibrium_position: "
+    "{sum: [{step: {at: 1, to: 0.1}}, {step: {at: 5, to: 0.5}}]}}}",
+    "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
+    "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
+    "no-spring": "parameters: {elbow: {spring_k: 0}}",
+    "reference-limits": "references: {elbow: {equilibrium_position: {step: {at: 1.2, to: 3.1}}}}",
+    "reference-limits of a motor": "modes: 5\nreferences: {elbow: {reference_1: -3.1}}",
+    "reference-limits desired": "desired: {elbow: {sinusoid: {amplitude: 3.1, frequency: 1}}}",
+    "reference-limits desired of all": "desired: {'*': 4}",
+    "reference-limits learned": "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 4}}}, tolerance: 1}",
+    "unused-tolerance": "expect: [{joint: elbow, quantity: link_position, measure: final, comparison: <, value: 1, "
+    "tolerance: 0.1}]",
+    "sags": "parameters: {elbow: {spring_k: 1}}\nreferences: {elbow: {equilibrium_position: 1}}",
+    "unusual-value": "parameters: {elbow: {spring_k: 1e6}}",
+    "odd-step": "step: 0.06",
+    "odd-step of less than a microsecond": "step: 0.75e-6",
+    "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
+    "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
+    "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
+}
+
+
+def warned(tiny, more: str) -> set[str]:
+    """Codes of the warnings about the tiny scenario with more keys, none of them errors."""
+    text = tiny.scenario.read_text()
+    base = "" if "references:" in more else text.split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{more}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    tiny.scenario.write_text(text)
+    errors, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+    assert not errors
+    assert all(problem.line for problem in warnings if problem.key is not None and not problem.key.startswith("elbow"))
+    return codes(warnings)
+
+
+@pytest.mark.parametrize("case", SCENARIOS)
+def test_what_a_scenario_hardly_means_is_told_of(case: str, tiny) -> None:
+    assert case.split()[0] in warned(tiny, SCENARIOS[case])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
+        "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
+        "references: {elbow: {equilibrium_position: {step: {at: 1.4, to: 0.5}}}}", "base: {rpy: [0, -3.15, 6.28]}",
+        "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",
+        "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 2.9, frequency: 250}}}}", "log_rate: 10",
+        "references: {elbow: {equilibrium_position: {multisine: {amplitude: 0.1, frequencies: [1, 20, 300]}}}}",
+        "references: {elbow: {equilibrium_position: {pulse_train: {high: 0.1, period: 0.003, width: 0.0014}}}}",
+        "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
+        "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
+        "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
+        "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", "step: 1e-6",
+        "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
+        "modes: 0\nreferences: {elbow: {link_torque: 49}}\nreference_ranges: {elbow: {link_torque: [-50, 50]}}",
+    ],
+)  # fmt: skip
+def test_what_is_meant_is_not_doubted(more: str, tiny) -> None:
+    assert not warned(tiny, more)
+
+
+@pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
+                                    "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "place",
+    [
+        "external_torques: {elbow: %s}", "wrenches: [{link: arm, force: [0, %s, 0]}]", "desired: {elbow: %s}",
+        "engine: bench\nmotion: {elbow: %s}", "references: {elbow: {equilibrium_position: %s}}",
+        "ilc: {trajectory: {elbow: %s}, tolerance: 1}",
+    ],
+)  # fmt: skip
+def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: str, signal: str, tiny) -> None:
+    base = "" if "references:" in place else tiny.scenario.read_text().split("duration: 1.5\n")[1]
+    tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{place % signal}\n")
+    (scenario,) = load_scenario(tiny.scenario)
+    errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
+    assert [problem.code for problem in errors] == ["signal"]
+    assert errors[0].line
+
+
+OBJECTS = {
+    "sphere, size: 1, inertia: [1, 1, 1]": "no-effect",
+    "sphere, size: .1, mass: 1, position: [9, 9, .09]": "",
+    "sphere, size: .1, mass: 1, position: [9, 9, .07]": "in-ground",
+    "sphere, size: .1, position: [9, 9, -5]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .25]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .23]": "in-ground",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .17], rpy: [1.5708, 0, 0]": "",
+    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .15], rpy: [1.5708, 0, 0]": "in-ground",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .25]": "",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .23]": "in-ground",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .09], rpy: [0, 1.5708, 0]": "",
+    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .07], rpy: [0, 1.5708, 0]": "in-ground",
+}
+
+
+@pytest.mark.parametrize("case", OBJECTS)
+def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
+    place = "" if "position" in case else ", position: [9, 9, 900]"
+    found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
+    assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
+
+
+PAIRS = {
+    "sphere, size: .1": ("sphere, size: .1", 0.18),
+    "box, size: [.2, 1, 1]": ("sphere, size: .1", 0.18),
+    "box, size: [.2, .2, 1], rpy: [0, 0, 0.785398]": ("sphere, size: .1", 0.09 * (1.0 + math.sqrt(2.0))),
+    "cylinder, size: [.1, 1]": ("box, size: [.2, 1, 1]", 0.18),
+    "cylinder, size: [1, .2], rpy: [0, 1.570796, 0]": ("sphere, size: .1", 0.18),
+    "cylinder, size: [.1, .4], rpy: [1.570796, 0, 1.570796]": ("cylinder, size: [.1, .4]", 0.27),
+}
+
+
+@pytest.mark.parametrize("case", PAIRS)
+def test_objects_that_begin_inside_each_other_are_told_of(case: str, tiny) -> None:
+    """Nine tenths of both meet up to some distance; what stands still by itself may stand in another."""
+    other, apart = PAIRS[case]
+
+    def overlap(distance: float, mass: float) -> bool:
+        placed = f"position: [{9 + distance}, 9, 9], mass: {mass}"
+        objects = f"a: {{shape: {other}, position: [9, 9, 9]}}, b: {{shape: {case}, {placed}}}"
+        return "overlap" in warned(tiny, f"world: {{objects: {{{objects}}}}}")
+
+    assert overlap(apart - 1e-3, 1.0)
+    assert not overlap(apart + 1e-3, 1.0)
+    assert not overlap(apart - 1e-3, 0.0)
+
+
+@pytest.mark.parametrize(
+    "shape", ['box size="0.1 0.1 0.4"', 'cylinder radius="0.05" length="0.4"', 'capsule radius="0.05" length="0.3"']
+)
+@pytest.mark.parametrize("link", ["arm", "world"])
+def test_objects_that_begin_inside_the_robot_are_told_of(link: str, shape: str, tiny) -> None:
+    """Where the start's positions put it; a pedestal may enclose a base that stands still."""
+    body = f'<collision><origin xyz="0 0 -0.2"/><geometry><{shape}/></geometry></collision>'
+    text = tiny.robot.read_text().replace('<link name="world"/>', '<link name="world"></link>')
+    tiny.robot.write_text(text.replace(f'<link name="{link}">', f'<link name="{link}">{body}'))
+
+    def overlap(more: str, mass: float = 0.0, place: str = "[-0.25, 1, 2]") -> bool:
+        ball = f"world: {{objects: {{a: {{shape: sphere, size: 0.04, mass: {mass}, position: {place}}}}}}}"
+        return "overlap" in warned(tiny, f"{ball}\nbase: {{position: [0, 1, 2]}}\n{more}")
+
+    turned, straight = "initial: {elbow: 1.5708}", "[0, 1, 1.75]"
+    assert overlap(turned) == (link == "arm")
+    assert not overlap("")
+    assert not overlap(turned, place=straight)
+    assert overlap("", place=straight) == (link == "arm")
+    assert overlap("", place=straight, mass=0.1)
+    assert not overlap("", mass=0.1, place="[0.09, 1, 1.75]")
+
+
+@pytest.mark.parametrize(("height", "told"), [(0.19, False), (0.21, True)])
+def test_a_ground_above_the_whole_robot_is_told_of(height: float, told: bool, tiny) -> None:
+    changed(tiny, ("<axis ", '<origin xyz="0 0 0.2"/><axis '))
+    assert ("high-ground" in warned(tiny, f"world: {{ground: {{height: {height}}}}}")) == told
+
+
+def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:
+    text = tiny.robot.read_text().replace("libsea", "libqbmove").replace("<spring_k>10</spring_k>", "")
+    tiny.robot.write_text(text)
+    own = "references: {elbow: {equilibrium_position: 0, stiffness_preset: %s}}"
+    assert "large-preset" in warned(tiny, own % 50)
+    assert not warned(tiny, own % 0.6)
+
+
+# -- check knows what run refuses --------------------------------------------------------------------------------------
+
+LIMIT = '<limit effort="50" velocity="100" lower="-3" upper="3"/>'
+REFUSED = {
+    "no inertia about the axis": [
+        ('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"', 'ixx="0" iyy="0" izz="0"'), ("0 0 -0.1", "0 0.1 0"),
+    ],
+    "too stiff": [("<spring_k>10<", "<spring_k>1e11<")],
+    "name too long to write": [('name="arm"', f'name="{"&quot;" * 250}"'), ('link="arm"', f'link="{"&quot;" * 250}"')],
+    "no axis": [('<axis xyz="0 1 0"/>', "<axis/>")],
+}  # fmt: skip
+TAKEN = {
+    "no limit": [(LIMIT, "")],
+    "no limit of a slide": [('type="revolute"', 'type="prismatic"'), (LIMIT, "")],
+    "half a limit": [('lower="-3" upper="3"', 'lower="-3" upper="inf"')],
+    "limit of a wheel": [('type="revolute"', 'type="continuous"')],
+    "no numbers of the limit": [(LIMIT, "<limit/>")],
+    "a rod without thickness": [('izz="1e-3"', 'izz="0"')],
+    "a body that is none": [('izz="1e-3"', 'izz="1"')],
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_check_refuses_what_run_refuses(case: str, tiny, asrsim_command) -> None:
+    if case == "name too long to write":
+        pytest.importorskip("pybullet")
+    text = tiny.robot.read_text()
+    for old, new in REFUSED[case]:
+        assert old in text
+        text = text.replace(old, new)
+    tiny.robot.write_text(text)
+    said = []
+    for arguments in (("check", tiny.robot, "-q"), ("check", tiny.scenario, "-q"), ("run", tiny.scenario, "--no-plot")):
+        outcome = asrsim_command(*arguments)
+        assert outcome.code == 1, arguments
+        assert "unexpected error" not in outcome.err
+        said.append(outcome.out + outcome.err)
+    assert "error" in said[0]
+    assert "error" in said[1]
+
+
+@pytest.mark.parametrize("case", TAKEN)
+def test_check_passes_what_run_takes(case: str, tiny, asrsim_command) -> None:
+    text = tiny.robot.read_text()
+    for old, new in TAKEN[case]:
+        assert old in text
+        text = text.replace(old, new)
+    tiny.robot.write_text(text)
+    for arguments in (("check", tiny.robot), ("check", tiny.scenario), ("run", tiny.scenario, "--no-plot")):
+        assert asrsim_command(*arguments).code == 0, arguments
+
+
+def test_a_floating_robot_may_have_its_mass_in_what_is_fixed_to_its_root(tiny) -> None:
+    """The root link of many packages is an empty frame; the body hangs on it by a fixed joint."""
+    body = '<inertial><mass value="2"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>'
+    joint = '<joint name="f" type="fixed"><parent link="world"/><child link="hull"/></joint>'
+    changed(tiny, ("</robot>", f'<link name="hull">{body}</link>{joint}</robot>'))
+    assert not warned(tiny, "base: {fixed: false}")
+    merged = merge_fixed(load_robot(tiny.robot)).robot
+    assert (merged.root.name, merged.root.mass) == ("world", 2.0)
+    assert engine_urdf(merged)[0].count("<link") == 2
+
+
+def test_a_package_that_is_not_known_is_told_how_to_name(tiny) -> None:
+    shape = '<collision><geometry><mesh filename="package://arm_description/a.stl"/></geometry></collision>'
+    robot = changed(tiny, ("</inertial>", f"</inertial>{shape}"))
+    (problem,) = engine_urdf(robot)[1]
+    assert "--package arm_description=FOLDER" in str(problem.hint)
+    folder = tiny.folder / "arm_description"
+    folder.mkdir()
+    (folder / "a.stl").write_bytes(b"")
+    (problem,) = engine_urdf(robot)[1]  # a folder beside the file, called a package
+    assert "is empty" in problem.message
+    assert math.isfinite(robot.joint("elbow").damping)
+
+
+def test_a_log_finds_the_meshes_of_a_package_that_holds_the_robot(tiny, asrsim_command) -> None:
+    """The folder of a package is where it was, also where the robot itself lies in it."""
+    (tiny.folder / "meshes").mkdir()
+    (tiny.folder / "meshes" / "a.obj").write_text("v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n")
+    changed(
+        tiny,
+        (
+            "</inertial>",
+            '</inertial><visual><geometry><mesh filename="package://arm/meshes/a.obj"/></geometry></visual>',
+        ),
+    )
+    robot = f"{{file: {tiny.robot}, packages: {{arm: {tiny.folder}}}}}"
+    tiny.scenario.write_text(tiny.scenario.read_text().replace("pendulum.urdf", robot))
+    assert asrsim_command("run", tiny.scenario, "--no-plot").code == 0
+    outcome = asrsim_command("render", tiny.folder / "out/step/default/log.mcap", "--frames", "2", "--size", "60")
+    assert outcome.code == 0
+    assert "rods" not in outcome.out + outcome.err

@@ -1,0 +1,157 @@
+"""What a repetition is held against, and whose files a run may take away, with the differences put in by hand."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import OutputError
+from asrsim.log import LogWriter
+from asrsim.runs.compare import Comparer, Difference
+from asrsim.runs.folder import find_logs, new_log, open_folder
+from asrsim.samples import Samples
+from support.log_example import INFO, example_samples, part
+
+pytestmark = pytest.mark.once
+
+COUNT = 60
+
+
+@dataclass
+class Log:
+    """What a comparer asks of a reader."""
+
+    chunks: list[Samples]
+
+    def iter_samples(self) -> Iterator[Samples]:
+        yield from self.chunks
+
+
+def pieces(samples: Samples, rng: np.random.Generator) -> list[Samples]:
+    ends = [0, *sorted(rng.choice(np.arange(1, len(samples.time)), 4, replace=False).tolist()), len(samples.time)]
+    return [part(samples, slice(a, b)) for a, b in itertools.pairwise(ends)]
+
+
+def copy(samples: Samples) -> Samples:
+    tables = {kind: {name: table.copy() for name, table in getattr(samples, kind).items()}
+              for kind in ("values", "bodies", "contacts")}  # fmt: skip
+    return replace(samples, time=samples.time.copy(), **tables)
+
+
+def compared(logged: Samples, made: Samples, seed: int = 0) -> Comparer:
+    rng = np.random.default_rng(seed)
+    comparer = Comparer(Log(pieces(logged, rng)))  # type: ignore[arg-type]
+    for chunk in pieces(made, rng):
+        comparer.write(chunk)
+    return comparer
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
+    """Zero of either sign differs; one NaN is as good as another; joints and quantities are matched by name."""
+    logged = example_samples(COUNT, bodies=("box",), contacts=("box/ground",))
+    same = compared(logged, copy(logged), seed)
+    assert (same.differences, same.samples, same.rest()) == ((), COUNT, 0)
+    made = copy(logged)
+    position, velocity = made.values["link_position"], made.values["link_velocity"]
+    position[[40, 50, 59], 1] = 7.0
+    logged.values["link_velocity"][5, 0], velocity[5, 0] = 0.0, -0.0
+    velocity[6, 0] = np.nan
+    logged.values["link_velocity"][6, 0] = -np.float64(np.nan)
+    made.bodies["box"][[11, 12], 3] = 9.0
+    made.contacts["box/ground"][20, 2] = 8.0
+    made.time[58] += 1e-9
+    order = [2, 0, 3, 1]
+    made = replace(made, joints=tuple(made.joints[i] for i in order),
+                   values={name: table[:, order] for name, table in reversed(made.values.items())})  # fmt: skip
+    found = compared(logged, made, seed).differences
+    time, joints = logged.time, logged.joints
+
+    def expected(kind: str, name: str, joint: int | None, row: int, before: float, after: float, count: int) -> Difference:
+        return Difference(kind=kind, name=name, joint=None if joint is None else joints[joint], time=float(time[row]),
+                          sample=row, logged=float(before), repeated=after, count=count)  # fmt: skip
+
+    assert found == (
+        expected("value", "link_velocity", 0, 5, 0.0, -0.0, 1),
+        expected("body", "box", None, 11, logged.bodies["box"][11, 3], 9.0, 2),
+        expected("contact", "box/ground", None, 20, logged.contacts["box/ground"][20, 2], 8.0, 1),
+        expected("value", "link_position", 1, 40, logged.values["link_position"][40, 1], 7.0, 3),
+        expected("time", "time", None, 58, time[58], float(time[58] + 1e-9), 1),
+    )
+    assert str(found[0]) == (
+        f"link_velocity of shoulder: 1 samples differ, the first at t = {time[5]:.6g} s (sample 5): 0.0 in the log, -0.0 now"
+    )
+
+
+def test_what_one_side_does_not_have_differs_and_what_comes_too_early_to_an_end_is_counted() -> None:
+    logged = example_samples(COUNT, bodies=("box",))
+    made = copy(logged)
+    fewer = replace(made, values={name: table for name, table in made.values.items() if name != "stiffness"}, bodies={})
+    for before, after in ((logged, fewer), (fewer, logged)):
+        names = {(one.name, one.joint) for one in compared(before, after).differences}
+        recorded = {("stiffness", joint.name) for joint in INFO.joints if "stiffness" in joint.quantities}
+        assert names == recorded | {("box", None)}
+    short = compared(logged, part(made, slice(0, 37)))
+    assert (short.differences, short.samples, short.exhausted, short.rest()) == ((), 37, False, COUNT - 37)
+    long = compared(part(logged, slice(0, 37)), made)
+    assert (long.differences, long.samples, long.exhausted, long.rest()) == ((), 37, True, 0)
+
+
+def log_in(folder: Path, *, origin: str = "", variant: str = "soft", text: str = "robot: r.urdf\n") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    info = replace(INFO, scenario=text, scenario_path=origin, variant=variant)
+    with LogWriter(folder / "log.mcap", info) as log:
+        log.write(example_samples(5, info=info))
+    return folder / "log.mcap"
+
+
+def test_logs_of_variants_come_as_their_scenario_lists_them_and_strange_ones_last(tmp_path: Path) -> None:
+    text = "robot: r.urdf\nvariants: {soft: {}, rigid: {}, hard: {}}\n"
+    for name in ("hard", "alone", "soft", "rigid"):
+        log_in(tmp_path / name, variant=name, text=text)
+    assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "rigid", "hard", "alone"]
+    own = log_in(tmp_path)
+    assert find_logs(tmp_path) == [own] == find_logs(own)
+
+
+def test_only_results_of_the_same_file_and_variant_are_replaced(tiny) -> None:
+    """Whatever else is of the folder: pictures go with their run, and other people's files stay."""
+    from asrsim.scenario import load_scenario
+
+    (scenario,) = load_scenario(tiny.scenario)
+    folder, path = tiny.folder / "results", str(tiny.scenario.resolve())
+    for origin, variant, fine in (
+        (path, scenario.variant, True),
+        (path, "other", False),
+        ("/else.yaml", scenario.variant, False),
+    ):
+        log_in(folder, origin=origin, variant=variant)
+        (folder / "summary.json").write_text(json.dumps({"generator": "asrsim 1", "scenario_path": "x", "variant": "y"}))
+        if fine:
+            assert {one.name for one in open_folder(folder, scenario, overwrite=False)} == {"log.mcap", "summary.json"}
+        else:
+            with pytest.raises(OutputError, match="another run"):
+                open_folder(folder, scenario, overwrite=False)
+            assert {one.name for one in open_folder(folder, scenario, overwrite=True)} == {"log.mcap", "summary.json"}
+    new = log_in(tiny.folder / "elsewhere", variant="new").read_bytes()
+    for stop in (True, False):
+        earlier = open_folder(folder, scenario, overwrite=True)
+        before = (folder / "log.mcap").read_bytes()
+        (folder / "notes.txt").write_text("mine")
+        try:
+            with new_log(folder, earlier) as place:
+                assert place == folder / "log.mcap.part"
+                place.write_bytes(new)
+                if stop:
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            assert (folder / "log.mcap").read_bytes() == before
+        left = {one.name for one in folder.iterdir()}
+        assert left == {"log.mcap", "notes.txt"} | ({"summary.json"} if stop else set())
+    assert (folder / "log.mcap").read_bytes() == new

@@ -1,0 +1,346 @@
+"""A scenario laid upon its robot: what changes, and what does not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from asrsim.actuators import ACTUATORS
+from asrsim.errors import ScenarioError
+from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
+from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.signals import Constant
+from support.paths import ROOT
+from support.robots import write_plain_arm
+
+
+def block(joint, actuator, mode):
+    parameters = {
+        p.name: ParameterValue(name=p.name, value=p.default, unit=p.unit, origin="default")
+        for p in ACTUATORS.get(actuator).all_parameters()
+    }
+    return ActuatorBlock(joint=joint, actuator=actuator, mode=mode, parameters=parameters, namespace="old")
+
+
+def arm(**modes):
+    """A robot of three actuated joints and a free one."""
+    joints = [
+        Joint(name=name, kind="revolute", parent="base", child=f"{name}_link", lower=-1.0, upper=1.0)
+        for name in ("vsa", "sea", "awas", "free")
+    ]
+    actuators = {"vsa": ("qbmove", 6), "sea": ("sea", 6), "awas": ("awas_ii", 3)}
+    return Robot(
+        name="arm",
+        path=Path("arm.urdf"),
+        text="",
+        links=(
+            Link(name="base", mass=None, inertia=None),
+            *(Link(name=joint.child, mass=1.0, inertia=(1, 0, 0, 1, 0, 1)) for joint in joints),
+        ),
+        joints=tuple(joints),
+        actuators=tuple(block(joint, name, modes.get(joint, mode)) for joint, (name, mode) in actuators.items()),
+    )
+
+
+@pytest.fixture
+def load(tmp_path):
+    (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
+
+    def read(text):
+        (tmp_path / "s.yaml").write_text("robot: arm.urdf\nduration: 2\n" + text)
+        return load_scenario(tmp_path / "s.yaml")[0]
+
+    return read
+
+
+GOOD = """references:
+  vsa: {equilibrium_position: {step: {to: 0.5}}, stiffness_preset: 0.2}
+  sea: {equilibrium_position: 0.1}
+  awas: {equilibrium_position: 0.1, stiffness_preset: 0.01}
+"""
+
+
+def test_a_fitting_scenario_has_no_problems(load):
+    assert check_against_robot(load(GOOD), arm()) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key", "message"),
+    [
+        ("initial: {vssa: 0}", 7, "initial.vssa", "Did you mean 'vsa'?"),
+        ("initial: {vsa: 2}", 7, "initial.vsa", "-1 to 1"),
+        ("initial: {'*': 2}", 7, "initial.*", "outside the limits"),
+        ("modes: {free: 6}", 7, "modes.free", "vsa, sea, awas"),
+        ("modes: {vsa: 5}", 4, "references.vsa.equilibrium_position", "choose from reference_1, reference_2"),
+        ("parameters: {vsa: {spring_kk1: 1}}", 7, "parameters.vsa.spring_kk1", "spring_k1"),
+        ("parameters:\n  vsa:\n    mot_1_tauMax: -1", 9, "parameters.vsa.mot_1_tauMax", "at least 0"),
+        ("parameters: {sea: {spring_a1: 1}}", 7, "parameters.sea.spring_a1", "no such parameter"),
+        ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
+        ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
+        ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
+        ("effects: {sensors: {vsa: {delay: 2.5e11}}}", 7, "effects.sensors.vsa.delay", "longer than 1000000 steps"),
+        ("effects: {commands: {vsa: {delay: 1e4}}}", 7, "effects.commands.vsa.delay", "longer than 1000000 steps"),
+        ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
+        ("desired: {x: 1}", 7, "desired.x", "no moving joint"),
+        ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),
+        ("task: {link: tip, poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.link", "no link"),
+        ("task: {link: vsa_link, joints: [x], poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.joints", "no actuated"),
+        (
+            "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}, {time: 2.001, position: [0, 0, 0]}]}",
+            7,
+            "task.poses.1.time",
+            "after the run's end at 2 s",
+        ),
+        (
+            "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}]}\nmodes: {vsa: 4}",
+            8,
+            "modes.vsa",
+            "which mode 4 does not take (got 4); choose from 1, 2, 3, 5, 6",
+        ),
+        ("ilc: {trajectory: {x: 1}, tolerance: 1}", 7, "ilc.trajectory.x", "no actuated joint"),
+        ("expect:\n- {joint: x, quantity: deflection, measure: maximum, value: 1}", 8, "expect.0.joint", "no moving joint"),
+    ],
+)
+def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line, key, message):
+    errors, _ = check_against_robot(load(GOOD + text + "\n"), arm())
+    assert any((e.line, e.key) == (line, key) and message in str(e) and e.file is not None for e in errors), errors
+
+
+@pytest.mark.parametrize(
+    ("references", "message"),
+    [
+        ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
+        ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
+        ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
+        ("{'*': {link_torque: 1}}", "no actuator of the robot has this reference"),
+        ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
+        ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
+        ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
+        ("{vsa: {equilibrium_position: {sum: [1e308, 1e308]}}}", "not finite"),
+        ("{vsa: {equilibrium_position: {step: {to: -1e300}}}}", "is larger than 1e+12, which no robot has"),
+    ],
+)
+def test_references_that_cannot_be(load, references, message):
+    errors, _ = check_against_robot(load(f"references: {references}\n"), arm())
+    assert any(message in str(error) and error.line == 3 for error in errors), errors
+
+
+@pytest.mark.parametrize("keys", ["ilc: {trajectory: {vsa: 1e8}, tolerance: 1}", "desired: {vsa: {step: {to: -1e300}}}"])
+def test_a_wanted_position_beyond_all_joints_is_an_error(load, keys):
+    errors, _ = check_against_robot(load(GOOD + keys + "\n"), arm())
+    assert any("is larger than 1e+06, where no joint goes" in str(error) and error.line == 7 for error in errors), errors
+
+
+def test_references_that_are_missing_or_do_nothing_are_warnings(load):
+    text = "references: {vsa: {equilibrium_position: {step: {to: 1.5}}}, sea: {equilibrium_position: 0, stiffness_preset: 1}}\n"
+    errors, warnings = check_against_robot(load(text), arm())
+    assert errors == []
+    assert [(problem.code, problem.key) for problem in warnings] == [
+        ("reference-limits", "references.vsa.equilibrium_position"),
+        ("missing-reference", "references.vsa"),
+        ("unused-reference", "references.sea.stiffness_preset"),
+        ("missing-reference", "references.awas"),
+        ("missing-reference", "references.awas"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("sigma", "errors", "warnings"),
+    [
+        ("0", [], []),
+        ("-0.001", [], ["sigma-negative"]),
+        ("{sinusoid: {amplitude: 0.02, frequency: 5}}", [], ["sigma-negative"]),
+        ("{sinusoid: {amplitude: 0.06, frequency: 5}}", ["sigma-limit"], []),
+    ],
+)
+def test_a_negative_sigma_is_told_and_one_beyond_the_lever_is_an_error(load, sigma, errors, warnings):
+    found = check_against_robot(load(f"references: {{awas: {{equilibrium_position: 0, stiffness_preset: {sigma}}}}}\n"), arm())
+    assert [[one.code for one in several if one.code.startswith("sigma")] for several in found] == [errors, warnings]
+
+
+def test_a_longer_lever_allows_a_larger_sigma(load):
+    text = "parameters: {awas: {spring_L: 0.1}}\nreferences: {awas: {stiffness_preset: 0.06, equilibrium_position: 0}}\n"
+    assert check_against_robot(load(text), arm())[0] == []
+
+
+def test_all_errors_at_once(load):
+    text = "initial: {a: 1}\nmodes: {b: 1}\nreferences: {c: {d: 1}}\nexternal_torques: {e: 1}\n"
+    assert len(check_against_robot(load(text), arm())[0]) == 4
+
+
+@pytest.mark.parametrize(
+    ("wrong", "key"),
+    [
+        ({"parameters": {"nobody": {"spring_k": 1.0}}}, "parameters.nobody"),
+        ({"parameters": {"joint_2": {"sprung_k": 1.0}}}, "parameters.joint_2.sprung_k"),
+        ({"modes": {"nobody": 1}}, "modes.nobody"),
+        ({"actuators": {"*": "sea", "nobody": "sea"}}, "actuators.nobody"),
+    ],
+)
+def test_actuators_that_the_scenario_gives_stay_where_something_else_is_wrong(tmp_path, wrong, key):
+    """One fault is one line: the references of the others are not told of as well."""
+    robot = load_robot(write_plain_arm(tmp_path))
+    keys = {"actuators": "sea", "references": {"joint_1": {"equilibrium_position": 0.1}}, "duration": 1.0}
+    scenario = make_scenario(robot.path, **{**keys, **wrong})
+    assert [problem.key for problem in check_against_robot(scenario, robot)[0]] == [key]
+
+
+def test_parameters_and_namespace_are_replaced(load, tmp_path):
+    (tmp_path / "m.yaml").write_text("namespace: lab\njoints_name: [sea, vsa]\n")
+    scenario = load('manager: m.yaml\nparameters: {"*": {spring_k1: 0.02}, vsa: {max_def: 0.5}, sea: {spring_k: 200}}\n')
+    assert scenario.joint_order == ("sea", "vsa")
+    robot = apply_to_robot(scenario, arm())
+    vsa, sea, awas = robot.actuators
+    assert vsa.values()["spring_k_1"] == 0.02
+    assert (vsa.parameters["max_deflection"].value, vsa.parameters["max_deflection"].origin) == (0.5, "scenario")
+    assert vsa.parameters["spring_a_1"].origin == "default"
+    assert sea.values()["spring_stiffness"] == 200.0
+    assert {b.namespace for b in (vsa, sea, awas)} == {"lab"}
+    assert check_against_robot(scenario, arm())[0] == []
+
+
+def test_mode_1_brings_its_own_controller_defaults(load):
+    robot = apply_to_robot(load("modes: {vsa: 1}\nparameters: {vsa: {ctrl_1_D: 0.3}}\n"), arm())
+    values = robot.actuators[0].values()
+    assert (robot.actuators[0].mode, robot.actuators[1].mode) == (1, 6)
+    assert values["controller_1_proportional"] == 0.8
+    assert values["controller_1_derivative"] == 0.3
+    assert robot.actuators[1].values()["controller_1_proportional"] == 125.0
+
+
+def test_manager_with_a_joint_that_the_robot_does_not_have(load, tmp_path):
+    (tmp_path / "m.yaml").write_text("joints_name: [joint1]\n")
+    errors, _ = check_against_robot(load("manager: m.yaml\n"), arm())
+    assert any("joint1" in str(error) and error.line == 3 for error in errors)
+
+
+def test_applying_what_does_not_fit_raises(load):
+    with pytest.raises(ScenarioError) as caught:
+        apply_to_robot(load("modes: {x: 1}\nparameters: {y: {z: 1}}\n"), arm())
+    assert [problem.line for problem in caught.value.problems] == [3, 4]
+
+
+def test_a_joints_own_entry_goes_before_that_for_all():
+    assert for_joint({"*": 1.0, "vsa": 2.0}, "vsa") == 2.0
+    assert for_joint({"*": 1.0, "vsa": 2.0}, "sea") == 1.0
+    assert for_joint({"vsa": 2.0}, "sea") is None
+    assert for_joint({"vsa": 2.0}, "sea", 3.0) == 3.0
+
+
+def test_a_joints_own_references_go_before_those_for_all():
+    for_all, own = Constant(value=0.1), Constant(value=0.2)
+    references = {"*": {"equilibrium_position": for_all, "stiffness_preset": for_all}, "vsa": {"stiffness_preset": own}}
+    scenario = Scenario(name="s", robot=Path("arm.urdf"), references=references)
+    assert scenario.references_of("vsa") == {"equilibrium_position": for_all, "stiffness_preset": own}
+    assert scenario.references_of("sea") == references["*"]
+
+
+def test_a_checked_robot_is_the_files_and_what_does_not_fit_is_one_error():
+    robot = arm()
+    fits = Scenario(name="s", robot=robot.path, modes={"vsa": 3}, references={"vsa": {"stiffness_preset": Constant(value=0.1)}})
+    assert checked_robot(fits, robot) == (robot, check_against_robot(fits, robot)[1])
+    wrong = Scenario(name="s", robot=robot.path, initial_positions={"vsa": 2.0, "nobody": 0.0})
+    with pytest.raises(ScenarioError) as error:
+        checked_robot(wrong, robot)
+    assert {problem.code for problem in error.value.problems} == {"initial-limits", "unknown-joint"}
+
+
+STARTS = [({}, True), ({"arm": -1.5}, False), ({"*": -1.5}, False)]
+
+
+@pytest.mark.parametrize(("initial", "told"), STARTS)
+def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path: Path, initial: dict[str, float], told: bool) -> None:
+    text = (
+        '<robot name="r"><link name="l"/><joint name="arm" type="revolute"><parent link="l"/><child link="m"/>'
+        '<limit lower="-2" upper="-1" effort="9" velocity="9"/></joint><link name="m"><inertial><mass value="1"/>'
+        '<inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
+    )
+    (tmp_path / "r.urdf").write_text(text, encoding="utf-8")
+    keys = {"initial": initial} if initial else {}
+    warnings = checked_robot(make_scenario(tmp_path / "r.urdf", duration=1.0, **keys))[1]
+    assert any(problem.code == "default-start" for problem in warnings) == told
+
+
+TWO_JOINTS = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
+
+
+@pytest.mark.parametrize(("keys", "told"), [
+    ({"references": {"*": {"stiffness_preset": 0.1}, "joint_1": {"stiffness_preset": 0.2}}}, False),
+    ({"references": {name: {"stiffness_preset": 0.1} for name in ("*", "joint_1", "joint_2")}}, True),
+    ({"parameters": {name: {"max_deflection": 0.7} for name in ("*", "joint_1", "joint_2")}}, True),
+    ({"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}}, False),
+    ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
+])  # fmt: skip
+def test_an_entry_for_all_that_is_for_nobody_is_told_of(keys: dict[str, Any], told: bool) -> None:
+    """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
+    warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]
+    assert any(problem.code == "unused-entry" for problem in warnings) == told
+
+
+@pytest.mark.parametrize(("table", "value", "passive"), [
+    ("initial", 0.1, True), ("external_torques", 0.1, True), ("link_damping", {"constant": 0.1}, False),
+])  # fmt: skip
+def test_an_entry_for_all_is_for_the_passive_joint_where_it_has_one(table: str, value: object, passive: bool) -> None:
+    """Tables of every joint that moves, and of driven ones only."""
+    driven = ("*", "vsa", "sea", "awas")
+    for names, told in ((driven, not passive), ((*driven[:3],), False), ((*driven, "free"), True)):
+        if "free" in names and not passive:
+            continue
+        scenario = make_scenario(TWO_JOINTS, duration=1.0, **{table: dict.fromkeys(names, value)})
+        found = [problem for part in check_against_robot(scenario, arm()) for problem in part if problem.code == "unused-entry"]
+        assert bool(found) == told
+
+
+PLUGIN = """<gazebo><plugin name="p" filename="lib{0}_plugin.so"><joint>{1}</joint><operation_mode>{2}</operation_mode>
+<namespace>here</namespace><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>
+"""
+
+
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii"])
+@pytest.mark.parametrize("mode", [0, 1, 3, 6])
+def test_an_actuator_of_the_scenario_is_that_of_a_block_without_tags(tmp_path: Path, actuator: str, mode: int) -> None:
+    """Defaults that depend on the mode too; it takes the place of the file's, in its namespace."""
+    plain = write_plain_arm(tmp_path)
+    text = plain.read_text(encoding="utf-8")
+    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
+    blocks = PLUGIN.format(actuator, first, mode) + PLUGIN.format("bavs", second, 3)
+    (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{blocks}</robot>"), encoding="utf-8")
+    read = load_robot(tmp_path / "other.urdf")
+    given, kept = (block for block in read.actuators)
+    for robot in (plain, tmp_path / "other.urdf"):
+        own = {"type": actuator, "mode": mode}
+        scenario = make_scenario(robot, duration=1.0, actuators={"*" if robot == plain else first: own})
+        mounted = apply_to_robot(scenario, load_robot(robot))
+        block = next(one for one in mounted.actuators if one.joint == first)
+        assert dict(block.values()) == dict(given.values())
+        assert block.namespace == ("" if robot == plain else "here")
+        if robot != plain:
+            assert [one for one in mounted.actuators if one.joint == second] == [kept]
+
+
+def test_what_is_known_of_joints_stays_and_a_new_actuator_is_judged_anew(tmp_path: Path) -> None:
+    plain = write_plain_arm(tmp_path)
+    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
+    text = plain.read_text(encoding="utf-8")
+    mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
+    text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
+    text = text.replace("</robot>", PLUGIN.format("bavs", second, 3) + "</robot>")
+    (tmp_path / "other.urdf").write_text(text, encoding="utf-8")
+    robot = load_robot(tmp_path / "other.urdf")
+    assert "mimic-joint" in {one.code for one in robot.warnings}
+    needed = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
+    scenario = make_scenario(
+        tmp_path / "other.urdf", duration=1.0, actuators={second: {"type": "sea", "mode": 7, "parameters": needed}}
+    )
+    found = {(one.code, (one.key or "").partition(".")[0]) for one in apply_to_robot(scenario, robot).warnings}
+    assert {("mimic-joint", first), ("own-mode", second)} <= found
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="the system has no devices")
+def test_a_device_is_no_file_to_compare_with(load):
+    claim = "{joint: vsa, quantity: link_position, measure: rmse, comparison: '<', value: 1, against: /dev/zero}"
+    with pytest.raises(ScenarioError, match="there is no recording /dev/zero"):
+        load(GOOD + f"expect: [{claim}]\n")

@@ -1,0 +1,241 @@
+"""Playback of recordings: CSV, MCAP, ROS bags."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from asrsim.errors import ScenarioError
+from asrsim.signals import parse_signal
+from asrsim.signals.curve import curve_through, is_jump
+from support.bags import write_bag
+
+CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
+
+
+def play(tmp_path, text, **keys):
+    (tmp_path / "ref.csv").write_text(text)
+    return parse_signal({"playback": {"file": "ref.csv", **keys}}, base=tmp_path)
+
+
+def test_csv_is_interpolated_and_holds_its_ends(tmp_path):
+    signal = play(tmp_path, CSV, column="q1")
+    assert signal.values(np.array([-1, 0, 0.25, 0.5, 0.75, 1, 9])).tolist() == [0, 0, 0.5, 1, 0.5, 0, 0]
+    assert signal.jumps(0.0, 2.0).size == 0
+
+
+def test_csv_held_jumps_at_its_samples(tmp_path):
+    signal = play(tmp_path, CSV, column="q1", interpolation="hold")
+    assert signal.values(np.array([0.49, 0.5, 0.99, 1.0])).tolist() == [0, 1, 1, 0]
+    assert signal.jumps(0.0, 2.0).tolist() == [0.5, 1.0]
+
+
+def test_unit_of_the_header_is_converted(tmp_path):
+    assert play(tmp_path, CSV, column="q2 [deg]").values(np.array([1.0])) == pytest.approx([math.pi])
+    scaled = play(tmp_path, CSV, column="q2", scale=-2, offset=1)
+    assert scaled.values(np.array([1.0])) == pytest.approx([1 - 2 * math.pi])
+
+
+def test_other_time_column_in_ms_and_shifted_start(tmp_path):
+    text = "stamp_ms [ms];q\n1000;1\n2000;2\n"
+    signal = play(tmp_path, text, column="q", time="stamp_ms", start=5)
+    assert signal.values(np.array([5.0, 5.5, 6.0])).tolist() == [1, 1.5, 2]
+
+
+def test_decimal_comma_and_columns_by_number(tmp_path):
+    assert play(tmp_path, "t;q\n0,0;1,5\n1,0;2,5\n", column="q").values(np.array([0.5])).tolist() == [2.0]
+    assert play(tmp_path, "0 1\n1 2\n", column=2, time=1).values(np.array([0.5])).tolist() == [1.5]
+
+
+def test_stamps_of_a_clock_begin_at_zero(tmp_path):
+    signal = play(tmp_path, "t,q\n1700000000,1\n1700000001,2\n", column="q")
+    assert signal.values(np.array([0.0, 1.0])).tolist() == [1, 2]
+
+
+def test_a_changed_file_is_read_again(tmp_path):
+    import os
+
+    assert play(tmp_path, "t,q\n0,1\n", column="q").values(np.array([0.0]))[0] == 1
+    (tmp_path / "ref.csv").write_text("t,q\n0,2\n")
+    os.utime(tmp_path / "ref.csv", (1, 1))
+    assert parse_signal({"playback": {"file": str(tmp_path / "ref.csv"), "column": "q"}}).values(np.array([0.0]))[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "messages"),
+    [
+        (CSV, {"column": "q3"}, ["there is no column 'q3'", "time, q1, q2", "ref.csv"]),
+        (CSV, {"column": "q1", "time": "tyme"}, ["there is no column 'tyme'", "Did you mean 'time'?"]),
+        ("x,q\n0,1\n", {"column": "q"}, ["no column is called time or t", "x, q"]),
+        (
+            "time,q\n0,1\n1,\n2,x\n1.5,3\n",
+            {"column": "q"},
+            ["ref.csv:3: q: the cell is empty", "ref.csv:4: q: the cell is empty or no", "1.5 does not ascend: 2"],
+        ),
+        ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
+        ("time,q\n0,inf\n", {"column": "q"}, ["no finite number"]),
+        ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no column 'note' of numbers"]),
+        ("0,1\n1,2\n", {"column": "q"}, ["no column 'q'", "column_1, column_2"]),
+        ("", {"column": "q"}, ["is empty"]),
+        ("time,q\n", {"column": "q"}, ["no row of numbers"]),
+        (CSV, {}, ["column"]),
+    ],
+)
+def test_faults_of_a_csv_name_file_line_and_column(tmp_path, text, keys, messages):
+    with pytest.raises(ScenarioError) as caught:
+        play(tmp_path, text, **keys)
+    for message in messages:
+        assert message in str(caught.value)
+
+
+def test_many_bad_rows_are_cut_short(tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        play(tmp_path, "time,q\n" + "0,1\n" * 1000 + "0,x\n" * 1000, column="q")
+    assert len(caught.value.problems) < 30
+
+
+def test_missing_file_is_told_with_its_path(tmp_path):
+    with pytest.raises(ScenarioError, match="there is no recording"):
+        parse_signal({"playback": {"file": "nothing.csv", "column": "q"}}, base=tmp_path)
+
+
+@pytest.fixture(params=["ros1 bag", "ros2 bag", "mcap"])
+def bag(request, tmp_path):
+    path = write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
+    return next(path.glob("*.mcap")) if request.param == "mcap" else path
+
+
+def test_bags_are_played_by_topic_and_field(bag):
+    number = parse_signal({"playback": {"file": str(bag), "column": "/q"}})
+    assert number.values(np.array([0.0, 0.25, 1.0, 5.0])) == pytest.approx([0.0, 0.25, 1.0, 1.0])
+    by_name = parse_signal({"playback": {"file": str(bag), "column": "/states/position[b]"}})
+    assert by_name.values(np.array([0.5])) == pytest.approx([-0.5])
+    own_stamps = parse_signal({"playback": {"file": str(bag), "column": "/states/position[a]", "time": "header", "start": 0}})
+    assert own_stamps.values(np.array([0.25])) == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    ("keys", "messages"),
+    [
+        ({"column": "/p"}, ["there is no column '/p'", "/q, /states/position[a]"]),
+        ({"column": "/q/date"}, ["no column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q", "time": "header"}, ["have no header"]),
+    ],
+)
+def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
+    path = write_bag(tmp_path / "run", ros1=False)
+    with pytest.raises(ScenarioError) as caught:
+        parse_signal({"playback": {"file": str(path), **keys}})
+    for message in messages:
+        assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["broken.mcap", "broken.bag", "broken.db3"])
+def test_a_broken_bag_is_a_plain_error(tmp_path, name):
+    (tmp_path / name).write_bytes(b"this is no bag" * 20)
+    with pytest.raises(ScenarioError, match="this is no bag"):
+        parse_signal({"playback": {"file": name, "column": "/q"}}, base=tmp_path)
+
+
+@pytest.mark.parametrize("rate", [50, 100, 1000])
+@pytest.mark.parametrize("at", [0.2, 1.0, 3.0])
+def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path, rate, at):
+    """A chirp to 6 Hz with a step in it: splines are off by 5/384 of the fourth derivative, lines by .05 rad at 50 Hz."""
+
+    def motion(time):
+        return 0.3 * np.sin(np.pi * (time + 1.375 / 0.9 / 2 * time**2)) + 0.4 * (time >= at - 1e-9)
+
+    known, asked = np.arange(0.0, 3.8, 1.0 / rate), np.arange(0.1, 3.6, 1e-3)
+    text = "time,q\n" + "".join(f"{t:.12g},{q:.12g}\n" for t, q in zip(known, motion(known), strict=True))
+    played = play(tmp_path, text, column="q", interpolation="smooth")
+    assert played.jumps(0.0, 4.0) == pytest.approx([at])
+    error, turn = np.abs(played.values(asked) - motion(asked)), 2.0 * np.pi * 6.3 / rate
+    # Beside the jump each side ends, and goes on as it was.
+    beside = np.abs(asked - at) < 4.0 / rate
+    assert error[~beside].max() < 0.3 * 5.0 / 384.0 * turn**4 + 1e-9
+    assert error[beside].max() < 0.3 * turn**3
+
+
+@pytest.mark.parametrize("alone", [2, 3])
+def test_a_curve_goes_through_every_sample_and_a_short_piece_between_jumps_holds(alone):
+    """Pieces of any length between jumps, after a motion that has slope and curvature where it ends."""
+    count, step = 40, 0.02
+    time = step * np.arange(2 * count + alone)
+    before = np.polynomial.Polynomial([0.0, 4.0, 3.0, -2.0])
+    values = np.where(np.arange(len(time)) < count, before(time), 9.0 + 2.0 * time)
+    values[count : count + alone] = -5.0
+    curve = curve_through(time, values)
+    np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
+    np.testing.assert_allclose(curve.jumps, time[[count, count + alone]])
+    held = np.linspace(time[count], time[count + alone], 50, endpoint=False)
+    np.testing.assert_allclose(curve.values(held), -5.0, atol=1e-9)
+    # Both motions go on as they were.
+    inside = np.array([0.3, 1.0 + 0.5 * step, time[-1] - 0.5 * step])
+    np.testing.assert_allclose(curve.values(inside), [before(0.3), 9.0 + 2.0 * inside[1], 9.0 + 2.0 * inside[2]], atol=1e-6)
+    last, ahead = time[count - 1], np.linspace(0.0, 0.99 * step, 9)
+    parabola = before(last) + before.deriv()(last) * ahead + 0.5 * before.deriv(2)(last) * ahead**2
+    np.testing.assert_allclose(curve.values(last + ahead), parabola, atol=2e-6)
+
+
+@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize("values", [[0.4], [0.0, 1.0], [0.0, 1.0, 0.5], [0.0, 0.0, 3.0], [2.0, 2.0, 2.0, 2.0]])
+def test_a_curve_of_few_samples_goes_through_them(values, hold):
+    time = 0.1 * np.arange(len(values))
+    curve = curve_through(time, np.array(values), hold=hold)
+    np.testing.assert_allclose(curve.values(time), values, atol=1e-12)
+    inside = curve.values(np.linspace(0.0, time[-1] + 1.0, 57))
+    assert inside[-1] == values[-1]
+    assert np.all(np.isfinite(inside))
+
+
+def test_jumps_that_are_moved_leave_both_sides_as_they_were():
+    """Parabolas, which go on exactly; their jumps come a part of a step before the samples that show them."""
+    step, ends = 0.01, (0.8, 2.1)
+    time = step * np.arange(300)
+    sides = [np.polynomial.Polynomial(c) for c in ([0.1, 0.5, -0.3], [2.0, -1.0, 0.4], [-1.0, 0.3, 0.2])]
+
+    def motion(asked, jumps):
+        return np.choose(np.searchsorted(jumps, asked, side="right"), [side(asked) for side in sides])
+
+    curve = curve_through(time, motion(time, np.array(ends) - 1e-9))
+    assert curve.jumps == pytest.approx(ends)
+    asked = np.linspace(-0.5, time[-1], 4001)
+    for moves in ({0: 0.004, 1: 0.009}, {1: 0.005}, {0: 0.0, 1: 0.0}, {}):
+        jumps = np.array([end - moves.get(i, 0.0) for i, end in enumerate(ends)])
+        moved = curve.earlier(moves)
+        assert moved.jumps == pytest.approx(jumps)
+        assert moved.sizes == pytest.approx([sides[i + 1](at) - sides[i](at) for i, at in enumerate(jumps)])
+        clear = np.abs(np.subtract.outer(asked, jumps)).min(axis=1) > 1e-9
+        wanted = motion(np.maximum(asked, 0.0), jumps)
+        np.testing.assert_allclose(moved.values(asked)[clear], wanted[clear], atol=1e-9)
+        # Its integral from the first sample, before which that sample holds.
+        fine = np.cumsum(0.5 * (wanted[1:] + wanted[:-1]) * np.diff(asked))
+        found = moved.integral(asked)
+        np.testing.assert_allclose(found[1:] - found[0], fine, atol=2e-3)
+        assert moved.integral(np.array([-0.5, 0.0])) == pytest.approx([-0.5 * sides[0](0.0), 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("at", [1.5, 2.0, 47.5])
+def test_a_summit_beside_an_end_is_no_jump(at):
+    """Of two samples as high as each other the step between is 0, and those beside are infinitely larger."""
+    motion = np.cos(0.05 * (np.arange(50) - at))
+    assert not is_jump(motion).any()
+    assert is_jump(np.where(np.arange(50) < 25, motion, motion + 0.5)).nonzero()[0].tolist() == [24]
+
+
+@pytest.mark.parametrize("stairs", [20, 60])
+def test_many_jumps_are_stairs(stairs):
+    time = 0.1 * np.arange(2 * stairs + 2)
+    curve = curve_through(time, (np.arange(len(time)) // 2 % 2).astype(float), hold=True)
+    assert len(curve.jumps) == (stairs if stairs < 40 else 0)
+    np.testing.assert_array_equal(curve.values(time + 0.05), curve.values(time))
+
+
+@pytest.mark.parametrize("first", [-1.7e9, 1.7e9])
+def test_stamps_count_from_the_first_whatever_their_sign(tmp_path, first):
+    text = "time,q\n" + "".join(f"{first + 0.1 * i:.1f},{0.1 * i}\n" for i in range(10))
+    played = play(tmp_path, text, column="q")
+    assert played.values(np.array([0.0, 0.4, 0.85])) == pytest.approx([0.0, 0.4, 0.85], abs=1e-6)

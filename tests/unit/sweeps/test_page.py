@@ -1,0 +1,75 @@
+"""The page of a study in a real browser, and its pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import InputError
+from asrsim.plots.output import styled
+from asrsim.sweeps import make_study
+from asrsim.sweeps.page import write_page
+from asrsim.sweeps.pictures import draw_sweep, figures
+from support.browser import CHROMIUM, Browser
+from support.overlaps import overlapping
+from support.paths import ROOT
+
+pytestmark = pytest.mark.once
+
+pytest.importorskip("pyarrow")
+SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    study = make_study(
+        SCENARIO, {"link_2.mass": "0.3:0.6:3"}, variants=["soft", "stiff"], signals=["joint_1.link_position"],
+        overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
+    )  # fmt: skip
+    return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
+
+
+def test_the_axis_of_a_sweep_is_the_key_with_most_values_and_shows_all_of_them(tmp_path):
+    study = make_study(
+        SCENARIO, {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"}, variants=["soft"],
+        overrides=["duration=0.05", "engine=mujoco", "compiled=false"],
+    )  # fmt: skip
+    table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    with styled():
+        axes = figures(table, ["joint_1.peak_deflection"])["results"].axes[0]
+        assert "link_2.mass" in axes.get_xlabel()
+        assert axes.get_xlim() == pytest.approx((0.3 - 0.03 * 0.3, 0.6 + 0.03 * 0.3))
+        for line in axes.lines:
+            assert axes.get_ylim()[0] <= np.min(line.get_ydata()) <= np.max(line.get_ydata()) <= axes.get_ylim()[1]
+
+
+@pytest.mark.parametrize(("middle", "width"), [(-1.62e-3, 2.1e-4), (-12345.6, 0.05)])
+def test_numbers_of_any_size_stand_side_by_side(table, monkeypatch, middle, width):
+    names, read = ["joint_1.steady_state", "joint_2.steady_state"], type(table).__getitem__
+    narrow = middle + width * np.linspace(-0.5, 0.5, len(table))
+    monkeypatch.setattr(type(table), "__getitem__", lambda self, name: narrow if name in names else read(self, name))
+    with styled():
+        for figure in figures(table, names).values():
+            assert overlapping(figure) == []
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_the_page_fits_the_window_and_says_how_to_do_a_run_again(table, tmp_path):
+    page = write_page(table)
+    with Browser(tmp_path) as browser:
+        for width in (1200, 390):
+            browser.open(page, width=width)
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+            assert f"asrsim sweep {table.folder} --run " in browser.evaluate("document.body.innerText")
+            assert browser.complaints == []
+
+
+def test_a_listed_key_gets_no_distribution_but_curves_and_signal_bands(table):
+    assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == ["results.png", "signals.png"]
+    with pytest.raises(InputError, match="no result of this study"):
+        draw_sweep(table, results=["joint_2.overshot"])
+    with pytest.raises(InputError, match="no run has a value"):
+        draw_sweep(table, results=["joint_2.settling"])
+    (legend,) = figures(table, [])["signals"].legends
+    assert [text.get_text() for text in legend.get_texts()] == [f"{name}: median, 50 and 90 %" for name in ("soft", "stiff")]
