@@ -253,8 +253,7 @@ class Scenario:
         """Desired link positions that are to be learned, by joint, under the key of the scenario where they stand."""
         if self.learning is None:
             return {}
-        several = {f"ilc.trajectories.{name}": table for name, table in self.learning.trajectories.items()}
-        return several or {"ilc.trajectory": self.learning.trajectory}
+        return {"ilc.trajectory": self.learning.trajectory}
 
 
 @overload

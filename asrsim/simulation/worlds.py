@@ -34,6 +34,8 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
 from asrsim.simulation.simulation import inputs_of, make_core
 
+VARIANTS_KEPT = 256
+"""Sets of numbers whose robots, at their starts, are kept: the same numbers come again with other references."""
 Numbers = Mapping[str, Mapping[str, float]]
 """Joint or link -> name -> value, as :meth:`asrsim.Prepared.vary` takes them."""
 Signals = Mapping[str, Mapping[str, Signal]]
@@ -131,6 +133,8 @@ class Worlds:
         """Those that worlds had last, and what they are as inputs."""
         self._inputs = [self._home_inputs] * self.count
         self._own = [prepared] * self.count
+        self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
+        """Numbers that worlds had -> the robot with them, at its start."""
         self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * self.count
         columns = GOALS + self._core.shape.motors
         self._held = np.full((self.count, len(self.joints), columns), np.nan)
@@ -355,9 +359,15 @@ class Worlds:
 
     def _begin_world(self, world: int, start: Start) -> None:
         home = self.prepared
-        varied = home.with_numbers(start.parameters) if start.parameters else home
-        if varied is not home or self._own[world] is not home:
-            self._take_over(world, varied)
+        key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
+        known = self._variants.get(key) if key else home
+        varied = known or home.with_numbers(start.parameters)
+        if varied is not self._own[world]:
+            self._take_over(world, varied, settled=known is not None)
+            if known is None:
+                if len(self._variants) >= VARIANTS_KEPT:
+                    self._variants.clear()
+                self._variants[key] = self._own[world]
         if start.references:
             if self._signals[0] is not start.references:
                 self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
@@ -366,14 +376,14 @@ class Worlds:
             self._inputs[world] = self._home_inputs
         self._place(world, start)
 
-    def _take_over(self, world: int, varied: Prepared) -> None:
+    def _take_over(self, world: int, varied: Prepared, *, settled: bool = False) -> None:
         """Other numbers for a world: its engine is that of all unless a link weighs something else."""
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
             engine = self._own_engine(world, varied)
-            if engine.model is not None:
+            if engine.model is not None and not settled:
                 check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
-        self._own[world] = varied = varied.settled(engine.model)
+        self._own[world] = varied = varied if settled else varied.settled(engine.model)
         self._other.pop(world, None)
         selection = self.selection.of(varied.drives)
         if selection.lacking != self.selection.lacking:

@@ -36,32 +36,6 @@ def as_file(folder: Path) -> list[Path]:
     return [result.log]
 
 
-def as_learned(folder: Path) -> list[Path]:
-    """`asrsim ilc`, every trial and the last."""
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.session import run_session
-
-    motion = "ilc.trajectory={'*': {minimum_jerk: {duration: 1, to: 0.8}}}"
-    short = ["duration=1", "ilc.max_iterations=2", motion]
-    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=short)
-    for keep in ("all", "last"):
-        run_session(make_plant(scenario), folder / keep, keep_logs=keep, picture=False)
-    return sorted(folder.rglob("*.mcap"))
-
-
-def as_transferred(folder: Path) -> list[Path]:
-    """A drawn plant: another mass, damping, friction, stiffness and delay."""
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.transfer import perturbed
-
-    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=["duration=0.3"])
-    plant = make_plant(scenario)
-    draw = {"mass.joint_1": 0.3, "damping.joint_2": 0.5, "friction.joint_1": -0.2, "delay": 0.01}
-    other = perturbed(plant, draw)
-    wave = 0.3 * np.sin(9.0 * plant.reference)
-    return [asrsim.run(other.with_inputs(wave), robot=other.robot, out=folder).log]
-
-
 def as_reproduced(folder: Path) -> list[Path]:
     """The lab of `asrsim reproduce`, with other parameters."""
     lab = Lab(folder=folder)
@@ -90,7 +64,7 @@ def as_changed(folder: Path) -> list[Path]:
     return [asrsim.run(changed, robot=robot, out=folder).log]
 
 
-PRODUCERS = (as_file, as_learned, as_transferred, as_reproduced, as_changed)
+PRODUCERS = (as_file, as_reproduced, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)
