@@ -21,6 +21,7 @@ COMMANDS = {
     "sweep": "asrsim.cli.sweep",
     "identify": "asrsim.cli.identify",
     "design": "asrsim.cli.design",
+    "export": "asrsim.cli.export",
     "ilc": "asrsim.cli.ilc",
     "reproduce": "asrsim.cli.reproduce",
     "check": "asrsim.cli.check",
