@@ -169,7 +169,7 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
 def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Array, loads: Array, preset: Array) -> Array:
     """(n,) equilibria that hold the loads. Raises ScenarioError."""
     try:
-        return equilibria_for_loads(drive, time, positions, loads, preset, droop=task.motor_droop)
+        return equilibria_for_loads(drive, positions, loads, preset, droop=task.motor_droop, time=time)
     except LoadError as error:
         problem = error.problems[0]
         message = f"gravity cannot be compensated {problem.message}"
