@@ -15,7 +15,6 @@ so the other joints' positions stay of second order.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any
 
 AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
