@@ -97,8 +97,8 @@ class Pool(Executor):
         """Send the task again: workers may have lost it."""
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See :class:`Executor`. Pieces whose worker died are done again one by one, and halved where a worker dies again, which
-        finds the item that kills its worker."""
+        """See :class:`Executor`. Pieces whose worker died are done again one by one, and halved where a worker dies again: so
+        the item that kills its worker is found."""
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
         except Exception as error:
