@@ -32,6 +32,8 @@ class Joint:
     """(n,) bounds; a draw beyond a bound is moved to the bound."""
     ties: tuple[tuple[str, str, float], ...]
     """(key, drawn key, factor) of keys that follow a drawn key."""
+    fits: bool
+    """Whether the fit says that its model fits."""
     warnings: tuple[str, ...]
 
     @property
@@ -97,7 +99,7 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     low, high = np.array(pairs).T
     return Joint(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
-        low=low, high=high, ties=tuple(_followers(keys, ties)), warnings=tuple(_warnings(data, keys, covariance)),
+        low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)), warnings=tuple(_warnings(data, keys, covariance)),
     )  # fmt: skip
 
 
