@@ -99,7 +99,8 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     low, high = np.array(pairs).T
     return Joint(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
-        low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)), warnings=tuple(_warnings(data, keys, covariance)),
+        low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)),
+        warnings=tuple(_warnings(data, keys, covariance)),
     )  # fmt: skip
 
 
