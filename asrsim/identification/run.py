@@ -16,10 +16,10 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes, ties_that_are_none
 from asrsim.identification.extensions import ASKED
 from asrsim.identification.judge import channel_fits, foreign, rms, verdict
-from asrsim.identification.problem import Errors, Problem, Weights, errors, jacobian, mean_square, residuals, solve
+from asrsim.identification.problem import Errors, Problem, Weights, errors, jacobian, mean_square, residuals
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
-from asrsim.identification.search import Best, Stopped, search, settle
+from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, widened
@@ -159,7 +159,7 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
         return problem, trained, uncertainty(problem, trained, met, foreseen=status == "checked"), met
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
-        there = solve(whole, x, robust=True, rounds=20)
+        there = refined(whole, x, 20)
         least, x = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
         if least > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained

@@ -79,8 +79,7 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
         for share in horizons:
             here, last = replace(problem, share=share), share == 1.0
             x = solve(here, x, tolerance=1e-5 if last else 1e-2, rounds=ROUNDS if last else 12)
-            if last and _has_outliers(residuals(here, x)):
-                x = solve(here, x, robust=True, tolerance=1e-5)
+            x = refined(here, x, ROUNDS) if last and has_outliers(residuals(here, x)) else x
         first = number == 0
         found = extended(
             problem, x, lambda wider, _, first=first: (*stairs(wider), *(presliding(wider, setup.robot) if first else ())),  # type: ignore[misc]
@@ -123,12 +122,17 @@ def _nearest(problem: Problem, start: Array) -> tuple[str, Array]:
     return "the start", start
 
 
-def _has_outliers(values: Array) -> bool:
+def has_outliers(values: Array) -> bool:
     """Whether single samples are far off: neighbours that are off together are the model's fault."""
     size = np.abs(values - np.median(values))
     far = size > 5.0 * np.median(size) / 0.6745
     alone = far[1:-1] & ~far[:-2] & ~far[2:]
     return float(np.mean(alone)) > 1e-3
+
+
+def refined(problem: Problem, x: Array, rounds: int) -> Array:
+    """Least squares from a vector near the end; outliers count by Huber's loss."""
+    return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
 
 def settle(best: Best, setup: Setup) -> None:
@@ -146,7 +150,7 @@ def _resolve(best: Best) -> None:
         resolved = with_own_substeps(best.problem, best.x)
         if resolved is best.problem:
             break
-        best.problem, best.x = resolved, solve(resolved, best.x, rounds=20)
+        best.problem, best.x = resolved, refined(resolved, best.x, 20)
     best.problem, best.x = _reweighted(best.problem, best.x)
 
 
@@ -156,7 +160,7 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     Whitening is right for correlated noise; where the model is wrong it would favour what the model does best.
     """
     white = replace(problem, weights=whitened(problem, x))
-    there = solve(white, x, robust=True, rounds=15)
+    there = refined(white, x, 15)
     better = mean_square(white, there) <= mean_square(white, x) * (1.0 + 1e-9)
     left = [errors(problem, x, track) or [np.ones(1)] for track in problem.fitted]
     everything = np.concatenate([one for track in left for one in track])
@@ -167,4 +171,4 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
     plain = [tuple(Weights(rms(one)) for one in track) for track in left]
     found = replace(problem, weights=(*plain, *problem.weights[len(plain) :]))
     # A search that was far from the noise may have stopped early.
-    return found, solve(found, x, rounds=10)
+    return found, refined(found, x, 10)

@@ -37,6 +37,8 @@ PLAYED, PLACES = 8, 4
 """Draws of noise of the played commands, and pairs of draws of noise of places whose bias is removed."""
 CORRECTIONS = 3
 """Rounds in which autocovariances are corrected for the parameters that were fitted."""
+STATIONARY = 1e-3
+"""Distance of an autoregression from one that grows without bounds."""
 FINER = 4
 """Factor of substeps against which an estimate is compared."""
 
@@ -149,8 +151,9 @@ class _Noise:
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
-        relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, 1e-3) ** 2
-        return _Noise(power / np.abs(np.fft.rfft(np.append(1.0, -model), 2 * samples)) ** 2, 2.0 / relative)
+        relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
+        gain = np.maximum(np.abs(np.fft.rfft(np.append(1.0, -model), 2 * samples)), STATIONARY)
+        return _Noise(power / gain**2, 2.0 / relative)
 
     def times(self, columns: Array) -> Array:
         """C times columns (n, k)."""
