@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from asrsim.errors import RobotError
 from asrsim.identification.data import Channel, Data
-from asrsim.identification.door import EXTERNAL, Door, Drive, electric_of, equilibrium_over_arrays, link_motion, over_arrays
+from asrsim.identification.door import EXTERNAL, Door, Drive, electric_of, link_motion, over_arrays
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import fine_noise, smoothed
 from asrsim.identification.played import Draw
@@ -255,7 +255,7 @@ class _Balance:
             return link_motion(self._scenario, drive.name).values(self._time)
         if values is None and bend is not None and drive.actuator is not None:
             both = [np.zeros_like(bend) if one is None else one for one in self._places_of(drive, goals)]
-            return np.asarray(equilibrium_over_arrays(drive.actuator)(*both) - bend)
+            return np.asarray(over_arrays(drive.actuator.equilibrium_position)(*both) - bend)
         return values
 
     def rows(self, values: Mapping[str, float]) -> Iterator[Array]:
