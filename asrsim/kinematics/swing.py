@@ -17,7 +17,7 @@ from asrsim.actuators.drive import Drive
 from asrsim.kinematics.holding import goals_of, holdings
 from asrsim.kinematics.sizing import linear_parameters, motor_limits
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
-from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.mounting import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -99,9 +99,9 @@ class _Linear:
         """None if nothing swings, or if the mass matrix is singular."""
         blocks = [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
         drives = [drive_of(block) for block in blocks]
-        inertia = zero_pose_inertia(robot)
-        columns = [inertia.names.index(drive.joint) for drive in drives]
-        masses = inertia.matrix[np.ix_(columns, columns)]
+        names = [joint.name for joint in robot.moving_joints]
+        columns = [names.index(drive.joint) for drive in drives]
+        masses = zero_pose_matrix(robot)[np.ix_(columns, columns)]
         if not blocks or np.linalg.eigvalsh(masses)[0] <= 0.0:
             return None
         goals = [goals_of(scenario, block, np.array([0.0, scenario.duration])) for block in blocks]
