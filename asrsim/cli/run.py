@@ -150,7 +150,12 @@ def _drawn(executed: Executed) -> Executed:
     from asrsim.plots.output import load_undocumented
 
     load_undocumented()
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
+    plots = draw_run(executed.log, executed.folder, brief=True)
+    if executed.summary.certificate or executed.summary.cross_check:
+        from asrsim.plots.accuracy import draw_accuracy
+
+        plots += draw_accuracy(executed.folder, executed.summary.certificate, executed.summary.cross_check)
+    return _with_files(executed, plots=tuple(plots))
 
 
 def _reported(executed: Executed) -> Executed:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.errors import RobotError
-from asrsim.identification.door import Drive, electric_of, equilibrium_over_arrays, link_motion, over_arrays
+from asrsim.identification.door import Drive, electric_of, link_motion, over_arrays
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import smoothed
 from asrsim.identification.problem import Problem
@@ -184,7 +184,7 @@ class _Balance:
             places = [self._sampled(drive.name, f"motor_{i}_position") for i in (1, 2)]
             known = [goal if place is None else place for place, goal in zip(places, self._goals_of(drive), strict=True)]
             both = [np.zeros_like(bend) if one is None else one for one in known]
-            values = equilibrium_over_arrays(drive.actuator)(*both) - bend
+            values = over_arrays(drive.actuator.equilibrium_position)(*both) - bend
         return self._motion(values)
 
     def _goals_of(self, drive: Drive) -> list[Array | None]:

@@ -60,14 +60,6 @@ def usable_shapes(
     return replace(robot, links=tuple(links)), tuple(warnings)
 
 
-def collision_meshes(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> dict[str, Path]:
-    """Meshes that links collide with, as the robot's file names them -> their files; none that cannot be used."""
-    packages = packages_of(robot.path, package_paths)
-    shapes = [shape for link in robot.links for shape in link.collisions if shape.kind == "mesh"]
-    found = {shape.mesh: _mesh_file(shape, packages) for shape in shapes}
-    return {name: place for name, place in found.items() if isinstance(place, Path)}
-
-
 def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
     """The file of a mesh, or why it cannot be used."""
     if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:

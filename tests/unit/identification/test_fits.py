@@ -37,7 +37,7 @@ from asrsim.robot import load_robot, with_overrides
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
 from asrsim.scenario.starter_recording import make_plan
-from asrsim.sweeps.again import run_again
+from asrsim.sweeps.run import run_again
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 pytestmark = pytest.mark.once
