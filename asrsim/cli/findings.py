@@ -15,7 +15,6 @@ from asrsim.robot.engine_text import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
-    from asrsim.simulation.substeps import Resolution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +30,8 @@ class FileReport:
     step: float | None = None
     """s."""
     figures: tuple[StepFigures, ...] = ()
-    resolution: Resolution | None = None
-    """Substeps that a run takes."""
+    substeps: Mapping[str, Any] | None = None
+    """Substeps that a run takes, and what they follow from; None: no run is possible."""
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -55,8 +54,8 @@ class FileReport:
         if self.step is not None:
             data["step"] = self.step
             data["figures"] = [{key: number(value) for key, value in vars(entry).items()} for entry in self.figures]
-        if self.resolution is not None:
-            data["substeps"] = {key: number(value) for key, value in vars(self.resolution).items()}
+        if self.substeps is not None:
+            data["substeps"] = {key: number(value) for key, value in self.substeps.items()}
         data["errors"] = [problem.as_dict() for problem in self.errors]
         data["warnings"] = [problem.as_dict() for problem in self.warnings]
         return data
@@ -82,13 +81,13 @@ def robot_report(
     errors = tuple(check_against_robot(scenario, robot)[0])
     if robot.faults:
         return FileReport(path=path, kind="robot", errors=errors, warnings=robot.warnings)
-    resolution, unbuildable = (None, ()) if errors else _built(scenario, robot, path)
+    substeps, unbuildable = (None, ()) if errors else _built(scenario, robot, path)
     figures = step_figures(robot, step=step)
     warnings = robot.warnings + step_findings(robot, figures, step=step)
-    if resolution is not None:
+    if substeps is not None:
         warnings += usable_shapes(robot, visuals=True, package_paths=package_paths)[1]
     return FileReport(
-        path=path, kind="robot", robot=robot, step=step, figures=figures, resolution=resolution,
+        path=path, kind="robot", robot=robot, step=step, figures=figures, substeps=substeps,
         errors=errors or unbuildable, warnings=warnings,
     )  # fmt: skip
 
@@ -121,17 +120,17 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
         changed = apply_to_robot(scenario, robot)
         figures = step_figures(changed, step=scenario.step)
         warnings.extend((*changed.warnings, *notes, *step_findings(changed, figures, step=scenario.step)))
-        resolution, unbuildable = _built(scenario, robot, path)
+        substeps, unbuildable = _built(scenario, robot, path)
         errors.extend(unbuildable)
-        if resolution is not None:
+        if substeps is not None:
             warnings.extend(usable_shapes(robot, package_paths=scenario.package_paths)[1])
         if first.robot is None:
-            first = replace(first, robot=changed, step=scenario.step, figures=figures, resolution=resolution)
+            first = replace(first, robot=changed, step=scenario.step, figures=figures, substeps=substeps)
     title = ", ".join(scenario.variant for scenario in scenarios)
     return replace(first, title=title, errors=unique(errors), warnings=unique(warnings))
 
 
-def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Resolution | None, tuple[Problem, ...]]:
+def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
     """The substeps of the run, and the errors that appear only when it is built: springs that no substeps resolve, bodies that
     the engine does not take.
     """
@@ -142,7 +141,7 @@ def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Resolution | N
         prepared.make_engine().close()
     except AsrsimError as error:
         return None, problems_of(error, path)
-    return prepared.resolution, ()
+    return vars(prepared.resolution), ()
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:

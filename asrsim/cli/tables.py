@@ -164,10 +164,11 @@ def _print_figures(report: FileReport, step: float, slides: Container[str]) -> N
         rows.append((entry.joint, f"{entry.inertia:.3g}", _figure(entry.natural), *map(_figure, limited)))
         styles.append("red" if max(limited) >= 2.0 else "")
     say_rows(headings, rows, right=range(1, len(headings)), styles=styles)
-    if report.resolution is not None:
-        found = report.resolution
-        motors = f"{found.motor_substeps} of the motors in each"
-        say(f"{counted(found.substeps, 'substep')} a step, {motors}; ω h = {found.omega_h:.2g}", "dim")
+    if report.substeps is not None:
+        motors = f"{report.substeps['motor_substeps']} of the motors in each"
+        say(
+            f"{counted(report.substeps['substeps'], 'substep')} a step, {motors}; ω h = {report.substeps['omega_h']:.2g}", "dim"
+        )
     say()
 
 
