@@ -14,7 +14,7 @@ from typing import Any
 from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Motion, Target
 from asrsim.live.episode import Episode
-from asrsim.live.pace import Pace
+from asrsim.live.pace import Pace, leave_priority, take_priority
 from asrsim.live.publisher import Publisher
 from asrsim.live.transport import TRANSPORTS, Access, Interface, Service, Transport
 from asrsim.samples import Command
@@ -87,7 +87,7 @@ class Session:
         """Motion of a trajectory, the time when it came, and the reference then."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
-        self._reset = self._told_slow = False
+        self._reset = self._told_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
 
@@ -128,6 +128,8 @@ class Session:
         began = clock.perf_counter()
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
+            self._urgent = math.isfinite(self.settings.speed) and take_priority()
+            stack.callback(self._leave_priority)
             # Transports may fail; an earlier run's log is replaced only after that.
             for name in self.settings.transports:
                 transport = TRANSPORTS.get(name).make(self.interface, self.settings.access)
@@ -152,6 +154,7 @@ class Session:
                         status()
             except DivergenceError as caught:
                 error = caught
+            self._leave_priority()
             self._tell_notices()
             return self._close(clock.perf_counter() - began, error)
 
@@ -186,9 +189,13 @@ class Session:
         return late is None or steps < left
 
     def _ease(self) -> None:
-        """Publish half as often where the run falls behind again."""
+        """Leave real-time priority where the run falls behind, and publish half as often where it does so again."""
         now = clock.perf_counter()
         before, self._last_slip = self._last_slip, now
+        if self._urgent:
+            self._leave_priority()
+            self._tell("this machine is too slow for ticks at real-time priority: other programs come first again")
+            return
         if now - before > BREATH:
             return
         if self._publishing >= SPEECH * self.pace.busy and self.rate >= 2.0 * LEAST_RATE:
@@ -198,6 +205,11 @@ class Session:
             self._told_slow = True
             substeps = self.simulation.substeps
             self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or take --speed")
+
+    def _leave_priority(self) -> None:
+        if self._urgent:
+            leave_priority()
+        self._urgent = False
 
     def _advance(self, steps: int) -> None:
         """Simulate whole steps, and one substep more: it completes the record of the last step."""
