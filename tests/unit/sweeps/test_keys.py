@@ -137,7 +137,7 @@ BAD = {
     ),
     "parameters.*.spring_k_1": (0.02, 1e300, "larger than"),
     "parameters.joint_2.spring_a_1": (8.0, 9000.0, "is not finite|cannot be worked out"),
-    "link_2.mass": (0.3, -0.1, "at least 0 kg"),
+    "link_2.mass": (0.3, -0.1, "at least 0"),
     "joint_1.damping": (0.1, -0.1, "at least 0"),
     "effects.sensors.joint_1.delay": (0.0, -0.1, ">= 0"),
     "duration": (0.02, -1.0, "> 0"),
