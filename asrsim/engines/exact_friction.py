@@ -15,7 +15,6 @@ so the other joints' positions stay of second order.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any
 
 AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
@@ -86,26 +85,22 @@ def _try(room: Any) -> None:
 
 
 def _solve(square: Any, values: Any, count: int) -> None:
-    """Solve a positive definite system of `count`, whose lower half is given, in place (Cholesky)."""
+    """Solve a positive definite system of `count`, whose lower half is given, in place (L D L^T; the diagonal becomes 1/D)."""
     for a in range(count):
-        for c in range(a):
-            square[a, a] -= square[a, c] * square[a, c]
-        square[a, a] = sqrt(square[a, a])
+        inverse = 1.0 / square[a, a]
+        square[a, a] = inverse
         for b in range(a + 1, count):
-            value = square[b, a]
-            for c in range(a):
-                value -= square[b, c] * square[a, c]
-            square[b, a] = value / square[a, a]
-    for a in range(count):
-        value = values[a]
-        for c in range(a):
-            value -= square[a, c] * values[c]
-        values[a] = value / square[a, a]
+            factor = square[b, a] * inverse
+            for c in range(a + 1, b):
+                square[b, c] -= square[b, a] * square[c, a]
+            square[b, b] -= square[b, a] * factor
+            square[b, a] = factor
+            values[b] -= factor * values[a]
     for a in range(count - 1, -1, -1):
-        value = values[a]
+        value = values[a] * square[a, a]
         for c in range(a + 1, count):
             value -= square[c, a] * values[c]
-        values[a] = value / square[a, a]
+        values[a] = value
 
 
 def _swap(room: Any, single: bool) -> bool:

@@ -12,7 +12,6 @@ import pytest
 
 import asrsim
 from asrsim.kinematics.sizing import holding_findings, sizing
-from asrsim.robot import with_overrides
 from asrsim.robot.chain import Chain
 from asrsim.scenario import apply_to_robot, checked_robot, make_scenario
 from asrsim.scenario.starter import write_starter
@@ -265,34 +264,12 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
 
 
-def test_the_swing_that_is_foretold_is_the_one_of_the_simulation(tmp_path):
-    """Ideal motors, no weight, a small step: the arm is nearly linear, and throws its wrist three times as far as it steps."""
-    from asrsim.kinematics.swing import steadying, swings
-
-    springs = {"joint_1": 300.0, "joint_2": 90.0, "joint_3": 0.5}
-    keys = {
-        "gravity": [0, 0, 0], "duration": 3.0, "compiled": False,
-        "references": {"*": {"equilibrium_position": {"step": {"at": 0.001, "to": 0.02}}}},
-        "actuators": {name: {"type": "sea", "mode": 3, "parameters": {"spring_k": k}} for name, k in springs.items()},
-    }  # fmt: skip
-    scenario = scenario_of(write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2)), **keys)
-    robot = apply_to_robot(scenario, checked_robot(scenario)[0])
-    result = asrsim.run(scenario)
-    found = swings(scenario, robot)
-    for one in found:
-        largest = np.abs(result[one.block.joint].link_position[2:] - 0.02).max()
-        assert one.deflection == pytest.approx(largest, rel=0.05)
-    assert [one.block.joint for one in found if one.shaken] == ["joint_3"]
-    held = swings(scenario, with_overrides(robot, parameters=steadying(scenario, robot)))
-    assert not any(one.shaken for one in held)
-
-
 def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):
-    from asrsim.kinematics import swing
+    from asrsim.kinematics import sizing
 
     robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
 
-    monkeypatch.setattr(swing, "calming", lambda *_: (0.0, {}))
+    monkeypatch.setattr(sizing, "calming", lambda *_: (0.0, {}))
 
     def at_their_limit(name):
         (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
@@ -303,7 +280,7 @@ def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, 
         return max(np.mean(np.abs(result[joint].motor_1_torque) >= limit) for joint, limit in most.items())
 
     held = at_their_limit("held.yaml")
-    monkeypatch.setattr(swing, "steadying", lambda *_: {})
+    monkeypatch.setattr(sizing, "steadying", lambda *_: {})
     assert held < 0.03 < at_their_limit("before.yaml")
 
 
