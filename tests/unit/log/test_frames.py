@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 import asrsim
 from asrsim.log import LogWriter
-from asrsim.robot.poses import quaternion, rotation_matrix
+from asrsim.robot.poses import quaternion
 from asrsim.simulation.describe import link_frames
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
@@ -116,23 +116,6 @@ def test_every_frame_is_written_once_however_the_log_is_cut(tmp_path, size, ever
     moving, still = transforms(tmp_path / "a.mcap").values()
     assert [time for time, _ in moving] == pytest.approx(one.samples.time[::every])
     assert len(still) <= 1
-
-
-def test_no_rate_no_frames(tmp_path):
-    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
-    result = asrsim.run(path, variant="soft", overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
-    assert transforms(result.log) == {"/tf": [], "/tf_static": []}
-
-
-@pytest.mark.parametrize("rpy", [(0.3, -1.2, 2.0), (3.0, 1.5707963, -0.4), (0.0, 0.0, 0.0)])
-def test_quaternions_are_the_rotations_that_they_stand_for(rpy):
-    x, y, z, w = quaternion(rpy)
-
-    class Turn:
-        rotation = type("Q", (), {"x": x, "y": y, "z": z, "w": w})
-        translation = type("V", (), {"x": 0.0, "y": 0.0, "z": 0.0})
-
-    np.testing.assert_allclose(matrix(Turn)[:3, :3], rotation_matrix(rpy), atol=1e-12)
 
 
 @pytest.mark.parametrize("root", ["world", "base_link"])
