@@ -102,7 +102,7 @@ def test_encodings(tmp_path: Path, encoding: str) -> None:
 
 def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_path: Path) -> None:
     lines = ["time,q1,q2", *rows()]
-    lines[2] = "x,y,z"
+    lines[2] = "x,y,0.5"
     lines[10] = "0.09,abc,0.5"
     lines[20] = "0.19,1.0"
     lines[30] = "0.29,,0.5"
