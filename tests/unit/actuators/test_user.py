@@ -150,7 +150,7 @@ def test_a_file_may_be_loaded_again_but_takes_no_others_name(tmp_path: Path) -> 
         ("def f():\n    return 1 / 0\n\nf()\n", "plugin-raised", 2),
         ("x = (\n", "plugin-raised", 1),
         ("import no_such_module\n", "plugin-raised", 1),
-        ("x = 1\n", "no-actuator", None),
+        ("x = 1\n", "empty-plugin", None),
         (DECLARATION, "missing-law", 4),
         (DECLARATION + LAWS.replace("    @staticmethod\n", ""), "bad-law", 4),
         (DECLARATION + LAWS.replace("(q, theta_1, theta_2, parameters)", "(q)"), "bad-law", 4),
@@ -404,3 +404,17 @@ def test_what_knows_two_motors_only_refuses_three(tmp_path: Path) -> None:
         SoftArm(scenario=prepared.scenario, robot=prepared.robot, model=None)  # type: ignore[arg-type]
     with pytest.raises(RobotError, match="three has 3"):
         Door(prepared.scenario, prepared.robot)
+
+
+def test_a_plugin_brings_signals_and_measures(tiny, asrsim_command):
+    """The example file, used by a scenario and its claim; it may be loaded again."""
+    plugin = ROOT / "examples" / "plugins" / "my_lab.py"
+    tiny.scenario.write_text(
+        "robot: pendulum.urdf\nduration: 0.5\nreferences: {elbow: {equilibrium_position: {triangle: {amplitude: 0.1}}}}\n"
+        "expect: [{joint: elbow, quantity: reference_1, measure: crest_factor, comparison: <, value: 3}]\n"
+    )
+    assert "triangle" in asrsim_command("run", tiny.scenario, "--no-plot").err
+    for _ in range(2):
+        outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--plugin", plugin)
+        assert outcome.code == 0, outcome.err
+        assert "crest_factor of reference_1" in outcome.out
