@@ -83,8 +83,8 @@ class Session:
         self.summaries: list[RunSummary] = []
         """Of the episodes that have ended."""
         self._held: dict[Target, float] = {}
-        self._motions: dict[Target, tuple[Motion, float, float]] = {}
-        """Motion of a trajectory, the time when it came, and the reference then."""
+        self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
+        """Curve of a trajectory, the time when it came, and its duration."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
         self._reset = self._told_slow = self._urgent = False
@@ -235,16 +235,14 @@ class Session:
         for target, value in wanted.items():
             self._motions.pop(target, None)
             if isinstance(value, Motion):
-                self._motions[target] = value, self.time, self._reference(target)
-            elif self._held.get(target) != value:
+                self._motions[target] = value.curve(self._reference(target)), self.time, value.times[-1]
+            else:
                 self._set(target, value)
-        for target, (motion, began, start) in list(self._motions.items()):
+        for target, (curve, began, duration) in list(self._motions.items()):
             # The value at the end of the coming tick, so that the log has the trajectory's values.
             elapsed = self.time + self._tick_steps * self._step - began
-            value = self.commands.clamp(target, motion.at(elapsed, start))
-            if self._held.get(target) != value:
-                self._set(target, value)
-            if elapsed >= motion.times[-1]:
+            self._set(target, self.commands.clamp(target, curve(elapsed)))
+            if elapsed >= duration:
                 del self._motions[target]
 
     def _reference(self, target: Target) -> float:
@@ -254,6 +252,8 @@ class Session:
         return float(self.simulation.read([name])[name][j])
 
     def _set(self, target: Target, value: float | None) -> None:
+        if self._held.get(target) == value:
+            return
         self.simulation.set_reference(*target, value)
         if value is None:
             self._held.pop(target, None)
