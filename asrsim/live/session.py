@@ -87,6 +87,8 @@ class Session:
         """Curve of a trajectory, the time when it came, and its duration."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
+        self._work = 0.0, 0.0
+        """s of all work, and of topics, until the run last fell behind."""
         self._reset = self._told_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
@@ -192,13 +194,15 @@ class Session:
         """Leave real-time priority where the run falls behind, and publish half as often where it does so again."""
         now = clock.perf_counter()
         before, self._last_slip = self._last_slip, now
+        busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
+        self._work = self.pace.busy, self._publishing
         if self._urgent:
             self._leave_priority()
             self._tell("this machine is too slow for ticks at real-time priority: other programs come first again")
             return
         if now - before > BREATH:
             return
-        if self._publishing >= SPEECH * self.pace.busy and self.rate >= 2.0 * LEAST_RATE:
+        if publishing >= SPEECH * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
             self._tell(f"this machine is too slow for the topics: they come at {self.rate:g} Hz from here on")
         elif not self._told_slow:
