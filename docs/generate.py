@@ -41,6 +41,9 @@ def parts() -> dict[str, str]:
         **problem_tables(),
         "measures": measure_table(),
         "commands": commands(),
+        "options": options(),
+        "extras": extras(),
+        "api": api(),
         "packages": packages(),
         "actuators": actuators(),
         "models": models(),
@@ -48,8 +51,6 @@ def parts() -> dict[str, str]:
         "engines": engines(),
         "transports": transports(),
         "live_topics": live_topics(),
-        "truth": truth(),
-        "speed": speed(),
     }
 
 
@@ -61,6 +62,40 @@ def commands() -> str:
         example = next(part for part in rest if part.startswith("Example: "))
         rows.append((f"`{name}`", what, f"`{example.removeprefix('Example: ')}`"))
     return markdown_table(("command", "what it does", "example"), rows)
+
+
+def options() -> str:
+    """Every command with its usage and its options."""
+    sections = []
+    for name, command in all_commands().items():
+        what, *rest = (" ".join(part.split()) for part in str(command.help).split("\n\n"))
+        examples = [part.removeprefix("Example: ") for part in rest if part.startswith("Example: ")]
+        prose = [what, *(part for part in rest if not part.startswith("Example: "))]
+        rows = [(", ".join(f"`{spelling}`" for spelling in spellings(one)), one.help or "") for one in command.params]
+        table = markdown_table(("option", "what it does"), [row for row in rows if row[0] != "`--help`, `-h`"])
+        sections.append(f"## asrsim {name}\n\n" + "\n\n".join([*prose, "```sh\n" + "\n".join(examples) + "\n```", table]))
+    return "\n\n".join(sections)
+
+
+def spellings(parameter: Any) -> list[str]:
+    """An argument's name, or all spellings of an option."""
+    if parameter.param_type_name == "argument":
+        return [parameter.make_metavar(None) if parameter.metavar else str(parameter.name).upper()]
+    return sorted([*parameter.opts, *parameter.secondary_opts], key=len, reverse=True)
+
+
+def extras() -> str:
+    """Every extra of the package, with what the comment above it in pyproject.toml says."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8").split("[project.optional-dependencies]\n")[1]
+    found = re.findall(r"((?:^# .*\n)+)^(\w+) = \[", text.split("\n[project.", maxsplit=1)[0], re.MULTILINE)
+    rows = [(f"`{name}`", " ".join(line.removeprefix("# ") for line in said.splitlines())) for said, name in found]
+    return markdown_table(("extra", "what it is for"), rows)
+
+
+def api() -> str:
+    """A line for mkdocstrings for every public name of the package, by the place where it is defined."""
+    things = [(name, getattr(asrsim, name)) for name in asrsim.__all__ if name != "__version__"]
+    return "\n\n".join(f"::: {thing.__module__}.{name}" for name, thing in things)
 
 
 def all_commands() -> dict[str, Any]:
@@ -131,8 +166,8 @@ def transports() -> str:
 
 def live_topics() -> str:
     """The topics of a live run of the first joint of an example, and those of the robot."""
-    from asrsim.live.board import Board
-    from asrsim.live.gate import Gate
+    from asrsim.live.commands import CommandInput
+    from asrsim.live.publisher import Publisher
     from asrsim.scenario import load_scenario
     from asrsim.simulation.ranges import ranges_of, with_ranges
     from asrsim.simulation.simulation import Simulation
@@ -140,8 +175,8 @@ def live_topics() -> str:
     (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")
     prepared = with_ranges(scenario)
     with Simulation(prepared, compiled=False) as simulation:
-        outlets = [(one, "out, latched" if one.latched else "out") for one in Board(simulation, prepared.info).outlets]
-    inlets = [(one, "in") for one in Gate(prepared.info.joints, ranges_of(prepared)).inlets]
+        outlets = [(one, "out, latched" if one.latched else "out") for one in Publisher(simulation, prepared.info).outlets]
+    inlets = [(one, "in") for one in CommandInput(prepared.info.joints, ranges_of(prepared)).inlets]
     rows = [(f"`{one.name}`", one.message, way) for one, way in (*inlets, *outlets) if "joint_2" not in one.name]
     return markdown_table(("topic", "message", "way"), rows)
 
@@ -152,29 +187,6 @@ def steppings() -> str:
 
     known = [STEPPINGS.get(name) for name in STEPPINGS]
     return markdown_table(("stepping", "order", "what"), [(f"`{one.name}`", str(one.order), one.doc) for one in known])
-
-
-def truth() -> str:
-    """The sections of validation.md with how many checks they hold, and how many of them were met."""
-    page = (Path(__file__).parent / "validation.md").read_text(encoding="utf-8")
-    rows = []
-    for section in page.split("\n## ")[1:]:
-        title, *lines = section.splitlines()
-        checks = [line for line in lines if line.startswith("| ") and not line.startswith("| check |")]
-        missed = sum("**missed**" in line for line in checks)
-        rows.append((title, str(len(checks)), str(len(checks) - missed)))
-    return markdown_table(("checked against", "checks", "met"), rows)
-
-
-def speed() -> str:
-    """Whole runs beside 0.1's of performance.md, and the machine that they were measured on."""
-    page = (Path(__file__).parent / "performance.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `[\w]+` \| \*\*([\d.]+)\*\* \| ([\d.]+) \| (.*) \|$", page, re.MULTILINE)
-    machine = re.search(r"^Measured on: .*$", page, re.MULTILINE)
-    table = markdown_table(
-        ("ratio", "measured", "goal"), [(what, got, goal) for got, goal, what in rows if " compiled / 0.1" in what]
-    )
-    return f"{table}\n\n{machine[0] if machine else ''}"
 
 
 def renewed(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from importlib import import_module
 from inspect import cleandoc
@@ -11,35 +12,34 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-COMMANDS = {
-    "run": "asrsim.cli.run",
-    "live": "asrsim.cli.live",
-    "plot": "asrsim.cli.plot",
-    "render": "asrsim.cli.render",
-    "report": "asrsim.cli.report_page",
-    "rerun": "asrsim.cli.rerun",
-    "sweep": "asrsim.cli.sweep",
-    "identify": "asrsim.cli.identify",
-    "design": "asrsim.cli.design",
-    "ilc": "asrsim.cli.ilc",
-    "reproduce": "asrsim.cli.reproduce",
-    "check": "asrsim.cli.check",
-    "actuators": "asrsim.cli.actuators",
-    "bench": "asrsim.cli.bench",
-    "init": "asrsim.cli.init",
-    "examples": "asrsim.cli.examples",
+GROUPS = {
+    "Simulate": {"run": "run", "live": "live", "bench": "bench", "rerun": "rerun"},
+    "Look": {"plot": "plot", "render": "render", "report": "report_page"},
+    "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
+    "Use elsewhere": {"export": "export"},
+    "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},
+    "Reference": {"check": "check", "actuators": "actuators", "examples": "examples", "reproduce": "reproduce"},
 }
-"""Command -> module that holds a function of the command's name; imported when the command is used or listed."""
+"""Heading in the help -> command -> module of asrsim.cli with a function of the command's name."""
+COMMANDS = {name: f"asrsim.cli.{module}" for group in GROUPS.values() for name, module in group.items()}
+"""Command -> its module, which is imported when the command is used or listed."""
 
 
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
 class PlainCommand(TyperCommand):
-    """Usage as it is customary: required arguments without braces."""
+    """Help without typer's braces around required arguments and parentheses around defaults in words."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        for title, kind in (("Arguments", "argument"), ("Options", "option")):
+            parameters = [one for one in self.get_params(ctx) if one.param_type_name == kind]
+            if rows := list(filter(None, (one.get_help_record(ctx) for one in parameters))):
+                with formatter.section(title):
+                    formatter.write_dl([(name, re.sub(r"\[default: \((.*?)\)", r"[default: \1", what)) for name, what in rows])
 
 
 class LazyGroup(TyperGroup):
@@ -66,8 +66,10 @@ class LazyGroup(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         # Working out the options of all commands would be most of the time that help takes; the library cuts long lines off.
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, first_sentence(_function_of(name))) for name in COMMANDS])
+        widest = max(map(len, COMMANDS))
+        for title, group in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(widest), first_sentence(_function_of(name))) for name in group])
 
 
 def _function_of(command: str) -> Any:

@@ -54,9 +54,6 @@ def plot(
         float | None, typer.Option(help="s, largest lag that auto may find.", show_default="a quarter of the record")
     ] = None,
     rate: Rate = None,
-    layout: Annotated[
-        str, typer.Option(metavar="overlay|side|both", help="Simulation and experiment on top of or beside each other.")
-    ] = "overlay",
     bode: Annotated[bool, typer.Option("--bode", help="Draw frequency responses with coherence.")] = False,
     band: Annotated[
         tuple[float, float] | None,
@@ -113,7 +110,6 @@ def plot(
             quantities=tuple(quantity) if quantity else None,
             lag=lag_of(align),
             lag_limit=max_lag,
-            layout=layout,
             formats=tuple(formats or ("png",)),
             bode=bode,
             band=band,
@@ -183,8 +179,7 @@ def _print_experiments(result: PlotResult) -> None:
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
-            about = f", give or take {alignment.between:.2g} s" if alignment.between else ""
-            say(f"{Path(name).name} beside {one.label}: {alignment.said}{about} ({alignment.how}{found})")
+            say(f"{Path(name).name} beside {one.label}: {alignment.said} ({alignment.how}{found})")
 
 
 def _print_rows(result: PlotResult) -> None:

@@ -3,9 +3,9 @@
 Ordinary code, run as it is or compiled. In one step each degree of freedom is in one of five states, `held`:
 
      AT_LOWER   it reaches its lower stop at the end of the step, or rests there; the stop pushes
-     NEGATIVE   it slides in negative direction under all of its friction
-     STICKING   it stands, and friction takes no more than its bound
-     POSITIVE   it slides in positive direction under all of its friction; without friction it moves freely
+     NEGATIVE   it slides in negative direction under its full friction
+     STICKING   it stands still, and friction is within its bound
+     POSITIVE   it slides in positive direction under its full friction; without friction it moves freely
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
 Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach it; in the next step it
@@ -15,7 +15,6 @@ so the other joints' positions stay of second order.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any
 
 AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
@@ -86,31 +85,27 @@ def _try(room: Any) -> None:
 
 
 def _solve(square: Any, values: Any, count: int) -> None:
-    """Solve a positive definite system of `count`, whose lower half is given, in place (Cholesky)."""
+    """Solve a positive definite system of `count`, whose lower half is given, in place (L D L^T; the diagonal becomes 1/D)."""
     for a in range(count):
-        for c in range(a):
-            square[a, a] -= square[a, c] * square[a, c]
-        square[a, a] = sqrt(square[a, a])
+        inverse = 1.0 / square[a, a]
+        square[a, a] = inverse
         for b in range(a + 1, count):
-            value = square[b, a]
-            for c in range(a):
-                value -= square[b, c] * square[a, c]
-            square[b, a] = value / square[a, a]
-    for a in range(count):
-        value = values[a]
-        for c in range(a):
-            value -= square[a, c] * values[c]
-        values[a] = value / square[a, a]
+            factor = square[b, a] * inverse
+            for c in range(a + 1, b):
+                square[b, c] -= square[b, a] * square[c, a]
+            square[b, b] -= square[b, a] * factor
+            square[b, a] = factor
+            values[b] -= factor * values[a]
     for a in range(count - 1, -1, -1):
-        value = values[a]
+        value = values[a] * square[a, a]
         for c in range(a + 1, count):
             value -= square[c, a] * values[c]
-        values[a] = value / square[a, a]
+        values[a] = value
 
 
 def _swap(room: Any, single: bool) -> bool:
-    """Move all whose impulse or velocity contradicts their state to the next state; `single`: only the first of them. Whether
-    any moved."""
+    """Change the state of each degree of freedom whose impulse or velocity contradicts it; `single`: of the first one only.
+    Returns whether any changed."""
     changed = False
     held = room.held
     for i in range(len(held)):
@@ -127,7 +122,7 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """State after a solution in which what is held needs this impulse to have its velocity."""
+    """State after a solution in which a held degree of freedom needs this impulse for its velocity."""
     most, slack, state = room.bound[i], SLACK * room.bound[i], room.held[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER
@@ -148,7 +143,7 @@ def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
 
 
 def _state_by_velocity(room: Any, i: int, velocity: float) -> int:
-    """State after a solution in which what slides has this velocity."""
+    """State after a solution in which a sliding degree of freedom has this velocity."""
     if velocity > room.fastest[i]:
         return AT_UPPER
     if velocity < room.slowest[i]:

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.kinematics.drive_forward import motor_positions
+from asrsim.actuators.rest import resting_motors
 from asrsim.kinematics.engine_model import model_of
-from asrsim.kinematics.inverse import InverseDynamics
-from asrsim.kinematics.soft_arm import SoftArm
+from asrsim.kinematics.inverse import InverseDynamics, SoftArm
 from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
 from asrsim.samples import Array
 
@@ -64,12 +63,11 @@ class ArmModel:
         springs = np.zeros((len(positions), len(self.drives), 2))
         for j, (drive, position) in enumerate(zip(self.drives, positions.T, strict=True)):
             if j >= len(motors):
-                preset = self.arm.preset(drive.joint, motion.time)
-                start = self.arm.motors_at_start(drive.joint, position[0], position[0], preset[0])
-                motors.append(motor_positions(drive, motion.time, position, position, preset, start))
+                goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
+                motors.append(resting_motors(drive, position, goals)[:2].T)
             if drive.mode.spring:
                 springs[:, j] = spring_slopes(drive, position, motors[j])
-        damping = [self.arm.losses(drive.joint).damping for drive in self.drives]
+        damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
         return linearise_along(self.arm.model, self.drives, motion, springs, damping)
 
 

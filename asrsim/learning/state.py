@@ -49,7 +49,7 @@ def _files(plant: Plant) -> Iterator[Path]:
     from asrsim.robot import engine_urdf
 
     scenario = plant.scenario
-    text, _ = engine_urdf(plant.robot, visuals=False, package_paths=scenario.package_paths)
+    text, _ = engine_urdf(plant.robot, package_paths=scenario.package_paths)
     meshes = [item.mesh for item in scenario.world.objects if item.mesh]
     for path in (*scenario.attachments.values(), *meshes, *map(Path, re.findall(r'filename="([^"]*)"', text))):
         # A ROS 2 bag is a folder.

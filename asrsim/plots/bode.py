@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
-_LABELS = 7
-"""Labels of frequencies that stand beside each other."""
 CERTAIN = 0.9
 """Coherence that says nothing: it is drawn where any falls below."""
 
@@ -74,7 +72,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     if any(one.response.resonance for one in moving):
         handles.append(Line2D([], [], marker="o", ms=3.5, linestyle="", color=style.GREY, label="resonance"))
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
-    if moving and _visible(moving):
+    if moving:
         axes[1, -1].text(
             1.02, 1.0, f"shaded: {moving[0].response.confidence:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
             fontsize=8, color=style.GREY,
@@ -119,7 +117,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
             ax.set_ylim(float(known.min()) - edge, float(known.max()) + edge)
     gain.set_xscale("log")
     if found:
-        _label_octaves(gain, min(one.response.band[0] for one in found), max(one.response.band[1] for one in found))
+        label_frequencies(gain, min(one.response.band[0] for one in found), max(one.response.band[1] for one in found))
     unit = found[0].unit if found else ""
     gain.set_ylabel(f"gain\n(dB re {unit})" if unit else "gain (dB)")
     phase.set_ylabel("phase (°)")
@@ -128,25 +126,18 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
         coherence.set_ylabel("coherence")
 
 
-def _label_octaves(axes: Axes, start: float, end: float) -> None:
-    """Labels at 1, 2, 4 ... Hz and 1/2, 1/4 ...; between them where there are few, at every third octave or so where many."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+def label_frequencies(axes: Axes, start: float, end: float) -> None:
+    """Labels at 1, 2, 5 and 10 Hz and so on, evenly in a narrow band; a single frequency is in the middle."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-    # A single frequency stands in the middle of two octaves.
-    single = [start] if end <= start else []
-    start, end = (0.5 * start, 2.0 * end) if single else (start, end)
-    axes.set_xlim(start, end)
-    octaves = math.log2(end / start)
-    every = max(1, math.ceil(octaves / 12))
-    exponents = range(math.floor(math.log2(start)), math.ceil(math.log2(end)) + 1)
-    whole = [2.0**e for e in exponents if e % every == 0]
-    between = [(1.25, 1.5, 1.75), (1.5,), ()] if every == 1 else [()]
-    ways = [
-        [place for low in whole for share in (1.0, *shares) if start <= (place := share * low) <= end] for shares in between
-    ]
-    axes.xaxis.set_major_locator(FixedLocator(single or next((way for way in ways if len(way) <= _LABELS), ways[-1])))
+    single = end <= start
+    axes.set_xlim(*((0.5 * start, 2.0 * end) if single else (start, end)))
+    narrow = end < 5.0 * start
+    axes.xaxis.set_major_locator(MaxNLocator(5) if narrow else LogLocator(10.0, subs=(1.0, 2.0, 5.0), numticks=10))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:.4g}"))
+    if single:
+        axes.set_xticks([start])
 
 
 def _decibels(one: Response) -> tuple[Array, Array, Array]:
@@ -155,16 +146,6 @@ def _decibels(one: Response) -> tuple[Array, Array, Array]:
     floor = 1e-6 * max(float(result.gain.max()), 1e-12)
     level, low, high = (20 * np.log10(np.maximum(g, floor)) for g in (result.gain, result.gain_low, result.gain_high))
     return level, low, high
-
-
-def _visible(found: Sequence[Response]) -> bool:
-    """Whether any confidence band is wider than a line."""
-    for one in found:
-        level, low, high = _decibels(one)
-        trusted = one.response.coherence >= TRUSTED
-        if trusted.any() and float(np.max((high - low)[trusted])) > 0.03 * max(float(np.ptp(level[trusted])), 1.0):
-            return True
-    return False
 
 
 def _colour(one: Response, *, several: bool) -> str:

@@ -17,7 +17,7 @@ from asrsim.plots.claims import claimed_clocks, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
 from asrsim.plots.figures import run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
-from asrsim.plots.overlay import LAYOUTS, comparison_pages
+from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
 from asrsim.plots.recorded import RECORDED, write_recorded
 from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
@@ -42,7 +42,6 @@ class PlotJob:
     lag: LagChoice = "auto"
     lag_limit: float | None = None
     """s, largest lag that auto may find."""
-    layout: str = "overlay"
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
@@ -118,8 +117,6 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
     Raises InputError (logs, recordings, options) before anything is written, and OutputError.
     """
     formats = check_formats(job.formats)
-    if job.layout not in LAYOUTS:
-        raise InputError(f"no layout is called '{job.layout}'", key="layout", choices=LAYOUTS)
 
     def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
         return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
@@ -265,7 +262,7 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
         if result.compared:
             runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
             references = any(name.startswith("reference") for name in job.quantities or ())
-            for page in comparison_pages(runs, result.compared, layout=job.layout, references=references):
+            for page in comparison_pages(runs, result.compared, references=references):
                 files += save_figure(page.figure, folder, page.name, formats)
         if result.responses:
             robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs)) or "recorded"

@@ -1,4 +1,4 @@
-"""Simulation and experiment in one picture: on top of each other with the difference below, or side by side."""
+"""Simulation and experiment on top of each other, with their difference below."""
 
 from __future__ import annotations
 
@@ -22,24 +22,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LAYOUTS = ("overlay", "side", "both")
 QUANTITIES_PER_PAGE = 3
 """Rows of panels on a page."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 
 
-def comparison_pages(
-    runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, layout: str = "overlay", references: bool
-) -> Iterator[Page]:
+def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[Page]:
     """All pages. runs: the curves of the runs, in the order of `compared`; references: recorded references get rows too."""
-    if layout in ("overlay", "both"):
-        yield from _overlay_pages(runs, compared, references)
-    if layout in ("side", "both"):
-        yield from _side_pages(runs, compared)
-
-
-def _overlay_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], references: bool) -> Iterator[Page]:
     keys = dict.fromkeys(key for one in compared for key in one.pairs)
     quantities = sorted(dict.fromkeys(q for _, q in keys), key=lambda q: _FIRST.index(q) if q in _FIRST else len(_FIRST))
     if not references:
@@ -188,73 +178,6 @@ def _experiment_handles(count: int) -> list[Any]:
         Line2D([], [], color=style.EXPERIMENT, linewidth=1.2, label=f"experiment,\nmean of {count} runs"),
         Patch(color=style.EXPERIMENT, alpha=0.18, linewidth=0, label="their range"),
     ]
-
-
-_SIDE_GROUPS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    ("position", ("motor_1_position", "motor_2_position", "equilibrium_position", "link_position")),
-    ("torque", ("external_torque", "link_torque")),
-    ("motor torque", ("elastic_torque_1", "elastic_torque_2", "motor_1_torque", "motor_2_torque")),
-    ("velocity", ("motor_1_velocity", "motor_2_velocity", "link_velocity")),
-    ("deflection", ("deflection",)),
-    ("stiffness", ("stiffness",)),
-)
-
-
-def _side_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison]) -> Iterator[Page]:
-    keys = dict.fromkeys(key for one in compared for key in one.pairs)
-    for words, group in _SIDE_GROUPS:
-        joints = [j for j in dict.fromkeys(j for j, _ in keys) if any((j, q) in keys for q in group)]
-        pages = [joints[a : a + 4] for a in range(0, len(joints), 4)]
-        for number, members in enumerate(pages, 1):
-            figure = side_figure(runs, compared, members, group, words=words, part=(number, len(pages)))
-            name = f"side_by_side_{words.replace(' ', '_')}"
-            yield Page(name=name if len(pages) == 1 else f"{name}_{number}", figure=figure)
-
-
-def side_figure(
-    runs: Sequence[RunCurves],
-    compared: Sequence[RunComparison],
-    joints: Sequence[str],
-    quantities: Sequence[str],
-    *,
-    words: str,
-    part: tuple[int, int] = (1, 1),
-) -> Figure:
-    """Experiment at the left, simulation at the right with the same axes, one row a joint; as the paper's figures."""
-    grid = Grid(columns=2, heights=[1.6] * len(joints), title=0.3, gap_x=0.45)
-    figure, axes = grid.figure([one.label for one in compared], sharex=True, sharey="row")
-    shown: dict[str, None] = {}
-    several = len(compared) > 1
-    for r, joint in enumerate(joints):
-        info = _info(runs, joint)
-        found = [(n, q, one.pairs[joint, q]) for n, one in enumerate(compared) for q in quantities if (joint, q) in one.pairs]
-        shown |= dict.fromkeys(quantity for _, quantity, _ in found)
-        plain = list(dict.fromkeys(quantity for _, quantity, _ in found))
-        drawn = [c for _, _, p in found for c in (p.recording, p.simulation, p.low, p.high) if c is not None]
-        reference = runs[0].get(joint, REFERENCE) if runs else None
-        show_time(axes[r, 0], drawn)
-        if words == "position" and reference is not None and found:
-            for ax in axes[r]:
-                draw_curve(ax, _within(reference, found[0][2].simulation), colour=style.colour(REFERENCE), linewidth=2.6,
-                           zorder=1.4, gid=f"{joint}.reference")  # fmt: skip
-            shown[REFERENCE] = None
-        for number, quantity, pair in found:
-            colour = style.variant_colour(number) if several else style.colour(quantity)
-            line = style.line_style(plain.index(quantity)) if several else "-"
-            for ax, curve, kind in ((axes[r, 0], pair.recording, "experiment"), (axes[r, 1], pair.simulation, "simulation")):
-                draw_curve(ax, curve, colour=colour, linestyle=line, gid=f"{joint}.{quantity}.{kind}.{number}")
-            if pair.low is not None and pair.high is not None:
-                axes[r, 0].fill_between(pair.low.time, pair.low.values, pair.high.values, color=colour, alpha=0.2, linewidth=0)
-        unit = style.unit(quantities[-1], info)
-        show_values(axes[r, 0], drawn, brief="N" in unit)
-        axes[r, 0].set_ylabel(f"{shorten(joint, 22)}\n{style.axis_label(words, unit)}")
-    axes[0, 0].set_title("A  experiment", loc="left")
-    axes[0, 1].set_title("B  simulation", loc="left")
-    for ax in axes[-1]:
-        ax.set_xlabel("time (s)")
-    legend(axes[0, -1], [name for name in (REFERENCE, *quantities) if name in shown], several=several)
-    figure_title(figure, runs, words, part, more=_moved(compared))
-    return figure
 
 
 def _has_reference(runs: Sequence[RunCurves], joints: Sequence[str]) -> bool:

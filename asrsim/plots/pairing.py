@@ -1,9 +1,9 @@
-"""Which recording belongs to which run, and both compared in bounded memory."""
+"""Which recording belongs to which run, and their comparison."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,9 +21,6 @@ from asrsim.recordings import Comparison, Recording, Series, band, compare
 from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
-
-BUDGET = 128e6
-"""Bytes of samples that are compared at once; a larger log is compared some joints at a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +93,7 @@ def compare_run(
     bins: int = BINS,
     progress: Progress | None = None,
 ) -> RunComparison:
-    """Compares a log with recordings of one experiment, a few joints at a time where it is long.
+    """Compares a log with recordings of one experiment, one joint at a time.
 
     joints, quantities: only these. lags: for all, or by the recording's path. lag_limit: s, largest lag that auto may find.
     Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
@@ -112,22 +109,21 @@ def compare_run(
     findings = {str(problem): problem for alignment in alignments.values() for problem in alignment.findings}
     pairs: dict[tuple[str, str], Pair] = {}
     rows: list[MetricRow] = []
-    groups = list(_groups(reader, paired, common, recordings))
-    for number, members in enumerate(groups):
+    for number, joint in enumerate(paired):
         compared = []
-        samples = reader.read(quantities=_stored(reader, common), joints=members).samples
+        samples = reader.read(quantities=_stored(reader, common), joints=[joint]).samples
         for recording, pairing in zip(recordings, pairings, strict=True):
-            of_members = {its: ours for its, ours in pairing.items() if ours in members}
-            if not of_members:
+            of_joint = {its: ours for its, ours in pairing.items() if ours == joint}
+            if not of_joint:
                 continue
             lag = alignments[str(recording.path)].lag
-            one = compare(samples, recording, infos=infos, joints=of_members, quantities=common, lag=lag)
+            one = compare(samples, recording, infos=infos, joints=of_joint, quantities=common, lag=lag)
             compared.append(one)
             rows += one.rows(label)
             findings |= {str(problem): problem for problem in one.findings}
         pairs |= _pairs(compared, bins)
         if progress is not None:
-            progress((number + 1) / len(groups))
+            progress((number + 1) / len(paired))
     return RunComparison(
         label=label,
         recordings=tuple(recording.path for recording in recordings),
@@ -173,18 +169,6 @@ def _aligned(
     infos = reader.info.joints
     lag = lags.get(str(recording.path), "auto") if isinstance(lags, Mapping) else lags
     return align_recording(recording, pairing, series_of(read, infos), lag=lag, limit=limit, infos=infos)
-
-
-def _groups(
-    reader: LogReader, joints: Sequence[str], quantities: Sequence[str], recordings: Sequence[Recording]
-) -> Iterator[list[str]]:
-    count = reader.duration / (reader.info.step * max(reader.info.log_every, 1)) + 1
-    # What is read, and time, simulation, recording and their difference on the coarser one's time, of every recording.
-    compared = sum(min(count, len(recording.time)) for recording in recordings)
-    size = 8.0 * (count * len(_stored(reader, quantities)) + 4.0 * compared * len(quantities))
-    each = max(1, int(BUDGET / size))
-    for start in range(0, len(joints), each):
-        yield list(joints[start : start + each])
 
 
 def _stored(reader: LogReader, names: Sequence[str]) -> list[str]:

@@ -21,6 +21,8 @@ from asrsim.recordings import Column, Recording, resample
 from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
+LEAST = 64
+"""Samples that input and output must share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +83,12 @@ class Experiment:
     joints: Mapping[str, str] = field(default_factory=dict)
     """Its joints -> the run's."""
     lag: float = 0.0
-    """s that it is late."""
+    """s by which the recording is late."""
+
+    def column(self, quantity: str, joint: str) -> Column | None:
+        """The recorded quantity of a joint of the run."""
+        channels = self.recording.channels.values()
+        return next((c for c in channels if c.quantity == quantity and self.joints.get(c.joint or "") == joint), None)
 
 
 def responses(
@@ -95,7 +102,7 @@ def responses(
     given: str | None = None,
     output: str | None = None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of every joint whose input moves, of the run and of its experiments; and what could not be found out.
+    """Responses of every joint whose input moves, of the run and of its experiments; and what could not be computed.
 
     given, output: `quantity` or `joint.quantity`, input and output of the response; by default the position that the references
     ask for (in the torque modes: the torque) and the link's position. By default an experiment without recorded reference is
@@ -116,34 +123,34 @@ def responses(
         time, excitation, response, unit = series
         if not len(time) or not np.nanmax(excitation) - np.nanmin(excitation) > 1e-9 * np.nanmax(np.abs(excitation)):
             continue
+        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit, output=last.quantity)
         try:
             result = frequency_response(time, excitation, response, band=band)
         except InputError as error:
             problems += [replace(problem, key=info.name, file=path) for problem in error.problems]
             continue
-        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit, output=last.quantity)
         found.append(entry(source=label, experiment=False, response=result, findings=result.findings))
         for one in experiments:
+            said: tuple[Problem, ...] = ()
             try:
-                if given is None:
-                    recorded = _recorded(one, info, time, excitation, band, last.quantity)
+                if given is not None:
+                    result = _of_columns(*_pair(one, info.name, source, last), band)
+                elif (recorded := one.column(last.quantity, info.name)) is None:
+                    continue
+                elif (reference := _recorded_reference(one, info)) is not None:
+                    result = _of_columns(reference, recorded, band)
                 else:
-                    recorded = _of_pair(*_pair(one, info.name, source, last), band), ()
+                    result = _related(time + one.lag, excitation, recorded, band)
+                    said = (Problem("has no recorded reference; related to the simulation's", file=one.recording.path,
+                                    key=info.name, code="reference-of-simulation"),)  # fmt: skip
             except InputError as error:
                 problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
                 continue
-            if recorded is not None:
-                measured, findings = recorded
-                found.append(
-                    entry(
-                        source=one.recording.path.name, experiment=True, response=measured,
-                        findings=(*findings, *measured.findings),
-                    )
-                )  # fmt: skip
+            source_name = one.recording.path.name
+            found.append(entry(source=source_name, experiment=True, response=result, findings=(*said, *result.findings)))
     if not found and not problems:
         name = "reference" if given is None else first.quantity
-        what = f"has {'an' if name[0] in 'aeiou' else 'a'} {name} that moves"
-        message = f"no joint {what}; a frequency response needs one that does"
+        message = f"no joint has a moving {name}; a frequency response needs one"
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message, file=path, hint=hint, code="no-excitation"))
     return found, problems
@@ -158,23 +165,23 @@ def recorded_responses(
     given: str | None,
     output: str | None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of a recording by itself, of every joint that has both columns; and what could not be found out.
+    """Responses of a recording by itself, of every joint that has both columns; and what could not be computed.
 
     given, output: as of :func:`responses`; None: the recorded reference and the link's position.
     """
     first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
     one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})
-    label = recording.path.name
     found: list[Response] = []
     problems: list[Problem] = []
     for name in [last.joint] if last.joint is not None else joints or recording.joints:
         try:
             u, y = _pair(one, name, replace(first, joint=first.joint or name), last)
-            result = _of_pair(u, y, band)
+            result = _of_columns(u, y, band)
         except InputError as error:
             problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
             continue
         info = JointInfo(name=name, actuator="", mode=None, prismatic=y.unit == "m")
+        label = recording.path.name
         found.append(
             Response(joint=info, label=label, variant=variant, source=label, experiment=True, unit=_ratio(y.unit, u.unit),
                      output=last.quantity, response=result, findings=result.findings)
@@ -230,13 +237,10 @@ def _ratio(above: str, below: str) -> str:
 
 
 def _pair(one: Experiment, name: str, first: Signal, last: Signal) -> tuple[Column, Column]:
-    """The recording's columns of input and output. Raises RecordingError where it has not both."""
+    """The recording's columns of input and output. Raises RecordingError where one is missing."""
     found = []
-    for quantity, joint in ((first.quantity, first.joint), (last.quantity, name)):
-        column = next(
-            (c for c in one.recording.channels.values() if c.quantity == quantity and one.joints.get(c.joint or "") == joint),
-            None,
-        )
+    for quantity, joint in ((first.quantity, first.joint or name), (last.quantity, name)):
+        column = one.column(quantity, joint)
         if column is None:
             raise RecordingError(
                 f"the recording has no {quantity} of {joint}", code="no-quantity",
@@ -246,34 +250,21 @@ def _pair(one: Experiment, name: str, first: Signal, last: Signal) -> tuple[Colu
     return found[0], found[1]
 
 
-def _of_pair(u: Column, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
-    """The response of one column to another."""
-    same = u.time is y.time or np.array_equal(u.time, y.time)
-    excitation = u.values if same else resample(u.time, u.values, y.time)
-    return frequency_response(y.time, excitation, y.values, band=band)
+def _of_columns(u: Column, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
+    return _related(u.time, u.values, y, band)
 
 
-def _recorded(
-    one: Experiment, info: JointInfo, time: Array, excitation: Array, band: tuple[float, float] | None, name: str
-) -> tuple[FrequencyResponse, tuple[Problem, ...]] | None:
-    columns = {
-        column.quantity: column
-        for column in one.recording.channels.values()
-        if column.quantity is not None and column.joint is not None and one.joints.get(column.joint) == info.name
-    }
-    output = columns.get(name)
-    if output is None:
-        return None
+def _related(time: Array, excitation: Array, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
+    """The response of a column to an input (n,) at the times (n,), found at the column's times."""
+    if time is not y.time and not np.array_equal(time, y.time):
+        excitation = resample(time, excitation, y.time)
+        if np.isfinite(excitation).sum() < LEAST:
+            raise RecordingError("input and output do not overlap in time", code="no-overlap")
+    both = np.isfinite(excitation)
+    return frequency_response(y.time[both], excitation[both], y.values[both], band=band)
+
+
+def _recorded_reference(one: Experiment, info: JointInfo) -> Column | None:
+    """The recorded reference of the link: in modes without a reference map, reference 1 is a motor's."""
     mode = MODES.get(info.mode) if info.mode is not None else None
-    # In the modes without reference map, reference 1 is a motor's, not the link's.
-    meaning = mode is not None and (mode.mapped or not mode.spring)
-    reference = columns.get("reference_1") if meaning else None
-    if reference is not None:
-        return _of_pair(reference, output, band), ()
-    said = Problem("has no recorded reference; related to the simulation's", file=one.recording.path, key=info.name,
-                   code="reference-of-simulation")  # fmt: skip
-    u = resample(time + one.lag, excitation, output.time)
-    both = np.isfinite(u)
-    if both.sum() < 64:
-        raise RecordingError("does not overlap with the simulation's reference", code="no-overlap")
-    return frequency_response(output.time[both], u[both], output.values[both], band=band), (said,)
+    return one.column("reference_1", info.name) if mode is not None and (mode.mapped or not mode.spring) else None

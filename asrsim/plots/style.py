@@ -145,12 +145,6 @@ def darker(colour_text: str) -> str:
     return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
-def rgba(colour_text: str, opacity: float) -> tuple[float, float, float, float]:
-    """A colour that lets others through."""
-    red, green, blue = (int(colour_text[i : i + 2], 16) / 255 for i in (1, 3, 5))
-    return red, green, blue, opacity
-
-
 def symbol(quantity: str) -> str:
     """The short label of a quantity for legends, in mathtext."""
     known = KNOWN.get(quantity)

@@ -19,7 +19,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.joint import advance, remember_springs
-from asrsim.simulation.laws import plain_laws
+from asrsim.simulation.laws import plain_law
 from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     JOINT_STEP,
@@ -33,7 +33,6 @@ from asrsim.simulation.layout import (
     PER_MOTOR,
     POSITION,
     SPRING_LAW,
-    STATE_LAW,
     TORQUE,
 )  # fmt: skip
 from asrsim.simulation.rows import positions_of, shape_of, start_of, tables
@@ -110,7 +109,7 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
     p = constants[0].tolist()
     if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
         actuator: Any = drive.actuator
-        k[SPRING_LAW], k[STATE_LAW] = plain_laws(actuator, positions_of(drive))
+        k[SPRING_LAW] = plain_law(actuator, positions_of(drive))
     if drive.stepping.joint_step is not None:
         k[JOINT_STEP] = drive.stepping.joint_step
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
@@ -126,11 +125,11 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
         before = [s[OWN + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
         if resting and row == 0:
             # What is shown is the state at rest; half a step brings the motors' velocities to where they live.
-            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
+            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, False)
             torque, shown = s[TORQUE], list(s)
-            advance(s, p, k, z, u, 0.5 * step, 0)
+            advance(s, p, k, z, u, 0.5 * step, 0, False)
         else:
-            advance(s, p, k, z, u, step, DRIVE_TORQUE)
+            advance(s, p, k, z, u, step, DRIVE_TORQUE, False)
             torque, shown = s[TORQUE], s
         if p[P_LEVEL] > 0.0:
             remember_springs(s, p, k)

@@ -17,8 +17,8 @@ from asrsim.simulation import kernel
 from asrsim.simulation.bound_engine import BoundEngine, NativeEngine, bind_engine
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Block
-from asrsim.simulation.laws import plain_laws
-from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STATE_LAW, STEP
+from asrsim.simulation.laws import plain_law
+from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STEP
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
 
@@ -139,28 +139,28 @@ class Core:
     # -- binding ----------------------------------------------------------------------------------------------------
 
     def _bind_laws(self, drives: Sequence[SteppedJoint]) -> None:
-        laws: dict[Any, tuple[Any, Any]] = {}
+        laws: dict[Any, Any] = {}
         for k, drive in zip(self._kinds, drives, strict=True):
             if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
                 key = drive.actuator, positions_of(drive)
-                laws[key] = laws.get(key) or self._laws_of(*key)
-                k[SPRING_LAW], k[STATE_LAW] = laws[key]
+                laws[key] = laws.get(key) or self._law_of(*key)
+                k[SPRING_LAW] = laws[key]
             if self.stepping.joint_step is not None:
                 k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
 
-    def _laws_of(self, actuator: Any, motors: int) -> tuple[Any, Any]:
-        """Addresses."""
+    def _law_of(self, actuator: Any, motors: int) -> Any:
+        """Its address."""
         if not self.compiled:
-            return plain_laws(actuator, motors)
-        from asrsim.simulation.native import compiled_laws
+            return plain_law(actuator, motors)
+        from asrsim.simulation.native import compiled_law
 
         try:
-            torques, state = compiled_laws(actuator, motors)
+            law = compiled_law(actuator, motors)
         except Exception as error:
             reason = str(error).strip().splitlines()[0]
             raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}': {reason}") from error
-        self._owners += [torques, state]
-        return torques.address, state.address
+        self._owners.append(law)
+        return law.address
 
     def _joint_step(self, function: Callable[..., None]) -> Any:
         if not self.compiled:

@@ -10,7 +10,7 @@ from typing import Any
 
 from asrsim.actuators.hysteresis import dahl
 from asrsim.actuators.motor import motor_kick, velocity_bounds
-from asrsim.simulation.laws import joint_step, numbers, spring_law, state_law
+from asrsim.simulation.laws import joint_step, numbers, spring_law
 from asrsim.simulation.layout import (
     ANCHOR,
     APPLIED,
@@ -82,7 +82,6 @@ from asrsim.simulation.layout import (
     SPRING_LAW,
     SPRINGS,
     SPRUNG,
-    STATE_LAW,
     STEP,
     STIFFNESS,
     THETAS,
@@ -128,17 +127,20 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
         s[m + READ_PUSH] = -gain * (s[ring + 2 * size + 2] - speed)
 
 
-def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int) -> None:
+def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
     """Advance the joint's own state by h s under the inputs u, at the link's present position; its torque into s[TORQUE].
 
     note: the column at which what pushes each motor is left: DRIVE_TORQUE for the record, with all that is recorded; 0:
-    nowhere. Where motors have substeps it is the middle one's. With h = 0 nothing moves.
+    nowhere. Where motors have substeps it is the middle one's. With h = 0 nothing moves. whole: stiffness and energy of the
+    springs are found, too.
     """
     kind = k[KIND]
     if k[JOINT_STEP]:
         joint_step(k[JOINT_STEP], s, p, k, u, h, note)
+        if whole and kind == SPRUNG:
+            find_state(s, p, k)
     elif kind == SPRUNG:
-        _advance_springs(s, p, k, z, u, h, note)
+        _advance_springs(s, p, k, z, u, h, note, whole)
     elif kind == CONTROLLED:
         # A PID controller on the rigid link (paper eq. 11); its derivative action is a brake: see `limit`.
         error = u[GOALS] - s[OWN + READ_ERROR] - s[POSITION]
@@ -151,7 +153,7 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int) -> None
         s[TORQUE] = 0.0
 
 
-def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int) -> None:
+def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
     """Motors and springs: drift, kick, drift, of second order with half a drift before the kick.
 
     Substeps of the motors keep the link where it is and give it their mean torque, which stays bounded.
@@ -168,13 +170,13 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
                 s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
             else:
                 s[thetas + i] = u[GOALS + i]
-        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques)
+        column = note if turn == turns // 2 else 0
+        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, whole and column != 0)
         if p[P_LEVEL] > 0.0:
             for i in range(k[SPRINGS]):
                 s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
         for i in range(motors):
             total += s[torques + i]
-        column = note if turn == turns // 2 else 0
         for i in range(dynamic):
             _kick(s, p, k, z, u[GOALS + i], i, step, before, column)
         if column != 0:
@@ -255,19 +257,18 @@ def push_of(s: Any, p: Any, external: float) -> float:
     return external + p[P_SPRING] * (p[P_REST] - s[POSITION])  # type: ignore[no-any-return]
 
 
-def damping_of(s: Any, p: Any, k: Any) -> float:
+def damping_of(s: Any, p: Any) -> float:
     """Viscous damping of the link in N m s/rad: c + 2 D sqrt(I k) where it follows the stiffness k (paper section 4.2.2)."""
     if p[P_DAMPING_RATIO] == 0.0:
         return p[P_DAMPING]  # type: ignore[no-any-return]
-    find_state(s, p, k)
     return p[P_DAMPING] + 2.0 * p[P_DAMPING_RATIO] * sqrt(max(p[P_DAMPING_INERTIA] * s[STIFFNESS], 0.0))  # type: ignore[no-any-return]
 
 
 def find_state(s: Any, p: Any, k: Any) -> None:
-    """Stiffness and energy of the spring at the recorded kick, into s."""
+    """Stiffness and energy of the springs at the recorded kick, into s."""
     for i in range(k[MOTORS]):
         s[k[THETAS] + i] = s[OWN + i * PER_MOTOR + KICK_POSITION]
-    state_law(k[STATE_LAW], s[POSITION], s, k[THETAS], p, k[LAW], STIFFNESS)
+    spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], True)
 
 
 def friction_of(s: Any, p: Any, v: float) -> float:

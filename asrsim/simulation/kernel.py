@@ -22,6 +22,7 @@ from asrsim.simulation.layout import (
     DRIVE_NEXT,
     DRIVE_PIECE,
     DRIVE_TORQUE,
+    DYNAMIC,
     E_DAMPING,
     E_FRICTION,
     E_POSITION,
@@ -40,10 +41,12 @@ from asrsim.simulation.layout import (
     NOW,
     OWN,
     P_BRAKE,
+    P_DAMPING_RATIO,
     P_EFFORT,
     P_LEVEL,
     PAST,
     PER_MOTOR,
+    PLACED,
     POSITION,
     PREVIOUS,
     PUSH,
@@ -95,6 +98,7 @@ def run(
             if fault[w, 0] != HEALTHY:
                 break
             substep = done[w]
+            asked = substep % every == 0
             jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
             length, first_piece, last_piece = 1.0, 0, 0
             if jumped:
@@ -105,17 +109,18 @@ def run(
                 cut += 1
             for j in range(len(kinds)):
                 s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
+                whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
                 v = z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
                 if k[CONTROLLERS]:
                     read_sensors(s, p, k, z, u)
                 if jumped:
-                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j)
+                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j, whole)
                 else:
-                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE)
+                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE, whole)
                     s[BRAKE] = limit(s, p, v)
                     s[PUSH] = push_of(s, p, u[EXTERNAL])
                     torque = s[APPLIED] + s[PUSH]
-                s[DRAG] = damping_of(s, p, k)
+                s[DRAG] = damping_of(s, p)
                 exchange[j, E_TORQUE] = torque
                 exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
                 exchange[j, E_FRICTION] = friction_of(s, p, v)
@@ -125,7 +130,6 @@ def run(
             if fault[w, 0] != HEALTHY:
                 break
             engine_step(engine, record, x, exchange, pushes[step], length if substep == 0 else 1.0)
-            asked = substep % every == 0
             for j in range(len(kinds)):
                 s, p, k = s_all[j], p_all[j], kinds[j]
                 velocity = exchange[j, E_VELOCITY]
@@ -166,7 +170,7 @@ def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
 
 def _in_pieces(
     s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
-    j: int,
+    j: int, whole: bool,
 ) -> float:  # fmt: skip
     """A joint's part of a substep whose kick is cut in pieces; returns the mean torque on the link in N m.
 
@@ -187,11 +191,11 @@ def _in_pieces(
         s[PUSH] = push_of(s, p, u[EXTERNAL])
         if on_time[piece]:
             # The whole substep's time: what is recorded is the state here, and nothing moves.
-            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE)
+            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, whole)
             s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
             torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
             side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
-        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE)
+        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE, False)
         brake = limit(s, p, v)
         share = 2.0 * fractions[piece]
         mean += fractions[piece] / length * (s[APPLIED] + s[PUSH])

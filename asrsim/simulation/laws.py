@@ -13,6 +13,7 @@ from typing import Any
 
 from asrsim.actuators.base import Actuator
 from asrsim.actuators.vectorised import GAUSS
+from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 MOTOR_NUMBERS = 16
 """Numbers of a motor that its law takes."""
@@ -20,14 +21,12 @@ UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 
 
-def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
-    """Torques of the springs in N m into s[result:], for a link at q rad and motors at s[thetas:]; parameters: p[law:]."""
-    address(q, s, thetas, p, law, s, result)
+def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, torques: int, whole: bool) -> None:
+    """Torques of the springs in N m into s[torques:], for a link at q rad and motors at s[thetas:]; parameters: p[law:].
 
-
-def state_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, result: int) -> None:
-    """Stiffness in N m/rad and energy of the springs in J into s[result:]; arguments as in :func:`spring_law`."""
-    address(q, s, thetas, p, law, s, result)
+    whole: find their stiffness in N m/rad and their energy in J, too, into s[STIFFNESS:].
+    """
+    address(q, s, thetas, p, law, torques, whole)
 
 
 def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
@@ -46,31 +45,27 @@ def numbers(p: Any, at: int) -> Any:
 
 
 @cache
-def plain_laws(actuator: Any, motors: int) -> tuple[Callable[..., None], Callable[..., None]]:
-    """An actuator's torques, and its stiffness and energy, for plain Python. Where a law has no finite value,
-    they are NaN.
+def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
+    """An actuator's laws as :func:`spring_law` calls them in plain Python. Where one has no finite value, the result is NaN.
 
-    motors: positions that the law takes, 2 at least.
+    motors: positions that the laws take, 2 at least.
     """
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)
 
-    def torques_at(q: float, s: Any, thetas: int, p: Any, law: int, out: Any, result: int) -> None:
+    def laws(q: float, s: Any, thetas: int, p: Any, law: int, result: int, whole: bool) -> None:
+        positions, parameters = s[thetas : thetas + motors], tuple(p[law : law + count])
         try:
-            out[result : result + motors] = torques(q, *s[thetas : thetas + motors], tuple(p[law : law + count]))
+            s[result : result + motors] = torques(q, *positions, parameters)
         except UNDEFINED:
-            out[result] = math.nan
+            s[result] = math.nan
+        if whole:
+            try:
+                s[STIFFNESS], s[LAW_ENERGY] = stiffness(q, *positions, parameters), energy(q, *positions, parameters)
+            except UNDEFINED:
+                s[STIFFNESS] = s[LAW_ENERGY] = math.nan
 
-    def state_at(q: float, s: Any, thetas: int, p: Any, law: int, out: Any, result: int) -> None:
-        parameters = tuple(p[law : law + count])
-        try:
-            positions = s[thetas : thetas + motors]
-            out[result] = stiffness(q, *positions, parameters)
-            out[result + 1] = energy(q, *positions, parameters)
-        except UNDEFINED:
-            out[result] = out[result + 1] = math.nan
-
-    return torques_at, state_at
+    return laws
 
 
 def energy_law(actuator: Any) -> Callable[..., float]:

@@ -187,16 +187,16 @@ PER_DRIVE = len(DRIVE)
 
 
 (
-    KIND, MOTORS, DYNAMIC, SPRINGS, PLACED, SPRING_LAW, STATE_LAW, JOINT_STEP, CONTROLLERS, ON_LINK,
+    KIND, MOTORS, DYNAMIC, SPRINGS, PLACED, SPRING_LAW, JOINT_STEP, CONTROLLERS, ON_LINK,
     THETAS, TORQUES, RINGS, RING, DRIVES, LAW,
-) = range(16)  # fmt: skip
+) = range(15)  # fmt: skip
 """Columns of K. KIND of the joint; MOTORS: positions that the spring's law takes; DYNAMIC: those of them that have dynamics,
 the others stand at their references; SPRINGS: torques that the law gives; PLACED: positions that change the springs' energy;
-SPRING_LAW, STATE_LAW, JOINT_STEP: addresses of the
+SPRING_LAW, JOINT_STEP: addresses of the
 actuator's laws and of a stepping's own step of a joint, 0: none; CONTROLLERS with sensors; ON_LINK: 1 if they read the link;
 THETAS, TORQUES, RINGS: where in S the law's positions and torques and the sensors' memory begin, RING: numbers of one sensor's;
 DRIVES, LAW: where in P motors and the law's parameters begin."""
-KINDS = 16
+KINDS = 15
 
 PASSIVE, DIRECT, CONTROLLED, SPRUNG = range(4)
 """Kinds of joints: without actuator, mode 0, mode 1, and those with springs."""

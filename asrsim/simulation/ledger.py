@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from asrsim.simulation.joint import find_state
-from asrsim.simulation.laws import state_law
+from asrsim.simulation.laws import spring_law
 from asrsim.simulation.layout import (
     APPLIED,
     APPLIED_BEFORE,
@@ -77,16 +76,17 @@ from asrsim.simulation.layout import (
     RESIDUAL,
     SATURATION_COUNT,
     SPRING_ENERGY,
+    SPRING_LAW,
     SPRINGS,
     SPRUNG,
     START_ENERGY,
-    STATE_LAW,
     STEP,
     STIFFEST,
     STIFFNESS,
     STOP_COUNT,
     THETAS,
     TORQUE,
+    TORQUES,
     TURNOVER,
     VELOCITY,
     VELOCITY_COUNT,
@@ -113,7 +113,6 @@ def settle_accounts(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, a
     kinematic = k[KIND] == SPRUNG and k[DYNAMIC] < k[PLACED]
     held_before = s[SPRING_ENERGY]
     if k[KIND] == SPRUNG and (asked or first or kinematic):
-        find_state(s, p, k)
         s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
         s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
     if not first:
@@ -212,7 +211,7 @@ def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
         half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
         s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
     stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
-    state_law(k[STATE_LAW], q, s, k[THETAS], p, k[LAW], STIFFNESS)
+    spring_law(k[SPRING_LAW], q, s, k[THETAS], p, k[LAW], k[TORQUES], True)
     found = s[LAW_ENERGY]
     s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
     return found  # type: ignore[no-any-return]

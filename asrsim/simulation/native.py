@@ -10,6 +10,7 @@ import numpy as np
 from asrsim import compiling
 from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
+from asrsim.simulation.layout import STIFFNESS
 
 INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
 """Modules whose functions become part of their callers."""
@@ -26,22 +27,25 @@ def compiled_run() -> Any:
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
-def compiled_laws(actuator: Any, motors: int) -> tuple[compiling.Callback, compiling.Callback]:
-    """An actuator's torques, and its stiffness and energy; see :func:`asrsim.simulation.laws.plain_laws`."""
+def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
+    """An actuator's laws; see :func:`asrsim.simulation.laws.plain_law`."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
         "row": compiling.row_at(),
     }  # fmt: skip
-    return compiling.compile_law(_torques, names, "daaa"), compiling.compile_law(_state, names, "daaa")
+    return compiling.compile_law(_laws, names, "daaaa")
 
 
 # What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no
 # value the world stops, and the run names the joint.
-def _torques(q: float, thetas: int, law: int, result: int) -> None:
-    found = row(result)
+def _laws(q: float, thetas: int, law: int, result: int, state: int) -> None:
+    found, whole = row(result), row(state)
     try:
-        _put_torques(q, thetas, law, found)
+        if state == 0:
+            _put_torques(q, thetas, law, found)
+        else:
+            _put_all(q, thetas, law, found, whole)
     except Exception:
         found[0] = np.nan
 
@@ -52,17 +56,13 @@ def _put_torques(q: float, thetas: int, law: int, found: Any) -> None:
         found[i] = values[i]
 
 
-def _state(q: float, thetas: int, law: int, result: int) -> None:
-    found = row(result)
-    try:
-        _put_state(q, thetas, law, found)
-    except Exception:
-        found[0] = found[1] = np.nan
-
-
-def _put_state(q: float, thetas: int, law: int, found: Any) -> None:
-    found[0] = stiffness(q, *positions(thetas), parameters(law))
-    found[1] = energy(q, *positions(thetas), parameters(law))
+def _put_all(q: float, thetas: int, law: int, found: Any, whole: Any) -> None:
+    # Nothing is written before all is known, so that the compiler finds what the three laws have in common.
+    values = torques(q, *positions(thetas), parameters(law))
+    known = stiffness(q, *positions(thetas), parameters(law)), energy(q, *positions(thetas), parameters(law))
+    for i in range(len(values)):
+        found[i] = values[i]
+    whole[0], whole[1] = known
 
 
 def compiled_joint_step(function: Any) -> compiling.Callback:
@@ -100,16 +100,19 @@ def _pointers() -> dict[str, Any]:
     def call(builder: Any, address: Any, given: list[Any], arguments: list[Any]) -> None:
         builder.call(builder.inttoptr(address, ir.FunctionType(void, given).as_pointer()), arguments)
 
-    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any) -> Any:
+    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any, whole: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            address, q, s, thetas, p, law, result = arguments
-            _, _, of_s, _, of_p, _, _ = signature.args
-            taken = (of_s, s, thetas), (of_p, p, law), (of_s, s, result)
+            address, q, s, thetas, p, law, result, whole = arguments
+            of_s, of_p = signature.args[2], signature.args[4]
+            state = ir.Constant(word, STIFFNESS)
+            taken = (of_s, s, thetas), (of_p, p, law), (of_s, s, result), (of_s, s, state)
             places = [data(context, builder, kind, row, at) for kind, row, at in taken]
-            call(builder, address, [double, doubles, doubles, doubles], [q, *places])
+            places[3] = builder.select(whole, places[3], ir.Constant(doubles, None))
+            call(builder, address, [double, *[doubles] * 4], [q, *places])
             return context.get_dummy_value()
 
-        return kinds.void(kinds.int64, kinds.float64, s, kinds.int64, p, kinds.int64, kinds.int64), generate
+        at = kinds.int64
+        return kinds.void(at, kinds.float64, s, at, p, at, at, kinds.boolean), generate
 
     def call_engine(typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -138,6 +141,6 @@ def _pointers() -> dict[str, Any]:
         return kinds.UniTuple(kinds.float64, MOTOR_NUMBERS)(p, kinds.int64), generate
 
     return {
-        "spring_law": intrinsic(call_law), "state_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
+        "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_engine),
         "joint_step": intrinsic(call_step), "numbers": intrinsic(read_numbers),
     }  # fmt: skip

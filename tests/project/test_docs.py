@@ -108,7 +108,10 @@ def test_every_page_can_be_found_from_the_index():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_in_the_documentation_exist(page):
     """Every `asrsim COMMAND --option` of the pages is one."""
-    for line in re.findall(r"(?:^\s*|`|/bin/|&& )asrsim ([^`\n|]*)", page.read_text(encoding="utf-8"), re.MULTILINE):
+    text = page.read_text(encoding="utf-8")
+    blocks = "\n".join(code for _, code in FENCE.findall(text))
+    found = re.findall(r"(?:^ +|`|/bin/|&& )asrsim ([^`\n|]*)", plain(text), re.MULTILINE)
+    for line in [*found, *re.findall(r"(?:^\s*|&& )asrsim ([^\n|]*)", blocks, re.MULTILINE)]:
         words = line.split("#")[0].split()
         if not words or words[0].startswith("-") or words[0] == "COMMAND":
             continue

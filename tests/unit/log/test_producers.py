@@ -13,7 +13,6 @@ import asrsim
 from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
-from asrsim.reproduce import Lab
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario
@@ -34,13 +33,6 @@ def as_file(folder: Path) -> list[Path]:
         EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4", path], out=folder, certify=True
     )
     return [result.log]
-
-
-def as_reproduced(folder: Path) -> list[Path]:
-    """The lab of `asrsim reproduce`, with other parameters."""
-    lab = Lab(folder=folder)
-    lab.run("sine_2dof", "soft", overrides=["duration=0.3", "link_damping={'*': {constant: 0.3}}"], label="damped")
-    return sorted(folder.rglob("*.mcap"))
 
 
 def as_changed(folder: Path) -> list[Path]:
@@ -64,7 +56,7 @@ def as_changed(folder: Path) -> list[Path]:
     return [asrsim.run(changed, robot=robot, out=folder).log]
 
 
-PRODUCERS = (as_file, as_reproduced, as_changed)
+PRODUCERS = (as_file, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)

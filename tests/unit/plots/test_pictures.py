@@ -13,14 +13,13 @@ from matplotlib.figure import Figure
 
 from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
-from asrsim.plots import draw_run, draw_runs, read_curves, style
+from asrsim.plots import draw_run, read_curves, style
 from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, objects_figure, run_pages
+from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 from asrsim.plots.ticks import Plain
-from asrsim.plots.view import split
-from asrsim.plots.world import Curve
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
 
@@ -206,7 +205,7 @@ def test_vector_formats_and_the_users_settings(tmp_path: Path):
     import matplotlib
 
     before = matplotlib.rcParams["font.size"]
-    files = draw_runs([made_up_log(tmp_path / "log.mcap")], tmp_path, formats=["svg", "pdf", "svg"])
+    files = draw_run(made_up_log(tmp_path / "log.mcap"), tmp_path, formats=["svg", "pdf", "svg"])
     assert [path.suffix for path in files] == [".svg", ".pdf"]
     text = files[0].read_text(encoding="utf-8")
     assert 'id="joint_1.link_position.0"' in text
@@ -223,7 +222,8 @@ def test_the_same_log_gives_the_same_file(tmp_path: Path):
 
 def test_chosen_quantities_get_a_row_each(tmp_path: Path):
     log = made_up_log(tmp_path / "log.mcap", joints=2, count=100)
-    files = draw_runs([log], tmp_path, quantities=["position_error", "link_velocity"], joints=["joint_2"], formats=["svg"])
+    quantities = ("position_error", "link_velocity")
+    files = plot(PlotJob(logs=(log,), folder=tmp_path, quantities=quantities, joints=("joint_2",), formats=("svg",))).files
     text = files[0].read_text(encoding="utf-8")
     assert set(re.findall(r'id="(joint_\d\.\w+)\.0"', text)) == {"joint_2.position_error", "joint_2.link_velocity"}
 
@@ -267,11 +267,11 @@ def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path: Path):
 def test_bad_requests_say_what_there_is(tmp_path: Path):
     log = made_up_log(tmp_path / "log.mcap", count=50)
     with pytest.raises(LogError, match="Did you mean 'stiffness'"):
-        draw_runs([log], tmp_path, quantities=["stifness"])
+        plot(PlotJob(logs=(log,), folder=tmp_path, quantities=("stifness",)))
     with pytest.raises(LogError, match="joint_1"):
-        draw_runs([log], tmp_path, joints=["joint_9"])
+        plot(PlotJob(logs=(log,), folder=tmp_path, joints=("joint_9",)))
     with pytest.raises(InputError, match="png, pdf, svg"):
-        draw_runs([log], tmp_path, formats=["bmp"])
+        draw_run(log, tmp_path, formats=["bmp"])
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot make the folder"):
         draw_run(log, tmp_path / "file")
@@ -298,19 +298,6 @@ def test_one_sample_does_not_flatten_a_panel_but_is_told(tmp_path: Path):
     assert not axes.texts
 
 
-@pytest.mark.parametrize(("frequency", "count"), [(470.0, 6000), (110.0, 6000)])
-def test_what_is_too_fast_for_pixels_is_an_envelope(tmp_path: Path, frequency: float, count: int):
-    time = np.arange(count) * 1e-3
-    axes = shown("link_torque", np.sin(2 * np.pi * frequency * time), tmp_path)
-    (envelope,) = axes.collections
-    assert envelope.get_gid() == "joint_1.link_torque.0.envelope"
-    edges = envelope.get_paths()[0].vertices
-    middle = edges[(edges[:, 0] > 0.2 * time[-1]) & (edges[:, 0] < 0.8 * time[-1])]
-    np.testing.assert_allclose(np.abs(middle[:, 1]), 1.0, atol=0.1)
-    line = lines(axes)["joint_1.link_torque.0"]
-    assert np.isnan(line.get_ydata()).mean() > 0.8
-
-
 @pytest.mark.parametrize("kind", ["noise", "fast", "alternating"])
 def test_a_thousand_samples_are_a_line_whatever_they_do(tmp_path: Path, kind: str):
     count = np.arange(999)
@@ -322,23 +309,6 @@ def test_a_thousand_samples_are_a_line_whatever_they_do(tmp_path: Path, kind: st
     axes = shown("link_torque", values, tmp_path)
     assert not axes.collections
     assert np.isfinite(lines(axes)["joint_1.link_torque.0"].get_ydata()).all()
-
-
-def test_a_chirp_turns_into_an_envelope_once_and_for_good():
-    time = np.linspace(0.0, 20.0, 20_001)
-    for offset in (0.0, 0.3, 0.7):
-        curve = Curve(time=time, values=np.sin(2 * np.pi * ((0.5 + offset) * time + 0.35 * time**2)))
-        hidden = np.isnan(split(curve, 0.0, 20.0, 750.0).line.values)
-        assert hidden[-1]
-        assert np.count_nonzero(np.diff(hidden.astype(int))) == 1
-
-
-def test_slow_motions_steps_and_noise_stay_lines(tmp_path: Path):
-    time = np.arange(1001) * 1e-3
-    rng = np.random.default_rng(0)
-    for values in (np.sin(2 * np.pi * 8 * time), np.floor(4 * time), rng.normal(size=200)):
-        axes = shown("link_torque", values, tmp_path)
-        assert not axes.collections
 
 
 def test_an_encoder_that_flickers_at_rest_between_steps_stays_a_line(tmp_path: Path):
@@ -407,11 +377,10 @@ def test_all_pages_are_drawn_unless_few_are_asked_for(tmp_path: Path, monkeypatc
     monkeypatch.setattr("asrsim.plots.run.run_pages", lambda runs, **how: asked.append(how["brief"]) or [])
     for draw in (
         lambda: draw_run(log, tmp_path),
-        lambda: draw_runs([log], tmp_path),
         lambda: draw_run(log, tmp_path, brief=True),
     ):
         assert draw() == []
-    assert asked == [False, False, True]
+    assert asked == [False, True]
 
 
 def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
