@@ -22,6 +22,7 @@ from asrsim.simulation.chunks import chunk_end, longest_chunk
 from asrsim.simulation.core import Core, given_by, pays
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
+from asrsim.simulation.drives import started
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.layout import HEALTHY, LAGGING, NO_VALUE
 from asrsim.simulation.observation import Observation, Snapshot, observe
@@ -287,17 +288,20 @@ class Simulation:
         initial: Mapping[str, float] | None = None,
         *,
         velocities: Mapping[str, float] | None = None,
+        motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
         signals: Scenario | None = None,
     ) -> None:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
-        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them; signals: a scenario whose references and external
-        torques replace those of this simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
+        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); motors: of each
+        joint's motors (rad), others begin where their link is; parameters: joint or link -> name -> value, as
+        :meth:`Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
+        simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
         what is unknown, not finite or beyond limits.
         """
-        if initial is None and velocities is None and parameters is None and signals is None and self._start is not None:
+        same = initial is None and velocities is None and motors is None and parameters is None and signals is None
+        if same and self._start is not None:
             self.restore(self._start)
             return
         self._check_open()
@@ -311,9 +315,7 @@ class Simulation:
             # Another robot may be at equilibrium elsewhere.
             positions, speeds = self.prepared.start(initial or {}, velocities or {})
         self._block, self._row, self._inputs.held = None, None, {}
-        starting = zip(self.prepared.drives, positions, strict=True)
-        drives = [d if d.initial_position == q else replace(d, initial_position=q) for d, q in starting]
-        self._core.start(0, drives, positions, speeds)
+        self._core.start(0, started(self.prepared.drives, positions, motors or {}), positions, speeds)
         self.recording.renew(positions, speeds)
 
     def _take_over(self, varied: Prepared) -> None:

@@ -25,7 +25,7 @@ from asrsim.simulation.chunks import LONGEST, SHORTEST
 from asrsim.simulation.core import Given, given_by
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.drives import started
 from asrsim.simulation.inputs import Block, Inputs
 from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
@@ -391,7 +391,7 @@ class Worlds:
     def _place(self, world: int, start: Start) -> None:
         prepared = self._own[world]
         positions, velocities = prepared.start(start.positions, start.velocities)
-        self._core.start(world, started(prepared, positions, start.motors), positions, velocities)
+        self._core.start(world, started(prepared.drives, positions, start.motors), positions, velocities)
         self._begun[world] = positions, velocities
         self._held[world] = self._rows[world] = self._given[world] = np.nan
 
@@ -507,16 +507,6 @@ class Worlds:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:
-    """The drives, begun at other positions of links and motors; motors that are not named begin where their link is."""
-    drives = list(prepared.drives)
-    for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
-        if drive.initial_position != q or drive.name in motors:
-            motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
-            drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
-    return tuple(drives)
 
 
 def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
