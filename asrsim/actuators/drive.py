@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from asrsim.actuators.electric import Electric, electric_of
 from asrsim.actuators.hysteresis import hysteresis_of
 from asrsim.actuators.motor import motor_numbers
-from asrsim.actuators.vectorised import Array, references_over_arrays
+from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
     from asrsim.actuators.base import Actuator
@@ -115,7 +115,7 @@ class Drive:
         """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
         goals = references.copy()
         if self.mode.mapped:
-            mapped = references_over_arrays(self.actuator)(references[0], references[1])
+            mapped = over_arrays(self.actuator.motor_references)(references[0], references[1])
             goals[: len(mapped)] = mapped
         return goals
 

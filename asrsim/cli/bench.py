@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, into_file, load_plugins
+from asrsim.cli.options import Json, Plugins, into_file, load_plugins
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.outfile import check_output, csv_text, write_text
 
@@ -42,6 +42,7 @@ def bench(
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option(help="Draw positions, torques and stiffness beside the table.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: Json = False,
 ) -> None:
     """Play a prescribed link motion into the actuators, as on a test bench.
 
@@ -50,11 +51,14 @@ def bench(
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    load_plugins(plugin)
-    files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
-    if not quiet:
-        from asrsim.cli.console import say_written
+    from asrsim.cli.console import json_errors, say_json, say_written
 
+    with json_errors(json):
+        load_plugins(plugin)
+        files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
+    if json:
+        say_json({"ok": True, "files": [str(path) for path in files]})
+    elif not quiet:
         say_written(files)
 
 

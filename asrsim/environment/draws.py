@@ -49,8 +49,7 @@ class Draws:
 def plan(draws: Draws, prepared: Prepared) -> Plan:
     """Where the values go. Raises InputError for keys that need the scenario to be read anew."""
     found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
-    known = {**found.parameters, **found.references, **found.inertials}
-    wrong = [key for key in draws.keys if key not in known]
+    wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]
     if wrong:
         message = "cannot change from episode to episode: the scenario would have to be read anew"
         raise InputError([Problem(message, key=key, code="randomise") for key in wrong])

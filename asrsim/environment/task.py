@@ -52,28 +52,24 @@ class Episode:
 class Task:
     """A scenario as a task for learning; see :func:`asrsim.environment.make_env`."""
 
-    def __init__(
-        self, scenario: str | Path | Scenario, *, variant: str | None, overrides: Any, control_rate: float,
-        observe: Sequence[str], act: Sequence[str], reward: Callable[[State], float] | None,
-        terminated: Callable[[State], bool] | None, randomise: Mapping[str, Any], initial: Mapping[str, Any],
-        goal: Mapping[str, Any], tip: tuple[str, Sequence[float]] | None,
-    ) -> None:  # fmt: skip
-        scenario = one_scenario(scenario, variant=variant, overrides=overrides)
+    def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any]) -> None:
+        """options: all of them; see :mod:`asrsim.environment.options`."""
+        scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
         self.prepared = prepared = with_ranges(scenario)
-        self.steps = _steps(control_rate, scenario.step)
+        self.steps = _steps(options["control_rate"], scenario.step)
         """Of the scenario, in an action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Actions of an episode."""
-        self.actions, low, high = _actions(prepared, (act,) if isinstance(act, str) else act)
+        self.actions, low, high = _actions(prepared, _listed(options["act"]))
         """Joint and reference of each number of an action."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
-        self._reward, self._terminated = reward, terminated
-        self._random, self._start, self._goal = Draws(randomise), Draws(initial), Draws(goal)
+        self._reward, self._terminated = options["reward"], options["terminated"]
+        self._random, self._start, self._goal = (Draws(options[name]) for name in ("randomise", "initial", "goal"))
         # Not at the first draw that lies beyond a stop, long into a training.
         for places in self._start.bounds():
             prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
-        self._observe, self._tip = (observe,) if isinstance(observe, str) else tuple(observe), tip
+        self._observe, self._tip = _listed(options["observe"]), options["tip"]
 
     @property
     def read_names(self) -> list[str]:
@@ -147,6 +143,10 @@ class Task:
         seen = state()
         reward = _rewarded(self._reward(seen)) if self._reward is not None else 0.0
         return reward, self._terminated is not None and bool(self._terminated(seen))
+
+
+def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _rewarded(value: Any) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,9 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
-    def __init__(self, scenario: Any, *, num_envs: int, threads: int, **options: Any) -> None:
-        self._made_with = scenario, {"num_envs": num_envs, "threads": threads, **options}
-        self._task = task = Task(scenario, **options)
+    def __init__(self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int) -> None:
+        self._made_with = scenario, options, {"num_envs": num_envs, "threads": threads}
+        self._task = task = Task(scenario, options)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads
@@ -43,8 +43,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A copy begins anew."""
-        scenario, options = self._made_with
-        return again, (type(self), scenario, options)
+        return again, (type(self), *self._made_with)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -78,9 +78,9 @@ def export_mjcf(
     found_fit = None
     if fit is not None:
         from asrsim.export.ranges import mean_of, robot_numbers
-        from asrsim.sweeps.fitted import read_fit
+        from asrsim.sweeps.fitted import joint_of, load_fit
 
-        found_fit = read_fit(fit)
+        found_fit = joint_of(load_fit(Path(fit)), Path(fit))
         ready = ready.vary(robot_numbers(ready, mean_of(found_fit)))
     run = run_of(ready)
     reach = {joint: max(MARGIN * most, LEAST_REACH) for joint, most in deflections(ready, run).items()}

@@ -43,15 +43,15 @@ def ranges_of(prepared: Prepared, fit: Fit, model_with: Callable[[Prepared], Any
 
     model_with: compiles the model of a scenario with other numbers, with the same springs' knots.
     """
-    centre, widths = np.array(fit.mean), WIDTH * np.sqrt(np.diag(np.array(fit.covariance)))
+    widths = WIDTH * np.linalg.norm(fit.root, axis=1)
     found: dict[str, Any] = {}
     for i, key in enumerate(fit.keys):
         ends = []
         for sign in (-1.0, 1.0):
-            row = centre.copy()
+            row = fit.mean.copy()
             row[i] += sign * widths[i]
             value = np.exp(row[i]) if fit.logarithmic[i] else row[i]
-            value = float(np.clip(value, *fit.bounds[i])) if fit.bounds else float(value)
+            value = float(np.clip(value, fit.low[i], fit.high[i]))
             tied = {name: factor * value for name, to, factor in fit.ties if to == key}
             ends.append((value, model_with(prepared.vary(robot_numbers(prepared, {key: value, **tied})))))
         (low, below), (high, above) = ends

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import increasing_roots, resting_motors
-from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import InputError, Problem
 from asrsim.samples import Array
 
@@ -42,10 +42,10 @@ def equilibria_for_loads(
     drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
 ) -> Array:
     """(n,) :func:`equilibrium_for_load` at each instant of a motion; all arrays (n,). time: s, for the message of LoadError."""
-    law, references = over_arrays(drive.actuator.elastic_torques), references_over_arrays(drive.actuator)
+    law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
 
     def torques(equilibria: Array) -> Array:
-        motors = np.stack(references(equilibria, presets))
+        motors = references(equilibria, presets)
         motors = resting_motors(drive, positions, motors, limited=False) if droop else motors
         return law(positions, *motors, drive.elastic)
 

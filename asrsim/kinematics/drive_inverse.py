@@ -20,7 +20,7 @@ import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import increasing_roots
-from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.compensation import SEARCH
 from asrsim.kinematics.desired import smooth_motion
 from asrsim.samples import Array
@@ -105,9 +105,9 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
 def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
     """rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
-    references = references_over_arrays(drive.actuator)
-    offsets = np.stack(references(np.zeros(len(preset)), preset))
-    return np.stack(references(np.ones(len(preset)), preset))[:, 0] - offsets[:, 0], offsets
+    references = over_arrays(drive.actuator.motor_references)
+    offsets = references(np.zeros(len(preset)), preset)
+    return references(np.ones(len(preset)), preset)[:, 0] - offsets[:, 0], offsets
 
 
 def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:

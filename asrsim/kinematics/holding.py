@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.rest import resting_motors
-from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays, references_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
 from asrsim.robot.mounting import drive_of
@@ -70,8 +70,8 @@ class Holding:
         return self.on_stop or self.sag > FALL * self.scale
 
 
-def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[tuple[Array, ...], Array]:
-    """Positions that the references ask for at `time`, (n,) each: of the motors (and an adjuster), and of the link."""
+def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array]:
+    """Positions that the references ask for at `time`: (positions, n) of the motors and an adjuster, and (n,) of the link."""
     actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
     given = scenario.references_of(block.joint)
     rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
@@ -80,8 +80,8 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[tup
         idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
         goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
     if mode.mapped:
-        return references_over_arrays(actuator)(goals[0], goals[1]), goals[0]
-    return tuple(goals), goals[0] if actuator.motors < 2 else equilibrium_over_arrays(actuator)(*goals)
+        return over_arrays(actuator.motor_references)(goals[0], goals[1]), goals[0]
+    return np.stack(goals), goals[0] if actuator.motors < 2 else over_arrays(actuator.equilibrium_position)(*goals)
 
 
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
@@ -92,7 +92,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
         for joint in robot.moving_joints
     }
-    goals: dict[str, tuple[Array, ...]] = {}
+    goals: dict[str, Array] = {}
     for block in blocks:
         goals[block.joint], goal = goals_of(scenario, block, time)
         wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
@@ -134,9 +134,9 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 class _Joint:
     """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
-    def __init__(self, drive: Drive, goals: tuple[Array, ...], wanted: Array, robot: Robot, weights: Array) -> None:
+    def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
         """weights: N m of gravity in random postures; the largest bounds the change of gravity's torque with posture."""
-        self._drive, self._goals, self._joint = drive, np.stack(goals), robot.joint(drive.joint)
+        self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
         self._weight = max(float(np.abs(weights).max()), 1e-6)
         low, high = self._joint.stops
         self._places = np.linspace(np.maximum(low, wanted - FARTHEST), np.minimum(high, wanted + FARTHEST), TABLE)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.vectorised import references_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
 from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
@@ -181,7 +181,7 @@ def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Arr
         return {mode.references[0]: equilibria}
     if mode.mapped:
         return {mode.references[0]: equilibria, mode.references[1]: preset}
-    return dict(zip(mode.references, references_over_arrays(drive.actuator)(equilibria, preset), strict=False))
+    return dict(zip(mode.references, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
 
 
 def _text(point: Array) -> str:

@@ -17,7 +17,7 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.errors import Problem
 from asrsim.kinematics.holding import Holding, goals_of, holdings
 from asrsim.robot import ActuatorBlock, Robot
-from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.mounting import drive_of
 from asrsim.scenario.check import made_elsewhere
 from asrsim.scenario.data import for_joint
@@ -175,8 +175,8 @@ def _beyond(joints: tuple[Holding, ...], sag: float) -> tuple[Holding, ...]:
 
 def _carried(robot: Robot) -> dict[str, float]:
     """Joint -> kg m^2: inertia that its spring must bear, with the other joints accelerating as much as the joint itself."""
-    inertia = zero_pose_inertia(robot)
-    return dict(zip(inertia.names, np.abs(inertia.matrix).sum(axis=1).tolist(), strict=True))
+    names = [joint.name for joint in robot.moving_joints]
+    return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
 
 
 def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float]:

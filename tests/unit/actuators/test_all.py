@@ -11,10 +11,9 @@ import pytest
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.base import saturate
-from asrsim.actuators.checker import check_actuator
+from asrsim.actuators.checker import check_actuator, parameter_sets
 from asrsim.actuators.motor import motor_kick, motor_numbers
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
-from asrsim.actuators.sampling import parameter_sets
 from asrsim.actuators.vectorised import energy_over_arrays, over_arrays
 from asrsim.errors import ScenarioError
 from validation.models import Body, chain, column, run

@@ -16,7 +16,7 @@ from asrsim.actuators.checker import check_actuator
 from asrsim.actuators.user import load_plugin_file
 from asrsim.errors import ActuatorError, RobotError
 from asrsim.identification.door import Door
-from asrsim.kinematics.soft_arm import SoftArm
+from asrsim.kinematics.inverse import SoftArm
 from asrsim.log.derived import equilibrium_position
 from asrsim.robot import load_robot
 from asrsim.robot.values import has_spring

@@ -12,7 +12,7 @@ from asrsim.errors import AsrsimError
 from asrsim.scenario.keys import SCENARIO
 from asrsim.sweeps import make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.runner import Runner
+from asrsim.sweeps.rows import Runner
 from support.paths import EXAMPLES
 
 pytest.importorskip("pyarrow")
@@ -96,7 +96,7 @@ def rows_of(over: dict[str, list[object]], **settings: str):
     for run in range(len(payload.study)):
         variant, values = payload.study.point(run)
         case = payload.cases[variant]
-        row = dict(zip(payload.names, runner(run), strict=True))
+        row = dict(zip(payload.kinds, runner(run), strict=True))
         plain = {name: parse_yaml(value).plain() for name, value in (text.split("=", 1) for text in texts)}
         yield {**plain, **case.plan.settings(values), **case.substeps}, row
     runner.close()
@@ -137,7 +137,7 @@ BAD = {
     ),
     "parameters.*.spring_k_1": (0.02, 1e300, "larger than"),
     "parameters.joint_2.spring_a_1": (8.0, 9000.0, "is not finite|cannot be worked out"),
-    "link_2.mass": (0.3, -0.1, "at least 0 kg"),
+    "link_2.mass": (0.3, -0.1, "at least 0"),
     "joint_1.damping": (0.1, -0.1, "at least 0"),
     "effects.sensors.joint_1.delay": (0.0, -0.1, ">= 0"),
     "duration": (0.02, -1.0, "> 0"),
