@@ -123,7 +123,9 @@ def _commands(
 ) -> Iterator[tuple[tuple[str, str], Array]]:
     """(joint, reference) -> (n,) values, each held until the next."""
     for drive in ready.drives:
-        for i, reference in enumerate(references_of(drive), start=1):
+        # An SEA has one reference in every mode.
+        count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
+        for i, reference in enumerate(references_of(drive)[:count], start=1):
             column = columns.get((drive.name, f"reference_{i}"))
             if column is None:
                 notes.append(f"{drive.name}: no command {reference} is recorded: it follows the scenario")

@@ -14,7 +14,7 @@ from asrsim.samples import Array
 from asrsim.twin.observer import filter_shares
 
 MEMORY = 5.0
-"""s in which a row loses 63 % of its weight."""
+"""s of motion in which a row loses 63 % of its weight."""
 RUBBING = 0.05
 """rad/s, speed above which friction has its whole level."""
 RIDGE = 1e-3
@@ -38,6 +38,8 @@ class Mismatch:
         self._squares, self._products = np.zeros((joints, COLUMNS, COLUMNS)), np.zeros((joints, COLUMNS))
         self._power, self._weight = np.zeros(joints), np.zeros(joints)
         self._found = np.zeros((joints, COLUMNS))
+        self.learned = np.zeros(joints, dtype=bool)
+        """Whether a second of motion has been seen."""
         self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
         """Spring torque that the twin has too little, as a share, and its standard error."""
 
@@ -53,10 +55,12 @@ class Mismatch:
         return np.asarray(self._rows[:, :, -1] - (self._rows[:, :, : COLUMNS - 1] * self._found[:, :-1]).sum(axis=-1))
 
     def learn(self, free: NDArray[np.bool_]) -> None:
-        """A row of the regression, of the joints that nothing touches."""
-        rows, torque, gain, keep = self._rows[0, :, :-1], self._rows[0, :, -1], free.astype(float), self._keep
-        self._squares = keep * self._squares + (gain[:, None] * rows)[:, :, None] * rows[:, None, :]
-        self._products = keep * self._products + (gain * torque)[:, None] * rows
+        """A row of the regression, of the joints that nothing touches and that move: at rest friction may have any value."""
+        rows, torque, moves = self._rows[0, :, :-1], self._rows[0, :, -1], np.abs(self._rows[0, :, 1]) > RUBBING
+        gain = (free & moves).astype(float)
+        keep = 1.0 - (1.0 - self._keep) * gain
+        self._squares = keep[:, None, None] * self._squares + (gain[:, None] * rows)[:, :, None] * rows[:, None, :]
+        self._products = keep[:, None] * self._products + (gain * torque)[:, None] * rows
         self._power = keep * self._power + gain * torque * torque
         self._weight = keep * self._weight + gain
         size = np.sqrt(np.einsum("jii->ji", self._squares)) + 1e-12
@@ -67,7 +71,8 @@ class Mismatch:
         left = self._power - np.einsum("ji,ji->j", found, self._products / size)
         left = np.maximum(left, (LEAST * size[:, 0]) ** 2)
         rows_seen = np.maximum(self._weight, 1e-12)
-        self._found = found / size * (rows_seen > 1.0 / self._interval)[:, None]
+        self.learned = rows_seen > 1.0 / self._interval
+        self._found = found / size * self.learned[:, None]
         self.spring = self._found[:, 0]
         deviation = np.sqrt(CORRELATED * left / rows_seen * inverse[:, 0, 0]) / size[:, 0]
-        self.deviation = np.where(rows_seen > 1.0 / self._interval, deviation, np.inf)
+        self.deviation = np.where(self.learned, deviation, np.inf)

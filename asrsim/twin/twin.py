@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -25,8 +25,8 @@ from asrsim.twin.observer import Observer
 
 SIGMAS = 6.0
 """Deviations of the noise that an alarm is above."""
-TOLERANCE = 0.15
-"""Share of the springs' largest recent torque by which the model may be wrong without an alarm."""
+TOLERANCE, UNLEARNED = 0.15, 0.3
+"""Share of the springs' largest recent torque by which the model may be wrong without an alarm; before its error is known."""
 FRICTION = 0.5
 """Share of the friction, likewise."""
 RELEASE = 0.7
@@ -89,6 +89,9 @@ class Twin:
         """bandwidth: Hz of the observer, at most a twentieth of the rate of steps; variant, overrides: as of
         :func:`asrsim.prepare`; compiled: as of :class:`asrsim.Simulation`."""
         ready = scenario if isinstance(scenario, Prepared) else prepare(scenario, variant=variant, overrides=overrides)
+        # The observer's torque knows no declared range.
+        ranges = {joint: {k: v for k, v in own.items() if k != EXTERNAL_TORQUE} for joint, own in ready.ranges.items()}
+        ready = replace(ready, ranges=ranges)
         self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / self._step:
             message = f"must be above 0 and at most a twentieth of the rate of steps, {0.05 / self._step:g} Hz"
@@ -252,7 +255,8 @@ class Twin:
         slow, fast = self._mismatch.external()
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / HOLD))
         noise = self._observer.noise_gain * np.sqrt(self._masses**2 @ self._variance)
-        threshold = SIGMAS * noise + TOLERANCE * self._peak + self._friction
+        tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
+        threshold = SIGMAS * noise + tolerance * self._peak + self._friction
         measured, ready = np.isfinite(error), self._steps >= self._settled
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
         if self._steps % self._every == 0:
