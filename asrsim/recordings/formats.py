@@ -36,7 +36,7 @@ class Reader:
     read: Callable[[Path, Reading], Content]
     """Raises RecordingError with what is wrong; other errors are taken for damage of the file."""
     magic: tuple[bytes, ...] = ()
-    """First bytes by which it is known, whatever its name ends in."""
+    """First bytes by which the format is known, under any ending."""
     confined: bool = True
     """It is read in a process of its own, bounded in time and memory: every format but text."""
 
