@@ -71,7 +71,7 @@ def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeri
 def _explicit(
     series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
 ) -> dict[int, ColumnMap]:
-    """Index of series -> what is stated of it. Raises RecordingError for columns, units and joints that there are not.
+    """Index of a series -> its mapping. Raises RecordingError for unknown columns and joints, and units of another kind.
 
     joints: of the simulation. A document may serve a larger robot, and so name others.
     """

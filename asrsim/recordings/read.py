@@ -62,7 +62,7 @@ def read_series(
             path, content.format, series, reading, joints, findings=findings, epoch=epoch, topics=content.topics
         )  # fmt: skip
     except RecordingError as error:
-        # What was read is a recording, whatever its keys are called.
+        # Only a file that cannot be read may be another document.
         other = mistaken(path, "recording") if path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro") else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
         raise RecordingError(problems) from None

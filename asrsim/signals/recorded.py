@@ -73,7 +73,7 @@ def _newest(path: Path) -> tuple[int, int]:
     return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
-# The columns of one file are asked for one after the other.
+# A scenario plays several columns of one file, one after the other.
 @lru_cache(maxsize=2)
 def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
     from asrsim.recordings.formats import content_of
