@@ -14,7 +14,7 @@ from typing import Any
 from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Motion, Target
 from asrsim.live.episode import Episode
-from asrsim.live.pace import Pace
+from asrsim.live.pace import Pace, leave_priority, take_priority
 from asrsim.live.publisher import Publisher
 from asrsim.live.transport import TRANSPORTS, Access, Interface, Service, Transport
 from asrsim.samples import Command
@@ -83,11 +83,13 @@ class Session:
         self.summaries: list[RunSummary] = []
         """Of the episodes that have ended."""
         self._held: dict[Target, float] = {}
-        self._motions: dict[Target, tuple[Motion, float, float]] = {}
-        """Motion of a trajectory, the time when it came, and the reference then."""
+        self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
+        """Curve of a trajectory, the time when it came, and its duration."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
-        self._reset = self._told_slow = False
+        self._work = 0.0, 0.0
+        """s of all work, and of topics, until the run last fell behind."""
+        self._reset = self._told_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
 
@@ -98,26 +100,26 @@ class Session:
             node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
             latched=self.publisher.latched,
             services={
-                "pause": Service("true: pause; false: go on", self._pause, takes_flag=True),
-                "reset": Service("back to the start; the log is closed, another begins", self._ask_reset),
-                "release": Service("all references follow the scenario again", self._release),
+                "pause": Service(self._pause, takes_flag=True),
+                "reset": Service(self._ask_reset),
+                "release": Service(self._release),
             },
         )  # fmt: skip
 
-    def _pause(self, flag: bool) -> tuple[bool, str]:
+    def _pause(self, flag: bool) -> str:
         self.paused = flag
         self.pace.start()
-        return True, "paused" if flag else "running"
+        return "paused" if flag else "running"
 
-    def _ask_reset(self, _: bool) -> tuple[bool, str]:
+    def _ask_reset(self, _: bool) -> str:
         self._reset = True
-        return True, "back to the start"
+        return "back to the start"
 
-    def _release(self, _: bool) -> tuple[bool, str]:
+    def _release(self, _: bool) -> str:
         self._motions.clear()
         for target in list(self._held):
             self._set(target, None)
-        return True, "all references follow the scenario"
+        return "all references follow the scenario"
 
     # -- the run -----------------------------------------------------------------------------------------------------
 
@@ -128,6 +130,8 @@ class Session:
         began = clock.perf_counter()
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
+            self._urgent = math.isfinite(self.settings.speed) and take_priority()
+            stack.callback(self._leave_priority)
             # Transports may fail; an earlier run's log is replaced only after that.
             for name in self.settings.transports:
                 transport = TRANSPORTS.get(name).make(self.interface, self.settings.access)
@@ -152,6 +156,7 @@ class Session:
                         status()
             except DivergenceError as caught:
                 error = caught
+            self._leave_priority()
             self._tell_notices()
             return self._close(clock.perf_counter() - began, error)
 
@@ -186,18 +191,29 @@ class Session:
         return late is None or steps < left
 
     def _ease(self) -> None:
-        """Publish half as often where the run falls behind again."""
+        """Leave real-time priority where the run falls behind, and publish half as often where it does so again."""
         now = clock.perf_counter()
         before, self._last_slip = self._last_slip, now
+        busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
+        self._work = self.pace.busy, self._publishing
+        if self._urgent:
+            self._leave_priority()
+            self._tell("this machine is too slow for ticks at real-time priority: other programs come first again")
+            return
         if now - before > BREATH:
             return
-        if self._publishing >= SPEECH * self.pace.busy and self.rate >= 2.0 * LEAST_RATE:
+        if publishing >= SPEECH * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
             self._tell(f"this machine is too slow for the topics: they come at {self.rate:g} Hz from here on")
         elif not self._told_slow:
             self._told_slow = True
             substeps = self.simulation.substeps
             self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or take --speed")
+
+    def _leave_priority(self) -> None:
+        if self._urgent:
+            leave_priority()
+        self._urgent = False
 
     def _advance(self, steps: int) -> None:
         """Simulate whole steps, and one substep more: it completes the record of the last step."""
@@ -223,16 +239,14 @@ class Session:
         for target, value in wanted.items():
             self._motions.pop(target, None)
             if isinstance(value, Motion):
-                self._motions[target] = value, self.time, self._reference(target)
-            elif self._held.get(target) != value:
+                self._motions[target] = value.curve(self._reference(target)), self.time, value.times[-1]
+            else:
                 self._set(target, value)
-        for target, (motion, began, start) in list(self._motions.items()):
+        for target, (curve, began, duration) in list(self._motions.items()):
             # The value at the end of the coming tick, so that the log has the trajectory's values.
             elapsed = self.time + self._tick_steps * self._step - began
-            value = self.commands.clamp(target, motion.at(elapsed, start))
-            if self._held.get(target) != value:
-                self._set(target, value)
-            if elapsed >= motion.times[-1]:
+            self._set(target, self.commands.clamp(target, curve(elapsed)))
+            if elapsed >= duration:
                 del self._motions[target]
 
     def _reference(self, target: Target) -> float:
@@ -242,6 +256,8 @@ class Session:
         return float(self.simulation.read([name])[name][j])
 
     def _set(self, target: Target, value: float | None) -> None:
+        if self._held.get(target) == value:
+            return
         self.simulation.set_reference(*target, value)
         if value is None:
             self._held.pop(target, None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -50,11 +49,6 @@ class Progress:
         """Runs a second."""
         return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
 
-    @property
-    def remaining(self) -> float:
-        """s."""
-        return (self.total - self.done) / self.rate if self.rate else math.inf
-
 
 def sweep(
     scenario: str | Path | Study,
@@ -93,7 +87,7 @@ def sweep(
     library("pyarrow", "sweep")
     if workers is not None and workers < 1:
         raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
-    payload = make_payload(_study(scenario, over, options))
+    payload = make_payload(study_of(scenario, over, options))
     temporary = None
     if out is None:
         temporary = TemporaryDirectory(prefix="asrsim-sweep-")
@@ -114,7 +108,8 @@ def sweep(
     return Table(folder, keep=temporary, checked=True)
 
 
-def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
+def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
+    """A study as it is, from its file, or of a scenario. Raises InputError, and SimulationError for options beside a study."""
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):
