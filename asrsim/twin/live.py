@@ -51,7 +51,10 @@ class LiveTwin:
         self._positions = np.full(len(self._twin.joints), np.nan)
         self._seen = np.full(len(self._twin.joints), -np.inf)
         """s at which each joint's position came."""
-        self._motions: dict[Target, tuple[Motion, float]] = {}
+        self._motions: dict[Target, tuple[Callable[[float], float], float]] = {}
+        """Reference over the time since a trajectory came, and s at which it came."""
+        self._last: dict[Target, float] = {}
+        """Commands that hold."""
         self.alarms = 0
         self.steps = 0
 
@@ -99,11 +102,12 @@ class LiveTwin:
                 for target, value in self._commands.check(message):
                     self._motions.pop(target, None)
                     if isinstance(value, Motion):
-                        self._motions[target] = value, self.time
+                        self._motions[target] = value.curve(self._last.get(target, value.values[0])), self.time
                     else:
                         wanted[target] = value
-        for target, (motion, began) in self._motions.items():
-            wanted[target] = motion.at(self.time + self._step - began, motion.values[0])
+        for target, (curve, began) in self._motions.items():
+            wanted[target] = self._commands.clamp(target, curve(self.time + self._step - began))
+        self._last |= wanted
         orders: dict[str, dict[str, float]] = {}
         for (joint, reference), value in wanted.items():
             orders.setdefault(joint, {})[reference] = value
