@@ -238,25 +238,6 @@ class File(Kind[Path]):
         return f"path of a {self.noun}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Null(Kind[None]):
-    """Nothing: the default."""
-
-    word: str | None = None
-    """A word that means the same, such as `auto`."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> None:
-        if node.value is not None and node.value != self.word:
-            raise reading.fault(node, path, "must be empty", code="type")
-
-    def schema(self) -> Schema:
-        return {"enum": [None, self.word] if self.word else [None]}
-
-    @property
-    def text(self) -> str:
-        return f"`{self.word or 'null'}`"
-
-
 @dataclass(frozen=True)
 class Optional(Kind[T | None], Generic[T]):
     """A value, or nothing (or the word that means nothing)."""
@@ -270,7 +251,7 @@ class Optional(Kind[T | None], Generic[T]):
         return self.kind.read(node, path, reading)
 
     def schema(self) -> Schema:
-        return {"anyOf": [self.kind.schema(), Null(word=self.word).schema()]}
+        return {"anyOf": [self.kind.schema(), {"enum": [None, self.word] if self.word else [None]}]}
 
     @property
     def text(self) -> str:

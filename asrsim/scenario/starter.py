@@ -192,9 +192,7 @@ def starter_text(starter: Starter) -> str:
     lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-        f"# Editors explain every key by {starter.schema}; `asrsim actuators` explains parameters."
-        if starter.schema
-        else "# `asrsim check` explains what is wrong with a key, `asrsim actuators` what parameters there are.",
+        "# Every key is explained in docs/scenario.md, every parameter by `asrsim actuators`; `asrsim check` finds mistakes.",
         "",
         *robot_lines(starter.file, starter.arguments, starter.packages),
         "duration: 3          # s",
@@ -211,7 +209,7 @@ def starter_text(starter: Starter) -> str:
     elif moved:
         lines += ["", "initial:             # rad, m; 0 lies on or near the stops of these joints"]
         lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
-    lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
+    lines += ["", *_references(drives), *_variants(drives)]
     return "\n".join(lines) + "\n"
 
 
@@ -281,11 +279,8 @@ def _references(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
 def _variants(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     soft_and_stiff = [(drive, presets) for drive in drives if (presets := drive.presets()) is not None]
     if not soft_and_stiff:
-        yield "# Variants share everything above and change what they name; `asrsim run` runs them all:"
-        yield "# variants:"
-        yield "#   slow: {step: 0.002}"
-        yield "#   fine: {step: 0.0005}"
         return
+    yield ""
     yield "# Variants share everything above and change what they name; `asrsim run` runs them all."
     yield "variants:"
     for index, name in enumerate(("soft", "stiff")):
@@ -301,21 +296,6 @@ def _differs(drive: StarterJoint, reference: str) -> bool:
     """Whether a reference changes with the preset."""
     first = MODES[drive.block.mode].references[0]
     return reference != first or not (MODES[drive.block.mode].mapped or drive.actuator.adjuster)
-
-
-def _further(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
-    joint = word(drives[0].joint.name) if drives else "joint"
-    force, there = ("N", PRISMATIC_STEP) if drives and drives[0].joint.kind == "prismatic" else ("N m", STEP)
-    parameter = drives[0].actuator.parameters[0].name if drives else None
-    yield "# More that a scenario can say:"
-    if parameter is not None:
-        value = number(drives[0].block.values()[parameter])
-        yield f"# parameters: {{{joint}: {{{parameter}: {value}}}}}  # replaces the robot file's value"
-    yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # {force}"
-    yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
-    yield "# expect:"
-    claim = f"measure: steady_state, value: {there:g}, tolerance: {there / 6:.1g}"
-    yield f"#   - {{joint: {joint}, quantity: link_position, {claim}}}"
 
 
 def word(text: str) -> str:

@@ -347,7 +347,6 @@ def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: s
 
 
 OBJECTS = {
-    "sphere, size: 1, inertia: [1, 1, 1]": "no-effect",
     "sphere, size: .1, mass: 1, position: [9, 9, .09]": "",
     "sphere, size: .1, mass: 1, position: [9, 9, .07]": "in-ground",
     "sphere, size: .1, position: [9, 9, -5]": "",
@@ -367,12 +366,6 @@ def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
     place = "" if "position" in case else ", position: [9, 9, 900]"
     found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
     assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
-
-
-@pytest.mark.parametrize(("height", "told"), [(0.19, False), (0.21, True)])
-def test_a_ground_above_the_whole_robot_is_told_of(height: float, told: bool, tiny) -> None:
-    changed(tiny, ("<axis ", '<origin xyz="0 0 0.2"/><axis '))
-    assert ("high-ground" in warned(tiny, f"world: {{ground: {{height: {height}}}}}")) == told
 
 
 def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:
