@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.errors import SimulationError
+from asrsim.samples import Array
 from asrsim.scenario.data import World, WorldObject
 
 GROUND_SIZE = 100.0
@@ -26,6 +27,7 @@ class BulletWorld:
         self._p, self._client, self._body = p, client, body
         self.objects: dict[str, int] = {}
         """Name -> Bullet's number of the body."""
+        self._moving = [item.name for item in world.objects if item.mass]
         self._ground = self._lay_ground(world, fixed) if world.ground else None
         for item in world.objects:
             self.objects[item.name] = self._add_object(item)
@@ -86,6 +88,11 @@ class BulletWorld:
         for name, pose in states.items():
             self._p.resetBasePositionAndOrientation(self.objects[name], *pose, physicsClientId=self._client)
             self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
+
+    def move(self, velocity: Array) -> None:
+        """Set the velocities of the objects that move, m/s; nothing turns."""
+        for name in self._moving:
+            self._p.resetBaseVelocity(self.objects[name], velocity.tolist(), [0, 0, 0], physicsClientId=self._client)
 
     def contacts(self) -> dict[str, tuple[float, float, float]]:
         """See :func:`asrsim.engines.contact_forces.contact_forces`."""

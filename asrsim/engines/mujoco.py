@@ -18,11 +18,11 @@ from asrsim.engines.base import Native, Record, Scene
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
 from asrsim.engines.mujoco_library import (
+    bound,
     compiled_step,
     library_version,
     load,
     overlaps,
-    plain_step,
     say_nothing,
     stop_the_clock,
 )
@@ -65,7 +65,7 @@ class MujocoEngine(RigidEngine):
         self._call: Any = None
         super().__init__(self._record.room, home)
         self._words = pack(self._record)
-        self._plain_step = partial(plain_step(), plain(self._record))
+        self._plain_step = partial(bound(mujoco_step.step), plain(self._record))
         self._contacts = None if scenario.world.empty else MujocoContacts(mujoco, self._m, data, scenario.world)
 
     # -- setting up -------------------------------------------------------------------------------------------------

@@ -10,7 +10,8 @@ import numpy as np
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.mujoco_build import HARD
-from asrsim.engines.mujoco_step import Record
+from asrsim.engines.mujoco_library import bound
+from asrsim.engines.mujoco_step import Record, push
 from asrsim.engines.rigid import IMPLICITNESS, STEP, Room, aim
 from asrsim.samples import Array
 from asrsim.scenario.data import World
@@ -82,7 +83,10 @@ class MujocoContacts:
         self._aim_at_stops(kick, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[room.joint_v] = exchange[:, TORQUE] - damping * lagging[room.joint_v]
-        self._push(record, wrenches, fraction)
+        if len(wrenches):
+            bound(push)(record, wrenches)
+            # Wrenches are means over the whole step.
+            d.qfrc_applied += room.force / fraction
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
@@ -101,18 +105,6 @@ class MujocoContacts:
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
-
-    def _push(self, record: Record, wrenches: Array, fraction: float) -> None:
-        """Wrenches, which are means over the whole step."""
-        for values, body, point, turn, local in zip(
-            wrenches, record.wrench_body, record.wrench_point, record.wrench_turn, record.wrench_local, strict=True
-        ):
-            rotation = self._d.xmat[body].reshape(3, 3)
-            force, torque = values[:3] / fraction, values[3:] / fraction
-            if local:
-                force, torque = rotation @ turn @ force, rotation @ turn @ torque
-            position = self._d.xpos[body] + rotation @ point
-            self._mujoco.mj_applyFT(self._m, self._d, force, torque, position, body, self._d.qfrc_applied)
 
     def poses(self, state: Array) -> dict[str, tuple[float, ...]]:
         """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from the configuration, since bodies' poses lag a step."""

@@ -88,9 +88,9 @@ def stop_the_clock() -> None:
 
 
 @cache
-def plain_step() -> Any:
-    """:func:`asrsim.engines.mujoco_step.step`, which calls the library through ctypes."""
-    return rebind(mujoco_step.step, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
+def bound(function: Any) -> Any:
+    """A function of :mod:`asrsim.engines.mujoco_step` that calls the library through ctypes."""
+    return rebind(function, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
 
 
 @cache

@@ -86,12 +86,12 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: flo
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)
     if len(record.wrench_body):
-        _push(record, wrenches)
+        push(record, wrenches)
     finish(room, state, exchange, fraction)
 
 
-def _push(record: Record, wrenches: Any) -> None:
-    """Generalised forces of forces and torques on links."""
+def push(record: Record, wrenches: Any) -> None:
+    """Generalised forces of forces and torques on links, at the data's positions."""
     force, vectors, xmat = record.room.force, record.vectors, record.xmat
     for i in range(len(force)):
         force[i] = 0.0

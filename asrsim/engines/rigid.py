@@ -112,26 +112,32 @@ def aim(room: Any, state: Any, fraction: float) -> None:
         qvel[i] = now * state[first + i] + before * state[first + size + i]
 
 
-def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
-    """Kick and drift, from the room's matrix, bias and force."""
+def kick(room: Any, exchange: Any, fraction: float) -> None:
+    """Find the room's `change` of velocity in a step, from its matrix, bias, force, `velocity`, `qpos` and `held`."""
     step = room.scheme[STEP]
-    kick = fraction * step
-    first, size = len(room.qpos), len(room.qvel)
-    velocity, impulse, held, change = room.velocity, room.impulse, room.held, room.change
-    for i in range(size):
-        velocity[i] = state[first + i]
-        held[i] = int(state[first + 2 * size + i])
-        impulse[i] = step * room.force[i] - kick * room.bias[i]
+    time = fraction * step
+    for i in range(len(room.velocity)):
+        room.impulse[i] = step * room.force[i] - time * room.bias[i]
     for j in range(len(room.joint_v)):
-        i, position = room.joint_v[j], state[room.joint_q[j]]
-        damping = exchange[j, DAMPING]
-        impulse[i] += kick * (exchange[j, TORQUE] - damping * velocity[i])
-        room.matrix[i, i] += room.scheme[IMPLICITNESS] * kick * damping
-        room.bound[i] = kick * exchange[j, FRICTION]
+        i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[j, DAMPING]
+        room.impulse[i] += time * (exchange[j, TORQUE] - damping * room.velocity[i])
+        room.matrix[i, i] += room.scheme[IMPLICITNESS] * time * damping
+        room.bound[i] = time * exchange[j, FRICTION]
         # A joint beyond its stop is held where it is: to push it back would leave it with a velocity of its own.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
     settle(room)
+
+
+def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
+    """Kick and drift, from the room's matrix, bias and force."""
+    step = room.scheme[STEP]
+    first, size = len(room.qpos), len(room.qvel)
+    velocity, held, change = room.velocity, room.held, room.change
+    for i in range(size):
+        velocity[i] = state[first + i]
+        held[i] = int(state[first + 2 * size + i])
+    kick(room, exchange, fraction)
     for i in range(size):
         # Before a first kick, as if it had been a whole one.
         state[first + size + i] = velocity[i] if fraction == 1.0 else velocity[i] - change[i]
@@ -265,3 +271,42 @@ class RigidEngine:
 
     def close(self) -> None:
         """Nothing that Python does not release."""
+
+
+class RigidModel:
+    """The part of :class:`asrsim.engines.base.Model` that does not depend on the library."""
+
+    joints: tuple[str, ...]
+    free: int
+    """Degrees of freedom of a floating base, which come first; else 0."""
+
+    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(v, v) mass matrix of all degrees of freedom."""
+        raise NotImplementedError
+
+    def inverse_dynamics(
+        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
+    ) -> Array:
+        """(n,) N m that give `accelerations`, on a base that is held."""
+        raise NotImplementedError
+
+    def potential(self, positions: Sequence[float] | Array) -> float:
+        """Gravitational energy of the links in J."""
+        raise NotImplementedError
+
+    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(n, n) kg m^2 (kg) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
+        matrix = self.full_matrix(positions)
+        if not self.free:
+            return matrix
+        base, cross = matrix[: self.free, : self.free], matrix[: self.free, self.free :]
+        return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
+
+    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+        """(n,) N m that give no acceleration, on a base that is held."""
+        return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
+
+    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+        """Kinetic and gravitational energy of the links in J, on a base that is held."""
+        speeds = np.asarray(velocities, dtype=float)
+        return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + self.potential(positions)
