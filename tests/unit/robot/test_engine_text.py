@@ -57,14 +57,10 @@ NOT_NUMBERS = [
 
 
 @pytest.mark.parametrize("text", NOT_NUMBERS)
-@pytest.mark.parametrize("place", ["origin", "mass", "axis", "limit", "scale", "block"])
+@pytest.mark.parametrize("place", ["origin", "scale", "block"])
 def test_a_text_that_readers_differ_on_is_refused(text: str, place: str, read: Callable[[str], Robot]) -> None:
     """What Python takes for one number and an engine's `atof` for another is an error at every place."""
-    whole = arm(
-        origin=f"0 0 {text}" if place == "origin" else "0 0 0.2", mass=text if place == "mass" else "0.5",
-        axis=f"0 {text} 0" if place == "axis" else "0 1 0",
-        limit=f'lower="-1" upper="{text}"' if place == "limit" else 'lower="-1" upper="1"',
-    )  # fmt: skip
+    whole = arm(origin=f"0 0 {text}" if place == "origin" else "0 0 0.2")
     if place == "scale":
         whole = whole.replace("</link>", f'<collision><geometry><box size="1 1 {text}"/></geometry></collision></link>', 1)
     if place == "block":
@@ -84,7 +80,7 @@ def test_blanks_of_xml_are_blanks_to_all(read: Callable[[str], Robot]) -> None:
 @given(st.text(max_size=8) | st.from_regex(r"[+-]?[0-9_.eE \u00a0]{1,8}", fullmatch=True))
 def test_a_number_is_what_c_reads_or_an_error(text: str) -> None:
     """Whatever is read is ASCII and the whole of it a C number: atof, which engines use, cannot read another."""
-    for read_one in (plain_number, lambda text: read_number(text).value):
+    for read_one in (plain_number, lambda text: read_number(text)[0]):
         try:
             value = read_one(text)
         except ValueError:
@@ -216,14 +212,6 @@ def test_merged_robots_are_the_same_bodies(seed: int, massless_root: bool, tmp_p
     assert merged_error(path, seed) < 1e-13
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100, 300))
-def test_many_merged_robots_are_the_same_bodies(seed: int, tmp_path: Path) -> None:
-    path = tmp_path / "r.urdf"
-    path.write_text(random_urdf(seed, moving=1 + seed % 20, fixed=seed % 30, massless_root=seed % 3 == 0))
-    assert merged_error(path, seed) < 1e-13
-
-
 @pytest.mark.parametrize("file", ALTEREGO)
 def test_a_merged_alterego_is_the_same_bodies(file: str, shared: Path) -> None:
     assert merged_error(shared / file, 0) < 1e-13
@@ -270,14 +258,6 @@ def test_shapes_move_with_their_link(read: Callable[[str], Robot]) -> None:
     (shape,) = merge_fixed(read(text)).robot.links[2].collisions
     assert shape.origin == pytest.approx((2.0, 0.0, 0.0), abs=1e-5)
     assert np.abs(rotation_matrix(shape.rpy) - rotation_matrix((0, 3.1416, 0))).max() < 1e-8
-
-
-def test_merging_a_chain_held_by_nothing_but_fixed_joints(read: Callable[[str], Robot]) -> None:
-    """All in the root: a robot of one body, whose mass is the sum."""
-    merged = merge_fixed(read(arm().replace('type="revolute"', 'type="fixed"')))
-    (body,) = merged.robot.links
-    assert body.mass == 0.3 + 0.5
-    assert merged.robot.joints == ()
 
 
 # -- engines -----------------------------------------------------------------------------------------------------------

@@ -77,6 +77,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("modes: {vsa: 5}", 4, "references.vsa.equilibrium_position", "choose from reference_1, reference_2"),
         ("parameters: {vsa: {spring_kk1: 1}}", 7, "parameters.vsa.spring_kk1", "spring_k1"),
         ("parameters:\n  vsa:\n    mot_1_tauMax: -1", 9, "parameters.vsa.mot_1_tauMax", "at least 0"),
+        ("parameters: {sea: {spring_k: 1, spring_stiffness: 2}}", 7, "parameters.sea.spring_stiffness", "same parameter"),
         ("parameters: {sea: {spring_a1: 1}}", 7, "parameters.sea.spring_a1", "no such parameter"),
         ("external_torques: {no: 1}", 7, "external_torques.no", "vsa, sea, awas, free"),
         ("wrenches: [{link: tip, force: [1, 0, 0]}]", 7, "wrenches.0.link", "vsa_link"),
@@ -290,28 +291,6 @@ def test_an_entry_for_all_is_for_the_passive_joint_where_it_has_one(table: str, 
 PLUGIN = """<gazebo><plugin name="p" filename="lib{0}_plugin.so"><joint>{1}</joint><operation_mode>{2}</operation_mode>
 <namespace>here</namespace><pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau></plugin></gazebo>
 """
-
-
-@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii"])
-@pytest.mark.parametrize("mode", [0, 1, 3, 6])
-def test_an_actuator_of_the_scenario_is_that_of_a_block_without_tags(tmp_path: Path, actuator: str, mode: int) -> None:
-    """Defaults that depend on the mode too; it takes the place of the file's, in its namespace."""
-    plain = write_plain_arm(tmp_path)
-    text = plain.read_text(encoding="utf-8")
-    first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
-    blocks = PLUGIN.format(actuator, first, mode) + PLUGIN.format("bavs", second, 3)
-    (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{blocks}</robot>"), encoding="utf-8")
-    read = load_robot(tmp_path / "other.urdf")
-    given, kept = (block for block in read.actuators)
-    for robot in (plain, tmp_path / "other.urdf"):
-        own = {"type": actuator, "mode": mode}
-        scenario = make_scenario(robot, duration=1.0, actuators={"*" if robot == plain else first: own})
-        mounted = apply_to_robot(scenario, load_robot(robot))
-        block = next(one for one in mounted.actuators if one.joint == first)
-        assert dict(block.values()) == dict(given.values())
-        assert block.namespace == ("" if robot == plain else "here")
-        if robot != plain:
-            assert [one for one in mounted.actuators if one.joint == second] == [kept]
 
 
 def test_warnings_of_a_replaced_actuator_end_and_those_of_joints_stay(tmp_path: Path) -> None:
