@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,17 +32,17 @@ class Motion:
     velocities: Sequence[float]
     """Empty: the values are joined by straight lines."""
 
-    def at(self, time: float, start: float) -> float:
-        """The value at `time` s; start: the value before the first point."""
-        times, values = [0.0, *self.times][self.times[0] <= 0.0 :], [start, *self.values][self.times[0] <= 0.0 :]
-        if time >= times[-1] or len(times) == 1:
-            return values[-1]
-        if not self.velocities:
-            return float(np.interp(time, times, values))
+    def curve(self, start: float) -> Callable[[float], float]:
+        """Value at a time in s; start: the value before the first point."""
+        times, values, velocities = self.times, self.values, self.velocities
+        if times[0] > 0.0:
+            times, values, velocities = [0.0, *times], [start, *values], [0.0, *velocities] if velocities else ()
+        if not velocities or len(times) == 1:
+            return lambda time: float(np.interp(time, times, values))
         from scipy.interpolate import CubicHermiteSpline
 
-        slopes = [0.0, *self.velocities][-len(times) :]
-        return float(CubicHermiteSpline(times, values, slopes)(time))
+        spline = CubicHermiteSpline(times, values, velocities)
+        return lambda time: float(spline(min(time, times[-1])))
 
 
 @dataclass(frozen=True)
@@ -72,31 +73,31 @@ class CommandInput:
 
     def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
         """The values of a message that may be set, clamped to their ranges, or the motions of a trajectory."""
-        one = self._inputs[received.inlet]
-        fault, pairs = received.fault, list(zip(one.places, received.values, strict=False))
-        if fault:
-            pass
-        elif received.points:
-            return self._motions(one, received)
-        elif received.names is None:
-            if len(received.values) != len(one.places):
-                fault = f"{len(received.values)} values where {len(one.places)} are expected"
-        elif len(received.names) != len(received.values):
-            fault = "not as many values as names"
-        else:
-            named = zip(received.names, received.values, strict=True)
-            # A controller leaves joints that it does not command as NaN.
-            pairs = [(self._named(one, name), value) for name, value in named if not (name in one.names and math.isnan(value))]
+        one, names, fault = self._inputs[received.inlet], received.names, received.fault
+        points = received.points or [(0.0, received.values, ())]
+        times = [time for time, _, _ in points]
+        width = len(one.places if names is None else names)
+        counts = {len(row) for _, row, _ in points}
+        if not fault and counts != {width}:
+            fault = f"{max(counts)} values where {width} are expected"
+        elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] < math.inf):
+            fault = "points that are not in the order of time"
         if fault:
             self._refuse(one.inlet.name, fault)
             return []
         found: list[tuple[Target, float | Motion]] = []
-        for target, value in pairs:
-            if target is not None and math.isfinite(value):
-                self.taken += 1
-                found.append((target, self.clamp(target, float(value))))
-            elif target is not None:
+        for j, target in enumerate(one.places if names is None else [self._named(one, name) for name in names]):
+            values = [row[j] for _, row, _ in points]
+            velocities = [row[j] for *_, row in points if len(row) == width]
+            # A controller leaves joints that it does not command as NaN.
+            if target is None or (names is not None and not received.points and math.isnan(values[0])):
+                continue
+            if not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(one.inlet.name, "a value that is not finite")
+                continue
+            self.taken += 1
+            moving = velocities if len(velocities) == len(times) else ()
+            found.append((target, Motion(times, values, moving) if received.points else self.clamp(target, values[0])))
         return found
 
     def clamp(self, target: Target, value: float) -> float:
@@ -113,25 +114,6 @@ class CommandInput:
         if name not in one.names:
             self._refuse(one.inlet.name, "a joint that does not take commands there")
         return one.names.get(name)
-
-    def _motions(self, one: _Input, received: Received) -> list[tuple[Target, float | Motion]]:
-        names = received.names or ()
-        times = [time for time, _, _ in received.points]
-        rows = [positions for _, positions, _ in received.points]
-        slopes = [velocities for _, _, velocities in received.points]
-        moving = all(len(row) == len(names) for row in slopes)
-        numbers = np.array([number for row in (times, *rows, *(slopes if moving else ())) for number in row])
-        if any(len(row) != len(names) for row in rows):
-            self._refuse(one.inlet.name, "a point without a position for each joint")
-        elif not np.isfinite(numbers).all() or times[0] < 0.0 or (np.diff(times) <= 0.0).any():
-            self._refuse(one.inlet.name, "points that are not finite, or not in the order of time")
-        else:
-            targets = [self._named(one, name) for name in names]
-            self.taken += len(targets) - targets.count(None)
-            slopes = slopes if moving else [()] * len(times)
-            motions = [Motion(times, [row[j] for row in rows], [row[j] for row in slopes if row]) for j in range(len(names))]
-            return [(target, motion) for target, motion in zip(targets, motions, strict=True) if target is not None]
-        return []
 
     def _refuse(self, topic: str, why: str) -> None:
         text = f"{topic}: {why}"

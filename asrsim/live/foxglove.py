@@ -38,7 +38,8 @@ class FoxgloveTransport:
         from foxglove.websocket import Capability
 
         self._interface = interface
-        context = Context()
+        # Channels are closed when their context goes.
+        self._context = context = Context()
         self._messages: deque[tuple[str, str, bytes]] = deque()
         self._requests: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._advertised: dict[tuple[int, int], tuple[str, str]] = {}

@@ -83,10 +83,12 @@ class Session:
         self.summaries: list[RunSummary] = []
         """Of the episodes that have ended."""
         self._held: dict[Target, float] = {}
-        self._motions: dict[Target, tuple[Motion, float, float]] = {}
-        """Motion of a trajectory, the time when it came, and the reference then."""
+        self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
+        """Curve of a trajectory, the time when it came, and its duration."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
+        self._work = 0.0, 0.0
+        """s of all work, and of topics, until the run last fell behind."""
         self._reset = self._told_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
@@ -192,13 +194,15 @@ class Session:
         """Leave real-time priority where the run falls behind, and publish half as often where it does so again."""
         now = clock.perf_counter()
         before, self._last_slip = self._last_slip, now
+        busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
+        self._work = self.pace.busy, self._publishing
         if self._urgent:
             self._leave_priority()
             self._tell("this machine is too slow for ticks at real-time priority: other programs come first again")
             return
         if now - before > BREATH:
             return
-        if self._publishing >= SPEECH * self.pace.busy and self.rate >= 2.0 * LEAST_RATE:
+        if publishing >= SPEECH * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
             self._tell(f"this machine is too slow for the topics: they come at {self.rate:g} Hz from here on")
         elif not self._told_slow:
@@ -235,16 +239,14 @@ class Session:
         for target, value in wanted.items():
             self._motions.pop(target, None)
             if isinstance(value, Motion):
-                self._motions[target] = value, self.time, self._reference(target)
-            elif self._held.get(target) != value:
+                self._motions[target] = value.curve(self._reference(target)), self.time, value.times[-1]
+            else:
                 self._set(target, value)
-        for target, (motion, began, start) in list(self._motions.items()):
+        for target, (curve, began, duration) in list(self._motions.items()):
             # The value at the end of the coming tick, so that the log has the trajectory's values.
             elapsed = self.time + self._tick_steps * self._step - began
-            value = self.commands.clamp(target, motion.at(elapsed, start))
-            if self._held.get(target) != value:
-                self._set(target, value)
-            if elapsed >= motion.times[-1]:
+            self._set(target, self.commands.clamp(target, curve(elapsed)))
+            if elapsed >= duration:
                 del self._motions[target]
 
     def _reference(self, target: Target) -> float:
@@ -254,6 +256,8 @@ class Session:
         return float(self.simulation.read([name])[name][j])
 
     def _set(self, target: Target, value: float | None) -> None:
+        if self._held.get(target) == value:
+            return
         self.simulation.set_reference(*target, value)
         if value is None:
             self._held.pop(target, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gc
 import json
 import math
 import os
@@ -24,7 +25,7 @@ pytest.importorskip("foxglove")
 from asrsim.errors import InputError
 from asrsim.live.foxglove import FoxgloveTransport, decoded
 from asrsim.live.origin import origin_of
-from asrsim.live.transport import Access, Interface, Service, received
+from asrsim.live.transport import Access, Interface, Outlet, Service, received
 from asrsim.runs.repeat import repeat
 
 FLOAT, ARRAY, STATE = "std_msgs/Float64", "std_msgs/Float64MultiArray", "sensor_msgs/JointState"
@@ -86,7 +87,8 @@ def connected(transport, *headers):
 @pytest.fixture
 def transport():
     services = {"pause": Service("", lambda flag: (True, ""), takes_flag=True)}
-    interface = Interface("/asrsim", outlets=(), inlets=(), latched={}, services=services)
+    outlets = (Outlet("/clock", "rosgraph_msgs/Clock"),)
+    interface = Interface("/asrsim", outlets=outlets, inlets=(), latched={}, services=services)
     transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))
     yield transport
     transport.close()
@@ -130,6 +132,16 @@ def test_the_server_behind_the_check_has_another_address_than_other_servers_of_t
 def test_an_origin_is_a_scheme_and_a_host(text):
     with pytest.raises(InputError, match="is no origin"):
         origin_of(text)
+
+
+def test_topics_are_advertised_in_cdr(transport):
+    client, _ = connected(transport)
+    gc.collect()
+    answer = b""
+    while b'"op":"advertise",' not in answer:
+        answer += client.recv(65536)
+    client.close()
+    assert b'"topic":"/clock","encoding":"cdr","schemaName":"rosgraph_msgs/msg/Clock"' in answer
 
 
 def test_closing_does_not_wait_for_clients_whose_requests_wait(transport):

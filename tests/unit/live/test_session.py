@@ -260,7 +260,7 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
 @pytest.mark.parametrize(
     ("names", "points", "why"),
     [
-        (["joint_1"], [(0.1, [0.1, 0.2], [])], "a point without a position"),
+        (["joint_1"], [(0.1, [0.1, 0.2], [])], "2 values where 1 are expected"),
         (["joint_1"], [(0.2, [0.1], []), (0.1, [0.2], [])], "order of time"),
         (["joint_1"], [(0.1, [math.nan], [])], "not finite"),
         (["nobody"], [(0.1, [0.1], [])], "does not take commands"),

@@ -24,7 +24,6 @@ from asrsim.workers import Lost
 from asrsim.workers.local import Processes
 from support.edits import edits
 from support.paths import ROOT
-from support.robots import write_plain_arm
 
 pa = pytest.importorskip("pyarrow")
 pq = pytest.importorskip("pyarrow.parquet")
@@ -224,23 +223,6 @@ def test_runs_that_are_done_together_have_the_rows_of_runs_alone():
         assert {key: one[key] for key in fresh} == fresh
 
 
-@pytest.mark.parametrize("task", [True, False])
-def test_there_are_columns_for_what_the_scenario_has(task, tmp_path):
-    """Joints' measures of all, a tip's where a task moves it, a claim's for each claim."""
-    path = tmp_path / "s.yaml"
-    poses = "[{time: 0.04, position: [0.3, 0, 0.4]}]"
-    moved = f"{{joint_1: 0.3, joint_2: 0.8}}\ntask: {{link: link_2, point: [0, 0, 0.25], tolerance: 0.1, poses: {poses}}}"
-    path.write_text(
-        f"robot: {write_plain_arm(tmp_path)}\nduration: 0.05\nengine: mujoco\ncompiled: false\n"
-        f"actuators: {{'*': {{type: sea, mode: 3}}}}\ninitial: {moved if task else '{}'}\n"
-        "expect: [{joint: joint_1, quantity: link_position, measure: final, comparison: <, value: 9}]\n"
-    )
-    columns = [column for column, _, _ in make_payload(study_of({"joint_1.damping": [0.05]}, path, overrides=[])).columns]
-    assert [column for column in columns if column.startswith("tip.")] == ["tip.largest", "tip.rms", "tip.last"] * task
-    assert len(columns) == len(set(columns))
-    assert {"joint_1.overshoot", "joint_2.settling", "claim_0.measured", "seconds"} <= set(columns)
-
-
 def settings_of(table: Table, run: int) -> list[str]:
     """`--set` of a run of the variant soft."""
     varied = [f"{key}={table[key][run]}" for key in table.keys]
@@ -375,19 +357,6 @@ def test_rows_are_not_written_through_planted_links(tmp_path):
         store._save(folder / "rows.parquet", iter([]))
 
 
-def test_a_study_says_only_what_differs(tmp_path):
-    """One result a line under its heads; where all are the same, there is nothing to be read."""
-    for name, spread in (("same", 0.0), ("other", 1.0)):
-        folder = tmp_path / name
-        store = open_store(folder, SMALL, resume=False, overwrite=False)
-        store.add([(run, "a", "complete", 0.5 + run * spread) for run in range(3)])
-        store.finish()
-        (head, *lines) = say_summary(Table(folder))
-        assert head == "a: 3 of 3 runs, 3 complete"
-        assert [line.split()[0] for line in lines] == (["result", "value"] if spread else [])
-        assert not spread or lines[1].split()[-6:] == ["2.4", "2.5", "run", "0", "run", "2"]
-
-
 def manifest_of(runs, *floats, **study):
     """The description of a study with these columns of numbers."""
     columns = [("run", "int", ""), ("variant", "text", ""), ("status", "text", ""), *((name, "float", "") for name in floats)]
@@ -489,13 +458,6 @@ def test_a_study_that_is_not_finished_knows_its_runs_by_their_numbers(tmp_path):
     assert (found.count, found.least, found.least_run, found.largest, found.largest_run) == (100, 0.0, 120, 14400.0, 0)
     assert (found.low, found.median, found.high) == tuple(np.quantile((there - 120.0) ** 2, (0.05, 0.5, 0.95)))
     assert table.missing == 100
-    # The means of the fifths in which the key is least and largest.
-    (one,) = influences(table, "value")
-    order = np.argsort(there % 67, kind="stable")
-    values = ((there - 120.0) ** 2)[order]
-    keys = np.sort(there % 67)
-    assert one.low == pytest.approx(values[keys <= np.quantile(keys, 0.2)].mean())
-    assert one.high == pytest.approx(values[keys >= np.quantile(keys, 0.8)].mean())
 
 
 @pytest.mark.parametrize("inertias", [(3e-4, 0.03, 0.02), (0.03, 0.02, 3e-4)])
