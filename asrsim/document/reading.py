@@ -13,7 +13,7 @@ KeyPath = tuple[str, ...]
 
 
 class Rejected(Exception):  # noqa: N818 - internal: its problem is recorded already, readers go on with the next key
-    """A value was refused; the problem stands in the reading."""
+    """A value was refused; the problem is recorded in the reading."""
 
 
 @dataclass(kw_only=True)

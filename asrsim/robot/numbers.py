@@ -1,4 +1,4 @@
-"""Numbers as they stand in tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
+"""Numbers in the text of tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
 
 Nothing is evaluated by Python: the arithmetic is parsed, and only numbers, + - * /, parentheses, signs and `pow(x, y)` are
 calculated.
@@ -40,7 +40,7 @@ def plain_number(text: str) -> float:
 
 
 def read_number(text: str) -> tuple[float, bool]:
-    """The number that `text` stands for, and whether it is arithmetic, of which the toolbox reads only the leading number.
+    """The value of `text`, and whether it is arithmetic, of which the toolbox reads only the leading number.
 
     A comment after `#` is left out. Raises ValueError with the reason, a phrase that follows the key.
     """

@@ -46,7 +46,7 @@ VOCABULARY: Words = {
 }
 """Element -> attributes and child elements that the format has."""
 SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
-"""Elements that may stand beside others of their name, or whose repetition is an error of its own."""
+"""Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPAQUE = ("gazebo", "transmission", "sensor")
 """Elements whose insides belong to others."""
 FOREIGN = {

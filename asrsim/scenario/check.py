@@ -159,7 +159,7 @@ def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Ranges of references that no joint has, or not the joint that they stand under."""
+    """Ranges of references that no joint has, or that the joint in question does not have."""
     blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         if joint in robot.unread or (joint == "*" and robot.unread):

@@ -260,7 +260,7 @@ class Scenario:
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:
-        """Desired link positions that are to be learned, by joint, under the key of the scenario where they stand."""
+        """Key of the scenario -> desired link positions to be learned, by joint."""
         if self.learning is None:
             return {}
         several = {f"ilc.trajectories.{name}": table for name, table in self.learning.trajectories.items()}

@@ -21,7 +21,7 @@ DEFAULT = "default"
 
 
 def only_variant(loaded: Sequence[Scenario]) -> Scenario:
-    """The one that there is; raises ScenarioError if there are several."""
+    """The only variant; raises ScenarioError if there are several."""
     if len(loaded) != 1:
         names = tuple(one.variant for one in loaded)
         hint = "Choose one with variant=... (--variant), or run them all with asrsim.run_variants (asrsim run)"
@@ -33,7 +33,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
 def load_scenario(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[Scenario, ...]:
-    """Every variant of a scenario file, in file order, or the one asked for.
+    """Every variant of a scenario file, in file order, or the chosen one.
 
     A file without variants has one, called `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with

@@ -1,4 +1,4 @@
-"""Names of joints and links in a scenario: where they stand, and entries for all joints (`*`) that have no effect."""
+"""Names of joints and links in a scenario: their places, and entries for all joints (`*`) that have no effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The signals of a scenario: where they stand, their values over the run, and signals that cannot be followed."""
+"""The signals of a scenario: their keys, their values over the run, and signals that cannot be followed."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def extremes(scenario: Scenario, signal: Signal) -> tuple[float, float]:
 
 
 def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
-    """Where the reference of a joint stands in the scenario."""
+    """Key of a joint's reference in the scenario."""
     return f"references.{block.joint if name in scenario.references.get(block.joint, {}) else '*'}.{name}"
 
 

@@ -49,7 +49,7 @@ class StarterJoint:
     target: float
     """Link position after the step."""
     firmer: float = 1.0
-    """Times the usual soft preset, where that one's springs do not hold the arm."""
+    """Factor on the usual soft preset, if its springs are too soft to hold the arm."""
 
     @property
     def actuator(self) -> type[Actuator]:
@@ -111,8 +111,9 @@ class StarterJoint:
 
 
 def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
-    """The starter's motion of an actuated joint: from 0 or the nearest away from its stops, by a small step; of one that is
-    to follow another, what that one's motion asks of it."""
+    """The starter's motion of an actuated joint: a small step from 0, or from the position nearest to 0 that is clear of the
+    stops. A joint with `<mimic>` follows the motion of its leader.
+    """
     joint = robot.joint(block.joint)
     leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
     if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
@@ -163,7 +164,7 @@ class Starter:
     schema: str | None = None
     """Path of the JSON Schema for editors, if any."""
     mode: int | None = None
-    """A mode that was asked for, to be written down; the robot has it already."""
+    """A mode given on the command line, to be written down; the robot has it already."""
     given: tuple[str, ...] = ()
     """Joints whose actuator the scenario gives."""
     sized: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -305,9 +306,9 @@ def word(text: str) -> str:
 
 
 MOUNTED_MODE = 6
-"""Mode of actuators that the scenario gives, where none is asked for."""
+"""Mode of actuators that the scenario gives, unless another is chosen."""
 ROUNDS = 6
-"""Of parameters that hold the arm, and presets that follow from them."""
+"""Largest number of repetitions of sizing and presets."""
 
 VISIBLE = 1e-3
 """rad or m by which a joint sags that is worth a start at equilibrium."""
@@ -386,7 +387,7 @@ def write_starter(
 
 
 def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
-    """A warning that an arm swings on, and what is written against it; lasts: s."""
+    """A warning that an arm swings on, with the damping that the scenario proposes; lasts: s."""
     if starter.damped:
         how_long = f"for {lasts:.2g} s" if lasts < 100.0 else "without end"
         message = f"its joints have too little damping, so that the arm would swing on {how_long} after a step"
@@ -395,7 +396,7 @@ def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
-    """The robot that a file tells of. Raises RobotError where it cannot be read, or no joint of it moves."""
+    """The robot in a file. Raises RobotError where it cannot be read, or no joint of it moves."""
     from asrsim.scenario.check import nothing_moves
 
     robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
@@ -405,8 +406,9 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
 
 
 def _held(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
-    """The starter with parameters that hold the arm, and how. Its presets follow from them, so they are judged with these
-    again."""
+    """The starter with parameters that hold the arm, and the sizing with them. Presets depend on the parameters, so both are
+    repeated until they agree.
+    """
     from asrsim.kinematics.sizing import ENOUGH, sizing
 
     for _ in range(ROUNDS):
@@ -435,7 +437,7 @@ def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
 
 
 def scenario_of(text: str, robot: Robot, folder: Path) -> Scenario:
-    """The scenario of a text that is to stand in `folder`, without its variants."""
+    """The scenario of a text for a file in `folder`, without its variants."""
     data = parse_yaml(text, error=ScenarioError).plain()
     data.pop("variants", None)
     return scenario_from_data(data, base_dir=folder, robot=robot.path)

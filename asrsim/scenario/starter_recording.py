@@ -25,7 +25,7 @@ from asrsim.signals.playback import since
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Unit of a command that is no position -> mode that takes it."""
 WIDE = 1e4
-"""N m, rad/s: limits of motors of which nothing is known; a thousand times what joints of robots do."""
+"""N m, rad/s: limits of motors whose real limits are unknown; a thousand times those of robots."""
 
 
 def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> dict[str, int]:
@@ -34,7 +34,7 @@ def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> 
     units = {(pairing.get(str(c.joint)), str(c.quantity)): c.unit for c in recording.channels.values() if c.quantity}
     commands = ("reference_1", *(f"motor_1_{what}" for what in ("voltage", "current", "torque")))
     found = {joint: [units[joint, one] for one in commands if (joint, one) in units] for joint in joints}
-    return {joint: UNIT_MODES[told[0]] for joint, told in found.items() if told and told[0] in UNIT_MODES}
+    return {joint: UNIT_MODES[stated[0]] for joint, stated in found.items() if stated and stated[0] in UNIT_MODES}
 
 
 def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -55,11 +55,11 @@ def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str
 LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
-"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are smooth."""
+"""Fraction of changes that follow directly on a change. A command with less is piecewise constant; others are smooth."""
 TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
 """Mode -> recorded quantities that are its command where none is called so."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")
-"""Recorded quantities that stand in for a command that was not recorded."""
+"""Recorded quantities that replace a command that was not recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +186,7 @@ def _command(
     reference = columns.get((block.joint, "reference_1"))
     order = ["reference_1", *torques, *fallbacks]
     if MODES[block.mode].direct and reference is not None and reference.unit not in (*MODES[block.mode].units, "N"):
-        # A motor that is told its torque takes the recorded one before any position.
+        # A torque-controlled motor takes its recorded torque rather than a position.
         order = [*torques, *order]
     for quantity in order:
         column = columns.get((block.joint, quantity))
@@ -200,16 +200,16 @@ def _command(
         return column
     recorded = [quantity for joint, quantity in columns if joint == block.joint]
     if recorded and fallbacks:
-        remarks.append(f"{block.joint}: no column is its command; it is told to rest where it starts")
+        remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
     return None
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
-    """The block's mode if it can take the command, else the nearest one that can."""
+    """The block's mode if it accepts the command, else the nearest mode that does."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     alone = actuator.motors == 1 and not actuator.adjuster
     if command.quantity == "motor_1_position" and mode.spring and (alone or second is not None):
-        # Motors whose places are known need no controller: they stand there.
+        # Motors whose positions are known need no controller: the positions are prescribed.
         return 2
     if command.quantity in TORQUES.get(block.mode, ()):
         return mode.number
@@ -275,10 +275,12 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
             f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
             hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
-    told = " ".join(str(c.quantity) for c in recording.channels.values())
+    quantities = " ".join(str(c.quantity) for c in recording.channels.values())
     bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
     bench += f"{joint}.elastic_torque_1"
-    hint = f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, "
+    hint = (
+        f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in quantities else ''}. Without one, "
+    )
     hint += "a run of a scenario is compared by `asrsim plot LOG --experiment FILE`"
     problem = f"no column is a command that could be played; its columns: {found}"
     return RecordingError(problem, file=recording.path, hint=hint, code="no-command")

@@ -21,7 +21,6 @@ from asrsim.robot.inertia import inertia_tensor, principal_axes
 from asrsim.robot.model import Link
 from asrsim.robot.numbers import plain_number, read_number
 from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
-from support.pinocchio_model import ALTEREGO, dynamics, farthest
 from support.random_robots import random_urdf
 
 angle = st.floats(-7.0, 7.0)
@@ -201,35 +200,6 @@ def test_principal_axes_give_the_tensor_back(root: np.ndarray, rpy: tuple[float,
     assert min(moments) >= 0.0
     difference = turned @ np.diag(moments) @ turned.T - inertia_tensor(link)
     assert np.abs(difference).max() <= 1e-14 * max(np.abs(tensor).max(), 1e-300)
-
-
-@pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("massless_root", [False, True])
-def test_merged_robots_are_the_same_bodies(seed: int, massless_root: bool, tmp_path: Path) -> None:
-    """Mass matrix and bias of the user's own file and of the merged robot, both by Pinocchio, to 1e-13."""
-    path = tmp_path / "r.urdf"
-    path.write_text(random_urdf(seed, moving=1 + seed % 7, fixed=seed % 10, massless_root=massless_root))
-    assert merged_error(path, seed) < 1e-13
-
-
-@pytest.mark.parametrize("file", ALTEREGO)
-def test_a_merged_alterego_is_the_same_bodies(file: str, shared: Path) -> None:
-    assert merged_error(shared / file, 0) < 1e-13
-
-
-def merged_error(path: Path, seed: int) -> float:
-    """Largest relative difference of mass matrix and bias in a random state."""
-    robot = load_robot(path)
-    merged = merge_fixed(robot)
-    assert [joint.name for joint in merged.robot.joints] == [joint.name for joint in robot.moving_joints]
-    assert len(merged.robot.links) == len(merged.robot.joints) + 1
-    source = np.random.default_rng(seed)
-    names = [joint.name for joint in robot.moving_joints]
-    positions = dict(zip(names, source.uniform(-2, 2, len(names)), strict=True))
-    velocities = dict(zip(names, source.uniform(-3, 3, len(names)), strict=True))
-    before = dynamics(robot.text, positions, velocities)
-    after = dynamics(engine_urdf(merged.robot)[0], positions, velocities)
-    return max(farthest(one, other) for one, other in zip(before, after, strict=True))
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -115,12 +115,8 @@ expect:
     assert scenario.name == "everything"
     assert scenario.xacro_arguments == {"side": "left", "length": "2", "fixed": "true"}
     assert scenario.package_paths == {"arm_description": tmp_path / "meshes"}
-    assert scenario.base_position == (0.0, 0.0, 1.0)
     assert not scenario.fixed_base
     assert scenario.log_every == 4
-    assert scenario.substeps == 2
-    assert scenario.motor_substeps is None
-    assert scenario.compiled is False
     assert scenario.motion["b"] == Constant(value=0.1)  # locked where the joint starts
     assert scenario.modes == {"*": 6}
     assert scenario.parameters["*"]["motor_1_max_position"] == float("inf")
@@ -129,7 +125,6 @@ expect:
     assert scenario.references["*"]["stiffness_preset"] == Constant(value=0.2)
     assert scenario.references["a"]["equilibrium_position"] == Step(after=1.0)
     assert scenario.wrenches[0].force == (Constant(value=1.0), None, Step(after=2.0))
-    assert scenario.command_effects["*"] == Effects(delay=0.01, rate=100.0)
     assert scenario.sensor_effects["a"] == Effects(quantum=0.001, noise=1e-4)
     assert scenario.link_damping["a"] == LinkDamping(ratio=0.1, inertia=0.01)
     assert (scenario.world.ground_friction, scenario.world.ground_height) == (0.8, -0.1)
@@ -138,8 +133,6 @@ expect:
     assert scenario.task is not None
     assert scenario.task.preset == {"*": 0.3}
     assert scenario.learning is not None
-    assert scenario.learning.gain == "model"
-    assert scenario.learning.gain_decay == 10.0
     assert scenario.learning.trajectory["a"].kind == "minimum_jerk"
     assert [claim.line for claim in scenario.expect] == [35, 36]
     assert set(scenario.attachments) == {"manager.yaml", "hand.stl"}

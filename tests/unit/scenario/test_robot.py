@@ -84,9 +84,7 @@ def test_a_fitting_scenario_has_no_problems(load):
         ("effects: {commands: {free: {delay: 1}}}", 7, "effects.commands.free", "no actuated joint"),
         ("effects: {sensors: {vsa: {delay: 2.5e11}}}", 7, "effects.sensors.vsa.delay", "longer than 1000000 steps"),
         ("effects: {commands: {vsa: {delay: 1e4}}}", 7, "effects.commands.vsa.delay", "longer than 1000000 steps"),
-        ("effects: {sensors: {x: {delay: 1}}}", 7, "effects.sensors.x", "no actuated joint"),
         ("desired: {x: 1}", 7, "desired.x", "no moving joint"),
-        ("link_damping: {x: {constant: 1}}", 7, "link_damping.x", "no actuated joint"),
         ("task: {link: tip, poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.link", "no link"),
         ("task: {link: vsa_link, joints: [x], poses: [{time: 1, position: [0, 0, 0]}]}", 7, "task.joints", "no actuated"),
         (
