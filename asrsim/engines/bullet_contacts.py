@@ -32,11 +32,11 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
 leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 BEYOND = 1e-9
-"""rad or m beyond a stop at which a joint rests on it."""
+"""rad or m: a joint rests on its stop this far beyond it."""
 REACH = 2.0
-"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
+"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
 ARREST = 1e9
-"""N m: more than any impact takes."""
+"""N m: more than any impact needs."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
@@ -54,7 +54,7 @@ def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
 
 
 class _Saved:
-    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+    """A state in Bullet's memory. It is removed with this object, unless its client has ended: client numbers are reused."""
 
     def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
         self.number = p.saveState(physicsClientId=client)
@@ -66,7 +66,7 @@ class _Saved:
 
 
 class BulletContacts:
-    """A fresh physics client with one robot and its world."""
+    """A physics client with one robot and its world."""
 
     native = None
 
@@ -107,7 +107,7 @@ class BulletContacts:
         self._rotation: Array | None = None
         """(3, 3) of the base link, if it floats."""
         self._frictions: list[float | None] = [None] * count
-        """N m of the motors that are the joints' friction; None: not known."""
+        """N m, torque limits of the motors that act as friction; None: unknown."""
         self._room = make_room(
             self.robot, np.zeros(4), qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
             joint_v=range(self._base, self._base + count), free=bool(self._base),
@@ -137,7 +137,7 @@ class BulletContacts:
         return positions, velocities
 
     def _place(self, positions: Sequence[float], velocities: Array) -> None:
-        """The joints at `positions`, everything moving at `velocities` (v,)."""
+        """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
         for index, position, velocity in zip(self._indices, positions, velocities[self._base :], strict=True):
             self._p.resetJointState(self._body, index, float(position), float(velocity), physicsClientId=self._client)
         if self._rotation is not None:
@@ -145,7 +145,7 @@ class BulletContacts:
             self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin, physicsClientId=self._client)
 
     def _read(self) -> None:
-        """Where the robot is, and how it moves."""
+        """Read positions and velocities of the robot."""
         p, client, body = self._p, self._client, self._body
         states = p.getJointStates(body, self._indices, client) if self._indices else ()
         self._positions = [state[0] for state in states]
@@ -210,7 +210,7 @@ class BulletContacts:
                 self._frictions[j] = bound
 
     def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
-        """A velocity motor at target 0: with force 0 it frees the joint, with a force it is its Coulomb friction."""
+        """Set a velocity motor: at target 0 it acts as Coulomb friction of level `force`."""
         p = self._p
         p.setJointMotorControl2(
             self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
@@ -244,7 +244,7 @@ class BulletContacts:
 
     @property
     def state(self) -> Any:
-        """Bullet's, and velocities before the last kick."""
+        """Bullet's state, and the velocities before the last kick."""
         return _Saved(self._p, self._client, self._end), self._before.copy()
 
     @state.setter
@@ -258,7 +258,7 @@ class BulletContacts:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def vary(self, robot: Robot) -> bool:
-        """Bodies are as they were loaded."""
+        """Bullet cannot change the inertials of a loaded robot."""
         return robot.links == self.robot.links
 
     def scene(self) -> Scene:

@@ -17,11 +17,11 @@ from asrsim.scenario.data import World, WorldObject
 GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
-"""Of a contact point of Bullet's: places of the normal force and of both of friction, in N, and of their directions."""
+"""Entries of Bullet's contact points: normal force and both friction forces, in N, with the entries of their directions."""
 
 
 class BulletWorld:
-    """Ground and objects, put around the robot `body` of a physics client. fixed: the robot's base is held."""
+    """Ground and objects, around the robot `body` of a physics client. fixed: whether the robot's base is fixed."""
 
     def __init__(self, p: Any, client: int, body: int, world: World, *, fixed: bool) -> None:
         self._p, self._client, self._body = p, client, body
@@ -80,11 +80,11 @@ class BulletWorld:
         return poses
 
     def states(self) -> dict[str, Any]:
-        """Poses of the objects as Bullet keeps them, of their centres."""
+        """Poses of the objects' centres of mass, as Bullet stores them."""
         return {name: self._p.getBasePositionAndOrientation(body, self._client) for name, body in self.objects.items()}
 
     def set_states(self, states: dict[str, Any]) -> None:
-        """Put the objects there, at rest."""
+        """Place the objects at rest."""
         for name, pose in states.items():
             self._p.resetBasePositionAndOrientation(self.objects[name], *pose, physicsClientId=self._client)
             self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
@@ -99,7 +99,7 @@ class BulletWorld:
         names = {body: name for name, body in self.objects.items()} | {self._body: ROBOT}
         if self._ground is not None:
             names[self._ground] = GROUND
-        # All points at once: asked for by pairs, Bullet turns normals to the order asked for, but not friction.
+        # All points at once: for pairs, Bullet turns the normals to the order of the pair, but not the friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in self._p.getContactPoints(physicsClientId=self._client) or ()

@@ -1,4 +1,4 @@
-"""Manners for a library that prints to the C streams and may take the process down with it."""
+"""Protection from a library that prints to the C streams and may crash the process."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _flush() -> None:
 
 
 def crashes(call: Callable[[], object]) -> bool:
-    """Whether a call kills the process, tried in a child: Bullet's mesh readers trust their files."""
+    """Whether a call crashes, tried in a child process: Bullet's mesh readers trust their files."""
     if not hasattr(os, "fork"):
         return False
     child = os.fork()

@@ -1,7 +1,7 @@
 """MuJoCo behind the engine interface.
 
-Without contacts the step is ours (:mod:`asrsim.engines.mujoco_step`), from MuJoCo's rigid-body routines; friction of joints and
-their stops are exact. With contacts MuJoCo's own solver has all three.
+Without contacts the step is ours (:mod:`asrsim.engines.mujoco_step`), on MuJoCo's rigid-body routines; friction and stops of
+joints are exact. With contacts MuJoCo's own solver computes all three.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class MujocoEngine(RigidEngine):
     # -- setting up -------------------------------------------------------------------------------------------------
 
     def _set_inertials(self, links: Sequence[Link], data: Any) -> None:
-        """Masses, centres and principal moments as the robot's data have them."""
+        """Masses, centres of mass and principal moments from the robot's data."""
         m = self._m
         turn = np.zeros(4)
         for link in links:
@@ -124,7 +124,7 @@ class MujocoEngine(RigidEngine):
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step; compiled from when `native` was asked for, with the same bits."""
+        """One step; compiled once `native` has been read, with the same bits."""
         if self._contacts is not None:
             self._contacts.step(self._record, self._state, exchange, wrenches, fraction)
         elif self._call is not None:
@@ -170,6 +170,6 @@ class MujocoEngine(RigidEngine):
 
 
 def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
-    """The scenario's world in MuJoCo, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
+    """The scenario's world in MuJoCo, and warnings of what the engine ignores. Raises RobotError, SimulationError."""
     engine = MujocoEngine(scenario, robot)
     return engine, (*engine.warnings, *overlaps())

@@ -21,9 +21,9 @@ NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
 LIGHTER = 1e-2
 """Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
 REACH = 2.0
-"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
+"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
 TOLERANCE = 1e-12
-"""Improvement of its cost, scaled, at which MuJoCo's solver ends."""
+"""MuJoCo's solver ends when the scaled improvement of its cost is smaller."""
 SEARCH = 1000
 """Iterations of a line search of MuJoCo's solver; its default, 50, ended 1 % of a sliding box's steps far from the solution."""
 
@@ -43,7 +43,7 @@ class MujocoContacts:
         model.opt.tolerance, model.opt.ls_iterations = TOLERANCE, SEARCH
 
     def start(self, room: Room) -> None:
-        """Constraints for the step of a run: their time constants are multiples of it."""
+        """Set up the constraints, whose time constants are multiples of the step."""
         m, step = self._m, float(room.scheme[STEP])
         self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
@@ -60,8 +60,8 @@ class MujocoContacts:
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
     def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, fraction: float) -> None:
-        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. In the place of `held` the
-        state has accelerations from which the solver starts."""
+        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. Instead of `held` the
+        state has the accelerations from which the solver starts."""
         mj, m, d, room = self._mujoco, self._m, self._d, record.room
         step = float(room.scheme[STEP])
         kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
@@ -99,8 +99,8 @@ class MujocoContacts:
         exchange[:, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
-        """Let stops be inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond
-        its stop is held where it is."""
+        """Make stops inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond its
+        stop stays where it is."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step

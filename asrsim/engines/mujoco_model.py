@@ -13,7 +13,7 @@ from asrsim.samples import Array
 
 
 class MujocoModel(RigidModel):
-    """See :class:`asrsim.engines.base.Model`. home: qpos of the start, for what is no joint of the robot.
+    """See :class:`asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are no joints of the robot.
 
     places: link -> body of the model, position (3,) and rotation (3, 3) of the link in it (fixed links are merged).
     """
@@ -37,7 +37,7 @@ class MujocoModel(RigidModel):
         self._known: bytes | None = None
 
     def _place(self, positions: Sequence[float] | Array) -> Any:
-        """The data with the joints at `positions`, positions' consequences worked out."""
+        """The data with the joints at `positions`, after forward kinematics."""
         data, mj = self._data, self._mujoco
         values = np.asarray(positions, dtype=float)
         key = values.tobytes()
@@ -51,7 +51,7 @@ class MujocoModel(RigidModel):
         return data
 
     def forget(self) -> None:
-        """The model's numbers have changed."""
+        """Forget the last posture, since the model's numbers have changed."""
         self._known = None
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
@@ -64,7 +64,7 @@ class MujocoModel(RigidModel):
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a base that is held."""
+        """(n,) N m that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
         data.qacc[:] = 0.0

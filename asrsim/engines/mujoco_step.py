@@ -30,7 +30,7 @@ ROUTINES = {
 
 
 class Record(NamedTuple):
-    """What a step works on beside a state: MuJoCo's model, data of its own, and room."""
+    """Work space of a step: MuJoCo's model, data of its own, and a room."""
 
     room: Room
     model: int
@@ -48,7 +48,7 @@ class Record(NamedTuple):
     wrench_point: Numbers
     """(w, 3) m, in the body's frame."""
     wrench_turn: Numbers
-    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
+    """(w, 3, 3): the frame of the wrench's link in the frame of its body."""
     wrench_local: Numbers
     """(w,) 1 where the wrench is given in the link's frame."""
 

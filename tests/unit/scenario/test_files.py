@@ -159,7 +159,7 @@ expect:
         ("references:\n  a:\n    x: {stp: 1}", 5, "references.a.x.stp", "Did you mean 'step'?"),
         ("references: {a: {'*': 1}}", 3, "references.a.*", "cannot stand for a reference"),
         ("wrenches: [{force: [0, 0, 0]}]", 3, "wrenches.0", "'link' is missing"),
-        ("wrenches: [{link: arm}]", 3, "wrenches.0", "a force or a torque"),
+        ("wrenches: [{link: arm}]", 3, "wrenches.0.force", "a force or a torque"),
         ("reference_ranges: {a: {b: [1, -1]}}", 3, "reference_ranges.a.b", "larger than the largest"),
         ("varients: {}", 3, "varients", "Did you mean 'variants'?"),
         ("variant: a\nvariants: {a: {}}", 3, "variant", "names them there"),

@@ -234,7 +234,8 @@ def test_a_checked_robot_is_the_files_and_what_does_not_fit_is_one_error():
     robot = arm()
     fits = Scenario(name="s", robot=robot.path, modes={"vsa": 3}, references={"vsa": {"stiffness_preset": Constant(value=0.1)}})
     assert checked_robot(fits, robot) == (robot, check_against_robot(fits, robot)[1])
-    wrong = make_scenario(robot.path, duration=1.0, initial={"vsa": 2.0, "nobody": 0.0})
+    start = {"vsa": 2.0, "nobody": 0.0}
+    wrong = Scenario(name="s", robot=robot.path, initial_positions=start, resolved={"initial": start})
     with pytest.raises(ScenarioError) as error:
         checked_robot(wrong, robot)
     assert {problem.code for problem in error.value.problems} == {"initial-limits", "unknown-joint"}
