@@ -146,7 +146,7 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     scenario = make_scenario(robot, 6)
     with pytest.raises(SimulationError, match="cannot compile the laws of 'tabled'"):
         simulate(replace(scenario, compiled=True), robot)
-    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.core.pays", lambda *_: True)
     run = simulate(scenario, robot)
     assert (run.status, run.compiled) == ("complete", False)
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
@@ -161,10 +161,10 @@ def test_it_is_chosen_when_it_pays() -> None:
 def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 6)
     scenario = make_scenario(robot, 6)
-    monkeypatch.setattr("asrsim.simulation.simulation.available", lambda: False)
+    monkeypatch.setattr("asrsim.simulation.core.available", lambda: False)
     monkeypatch.setattr("asrsim.simulation.run.available", lambda: False)
     assert not simulate(scenario, robot).warnings
-    monkeypatch.setattr("asrsim.simulation.simulation.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.core.pays", lambda *_: True)
     (warning,) = simulate(scenario, robot).warnings
     assert (warning.code, warning.hint) == ("slow-loop", "pip install numba")
     with pytest.raises(SimulationError, match="Numba is not installed"):

@@ -51,10 +51,10 @@ def test_kicks_are_cut_at_the_same_jumps_whatever_the_blocks(size: int) -> None:
     inputs = Inputs(given.scenario, given.drives, substep=H, staggered=True)
 
     def pieces(first: int, count: int) -> dict[int, list[Any]]:
-        cuts = inputs.block(first, count).cuts
+        cuts, _ = inputs.given(inputs.chunk(first, count), 0, count, None)
         return {
-            first + row: [cuts.fractions[a:b].tolist(), cuts.on_time[a:b].tolist(), cuts.inputs[a:b].tolist()]
-            for row, a, b in cuts.places.tolist()
+            first + row: [cuts.fractions[a:b].tolist(), cuts.on_time[a:b].tolist(), cuts.pieces[a:b].tolist()]
+            for row, a, b in cuts.cuts[0].tolist()
         }
 
     whole = pieces(0, 42)
