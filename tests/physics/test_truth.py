@@ -47,15 +47,6 @@ def keeps_its_bounds(measure: Callable[[], Iterator[Check]], engine: str) -> Non
     assert not [str(check) for check in checks if not check.passed]
 
 
-def test_a_check_passes_on_the_right_side_of_its_bound_only() -> None:
-    assert Check(name="error", figure=1.0, bound=1.0).passed
-    assert not Check(name="error", figure=1.1, bound=1.0).passed
-    assert Check(name="order", figure=1.9, bound=1.8, at_least=True).passed
-    assert not Check(name="order", figure=1.7, bound=1.8, at_least=True).passed
-    assert not Check(name="lost", figure=float("nan"), bound=1.0).passed
-    assert not Check(name="lost", figure=float("nan"), bound=1.0, at_least=True).passed
-
-
 def test_the_document_is_made_of_the_checks_own_numbers() -> None:
     section = Section(title="Title", text="Text.", measures=())
     good = Check(name="good", figure=1.234e-7, bound=1e-6, unit="rad", source="theory")

@@ -20,7 +20,6 @@ from asrsim.robot import load_robot
 from asrsim.robot.model import Robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
-from asrsim.simulation.core import pays
 from asrsim.simulation.run import Run, simulate
 
 pytest.importorskip("numba")
@@ -126,17 +125,6 @@ def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode:
     assert np.array_equal(plain.counts.effort, fast.counts.effort)
 
 
-def test_equal_bits_of_the_brake_of_a_link_controller(tmp_path: Path) -> None:
-    robot = make_robot(tmp_path, ("qbmove", "sea"), 1, damping=0.01)
-    scenario = make_scenario(robot, 1, parameters={"*": {"controller_1_derivative": 0.3}})
-    assert_equal(*both(robot, scenario))
-
-
-def test_equal_bits_across_blocks(tmp_path: Path) -> None:
-    robot = make_robot(tmp_path, ("qbmove", None), 6, damping=0.01)
-    assert_equal(*both(robot, make_scenario(robot, 6, duration=3.2)))
-
-
 @pytest.mark.once
 def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plugin = tmp_path / "tabled.py"
@@ -150,12 +138,6 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     run = simulate(scenario, robot)
     assert (run.status, run.compiled) == ("complete", False)
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
-
-
-def test_it_is_chosen_when_it_pays() -> None:
-    assert not pays(1, 1_000)
-    assert pays(5, 1_000_000)
-    assert pays(5, 100_000 * 11)
 
 
 def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

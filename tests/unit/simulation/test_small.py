@@ -18,13 +18,10 @@ import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.errors import RobotError
 from asrsim.scenario import scenario_from_data
-from asrsim.scenario.data import Effects
-from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
-from asrsim.simulation.certify import certify
+from asrsim.signals import PulseTrain, Step
 from asrsim.simulation.divergence import FLOOR, SHARE, EnergyGuard
-from asrsim.simulation.effects import through
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.run import COARSE, TARGET, UNSTABLE, _stiffer_than_foreseen, simulate
+from asrsim.simulation.run import COARSE, TARGET, _stiffer_than_foreseen
 from asrsim.simulation.simulation import Simulation
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
 from support.paths import ROOT
@@ -346,12 +343,6 @@ def test_quantised_readings_are_the_nearest(tmp_path: Path, start: float) -> Non
     assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * nearest)
 
 
-def test_quantised_commands_are_the_nearest() -> None:
-    for value, nearest in ((0.24, 0.2), (0.26, 0.3), (-0.24, -0.2), (-0.26, -0.3)):
-        signal = through(Constant(value=value), Effects(quantum=0.1), step=1e-3, seed=(0,))
-        assert signal.values(np.zeros(1))[0] == pytest.approx(nearest)
-
-
 # -- references from outside -------------------------------------------------------------------------------------------
 
 
@@ -375,21 +366,6 @@ def test_a_reference_set_from_outside_acts_from_the_next_step_on(tmp_path: Path,
 
 
 # -- certificates ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("stepping", "order"), [("leapfrog", 2.0), ("euler", 1.0)])
-def test_the_certified_order_is_the_measured_one(stepping: str, order: float) -> None:
-    wave: dict[str, Any] = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0)}
-    result = run(
-        chain(replace(BODY, damping=0.05)), mode=3, references=wave, duration=0.3, stepping=stepping,
-        parameters={"spring_stiffness": 5.0},
-    )  # fmt: skip
-    reported = certify(result.scenario, result, result.robot).joints["joint_1"]
-    assert reported.order == pytest.approx(order, abs=0.1)
-    fine = simulate(replace(result.scenario, substeps=64), result.robot)
-    assert fine.samples is not None
-    error = np.abs(column(result, "link_position") - fine.samples.values["link_position"][:, 0]).max()
-    assert reported.position_max == pytest.approx(error, rel=0.1)
 
 
 def test_a_jump_of_a_torque_from_outside_counts_from_its_time() -> None:
@@ -416,15 +392,6 @@ def test_a_spring_that_got_stiffer_than_foreseen_is_told_where_the_step_is_coars
         (wanted,) = re.findall(r"Set substeps to (\d+) or more", problem.hint)
         assert reached * 3 / (int(wanted) - 1) > TARGET >= reached * 3 / int(wanted)
         assert f"{seen:.4g} N m/rad" in problem.message
-
-
-@pytest.mark.parametrize("omega_h", [0.1, 1.99, 2.0, 2.5])
-@pytest.mark.parametrize("released", [True, False])
-def test_a_step_that_resolves_no_spring_is_told_in_the_released_order_only(omega_h: float, released: bool) -> None:
-    resolution = SimpleNamespace(omega_h=omega_h, substeps=1, stiffness=[])
-    prepared = SimpleNamespace(resolution=resolution, stepping=SimpleNamespace(released=released), drives=[])
-    problems = _stiffer_than_foreseen(prepared, SimpleNamespace(stiffest=np.empty(0)))
-    assert [problem.code for problem in problems] == (["unresolved-spring"] if released and omega_h >= UNSTABLE else [])
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
