@@ -98,9 +98,8 @@ def held_chain(count: int, share: float) -> list[Body]:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("count", [4, 7])
-def test_a_chain_that_friction_holds_does_not_move(engine: str, count: int) -> None:
-    result = run(chain(*held_chain(count, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
+def test_a_chain_that_friction_holds_does_not_move(engine: str) -> None:
+    result = run(chain(*held_chain(7, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
     assert result.samples is not None
     q = result.samples.values["link_position"]
     assert np.abs(q - q[0]).max() < 1e-12
