@@ -110,7 +110,7 @@ class Simulation:
         while self.substep < end:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
-            out, first, found, references = self._world.go_on(ONE, min(end, boundary) - before)
+            out, first, found, references, _ = self._world.go_on(ONE, min(end, boundary) - before)
             begin = int(first[0]) * self.substeps - before
             rows = references[:, :, 0, begin :: self.substeps]
             self.recording.take(int(first[0]), out[0, : found[0]], rows[:, :, : found[0]])

@@ -172,24 +172,30 @@ class Worlds:
             raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
 
-    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
-        """Advance by `count` substeps; the rows of whole steps in them, (m, rows, joints, columns), if they are to be kept."""
+    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> tuple[Array, Array]:
+        """Advance by `count` substeps; if they are to be kept, the rows of whole steps in them, (m, rows, joints, columns), and
+        their inputs, (m, columns, joints, rows)."""
         self._check_open()
-        rows = -(-count // self.substeps) if keep else 0
-        kept = np.full((len(numbers), rows, len(self.joints), len(self.selection.columns)), np.nan)
+        rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
+        kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
+        inputs = np.full((len(numbers), self._given.shape[1], joints, rows), np.nan)
         ran, start = 0, -(-self.core.done[numbers] // self.substeps)
         while ran < count and len(numbers):
-            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(self.core.done[numbers].tolist())))
-            out, first, found, _ = self.go_on(numbers, length)
+            before = self.core.done[numbers]
+            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
+            out, first, found, references, sets = self.go_on(numbers, length)
             for place in range(len(numbers)) if keep else ():
-                begin = first[place] - start[place]
-                kept[place, begin : begin + found[place]] = out[place, : found[place]]
+                at = slice(first[place] - start[place], first[place] - start[place] + found[place])
+                kept[place, at] = out[place, : found[place]]
+                own = references[:, :, sets[place], first[place] * self.substeps - before[place] :: self.substeps]
+                inputs[place, :, :, at] = own[:, :, : found[place]]
             ran += length
-        return kept
+        return kept, inputs
 
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array]:
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Any, Any, Array, Any]:
         """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps; (m,) the number of the first
-        one of each world, and (m,) how many they are; references of all substeps (columns, joints, m, n)."""
+        one of each world, and (m,) how many they are; references of all substeps (columns, joints, sets, n), and (m,) the set
+        of each world."""
         done, every, columns = self.core.done, self.substeps, self.selection.columns
         before = done[numbers]
         given, sets, references = self._inputs_for(numbers, length)
@@ -203,7 +209,7 @@ class Worlds:
         self._rows[numbers[places]] = out[places, last]
         at = (first[places] + last) * every - before[places]
         self._given[numbers[places]] = references[:, :, sets[places], at].transpose(2, 0, 1)
-        return out, first, found, references
+        return out, first, found, references, sets
 
     def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
         options: Any = self.substeps, self._watched, self.selection.columns
@@ -435,20 +441,13 @@ class Worlds:
         self.selection.check(names)
         numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
-        kept = self._run(numbers, total, keep=True)
+        kept, inputs = self._run(numbers, total, keep=True)
         found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
-        substeps = np.arange(kept.shape[1]) * self.substeps
         for place, world in enumerate(numbers.tolist()):
             selection = self._other.get(world, self.selection)
-            for name, values in selection.values(kept[place], self._sampled(world, substeps), names).items():
+            for name, values in selection.values(kept[place], inputs[place], names).items():
                 found[name][place] = values
         return found
-
-    def _sampled(self, world: int, substeps: NDArray[np.int64]) -> Array:
-        """Inputs (columns, joints, n) of a world at these substeps."""
-        held = self._held[world].T
-        sampled = self._inputs[world].sample(np.round(substeps * self.prepared.substep, 12))
-        return np.where(np.isnan(held)[:, :, None], sampled, held[:, :, None])
 
     def sane(self, world: int) -> bool:
         """Whether the world's motion is finite, and no energy came from nowhere since its start. Raises SimulationError where
