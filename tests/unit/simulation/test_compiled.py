@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import stat
 from collections import OrderedDict
 from dataclasses import replace
 from pathlib import Path
@@ -203,27 +202,6 @@ def test_a_changed_law_gets_a_kernel_of_its_own(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.once
-@pytest.mark.skipif(os.name != "posix", reason="permissions")
-@pytest.mark.parametrize("hindrance", ["file", "read-only"])
-def test_a_cache_that_cannot_be_written_is_done_without(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hindrance: str
-) -> None:
-    place = tmp_path / "cache"
-    if hindrance == "file":
-        place.write_text("in the way")
-    else:
-        place.mkdir()
-        place.chmod(stat.S_IRUSR | stat.S_IXUSR)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(place))
-    robot = make_robot(tmp_path, ("sea",), 3)
-    try:
-        assert_equal(*both(robot, make_scenario(robot, 3)))
-    finally:
-        if place.is_dir():
-            place.chmod(stat.S_IRWXU)
-
-
-@pytest.mark.once
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and permissions of files")
 @pytest.mark.parametrize("fault", ["folder of others", "writable folder", "linked folder", "linked file", "writable file"])
 def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
@@ -262,15 +240,3 @@ def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.Mon
     # Another process would find it so; this one holds what it has loaded.
     monkeypatch.setattr(compiling, "_loaded", OrderedDict())
     assert_equal(*both(robot, scenario))
-
-
-@pytest.mark.once
-def test_what_a_process_has_loaded_it_loads_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    robot = make_robot(tmp_path, ("sea",), 3)
-    scenario = replace(make_scenario(robot, 3), compiled=True)
-    simulate(scenario, robot)
-    loads: list[object] = []
-    marked = compiling._marked
-    monkeypatch.setattr(compiling, "_marked", lambda *a: loads.append(a) or marked(*a))
-    simulate(scenario, robot)
-    assert not loads

@@ -16,7 +16,7 @@ from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
-from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
+from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
@@ -51,13 +51,6 @@ def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
     # Nothing of a pulse is lost: over all kicks, from 0 to 41.5 steps, what the force gave.
     edges = np.arange(0, 41.5 * H, 1e-6) + 5e-7
     assert H * whole[:, 0].sum() == pytest.approx(1e-6 * PULSES.values(edges).sum(), abs=1e-6)
-
-
-def test_a_wrench_may_give_energy() -> None:
-    push = Wrench(link="link_1", force=(Constant(value=20.0), None, None), point=(0.0, 0.0, -REACH))
-    result = run(chain(replace(BODY, actuator=None)), duration=0.3, wrenches=(push,))
-    assert result.status == "complete"
-    assert np.ptp(column(result, "link_position")) > 1.0
 
 
 def test_late_sensors_of_motors_are_of_second_order() -> None:
@@ -196,21 +189,6 @@ def test_an_engine_goes_with_its_simulation(engine: str) -> None:
         assert held() is None
     finally:
         gc.enable()
-
-
-def test_a_preparation_that_nobody_runs_leaves_no_client() -> None:
-    """PyBullet keeps 28 MB for each."""
-    pybullet = pytest.importorskip("pybullet", reason="PyBullet is not here")
-
-    def free_client() -> int:
-        number = pybullet.connect(pybullet.DIRECT)
-        pybullet.disconnect(number)
-        return int(number)
-
-    before = free_client()
-    for _ in range(3):
-        prepared(engine="bullet")
-    assert free_client() == before
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
