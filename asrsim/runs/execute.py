@@ -107,7 +107,7 @@ def execute(
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
         logged = open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
-        summary = replace(summary, cross_check=found.as_dict())
+        summary = replace(summary, cross_check=found)
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 
