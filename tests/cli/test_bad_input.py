@@ -421,6 +421,7 @@ def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> No
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
         (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
         (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
+        (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )
 def test_a_name_that_is_nearly_a_files_is_told_which(tmp_path, monkeypatch, asrsim_command, command, wanted) -> None:

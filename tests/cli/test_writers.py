@@ -32,7 +32,7 @@ ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.3}}}, tolerance: 
 
 @pytest.fixture
 def place(tiny, asrsim_command) -> Path:
-    """A folder with a run in `made`, a recorded motion and a scenario to learn."""
+    """A folder with a run in `made`, a motion for the bench and a scenario to learn."""
     (tiny.folder / "motion.csv").write_text("time,elbow.position,elbow.velocity\n0,0,0\n0.001,0,0\n0.002,0,0\n")
     (tiny.folder / "lift.yaml").write_text(LIFT)
     assert asrsim_command("run", tiny.scenario, "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
@@ -46,6 +46,7 @@ WRITERS = {
     "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
     "report": ("report made --out out/page.html --no-film", ["page.html"]),
+    "bench": ("bench pendulum.urdf motion.csv --out out/bench.csv", ["bench.csv"]),
     "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png", "learned.mcap"]),
     "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
 }
@@ -88,6 +89,7 @@ def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, na
 @pytest.mark.parametrize(
     "arguments",
     [
+        "bench pendulum.urdf motion.csv --out pendulum.urdf", "bench pendulum.urdf motion.csv --out motion.csv",
         "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
         "rerun made/log.mcap --out made", "rerun made/log.mcap --out made --overwrite",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",

@@ -8,27 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.robot.model import Robot
 from asrsim.samples import Array
-from asrsim.simulation.drives import make_drives
-from asrsim.simulation.joint import advance
-from asrsim.simulation.laws import plain_law
-from asrsim.simulation.layout import (
-    DRIVE_TORQUE,
-    JOINT_STEP,
-    KICK_POSITION,
-    LAGGING,
-    LOAD,
-    MEAN_VELOCITY,
-    MOTOR_POSITION,
-    OWN,
-    PER_MOTOR,
-    POSITION,
-    SPRING_LAW,
-    TORQUE,
-)
-from asrsim.simulation.rows import positions_of, shape_of, start_of, tables
-from asrsim.simulation.steppings import STEPPINGS
+from asrsim.simulation.bench import Motion, run_bench
 from validation.check import DATA, Check
 from validation.models import read
 
@@ -63,10 +44,9 @@ def distance(case: Mapping[str, Any], table: Array, columns: list[str]) -> float
     tags = "".join(f"<{tag}>{value!r}</{tag}>" for tag, value in case["tags"].items())
     robot = read(URDF.format(plugin=case["plugin"], mode=case["mode"], tags=tags))
     time, position, velocity, first, second = table[:, :5].T
-    # The first step is as long as the second, or the whole time before a late start.
-    first_step = case["t_start"] + case["dT"] if case["t_start"] else case["dT"]
-    steps = [first_step, *[case["dT"]] * (len(time) - 1)]
-    found = _driven(robot, steps, position.tolist(), velocity.tolist(), np.array([first, second]))
+    motion = Motion(position=position, velocity=velocity, reference_1=first, reference_2=second)
+    first_step = case["t_start"] + case["dT"] if case["t_start"] else None
+    found = run_bench(robot, time, {"joint": motion}, stepping="toolbox", first_step=first_step)["joint"]
     worst = 0.0
     for name, ours in COLUMNS.items():
         if name in case["undefined_columns"]:
@@ -80,35 +60,3 @@ def distance(case: Mapping[str, Any], table: Array, columns: list[str]) -> float
             error = np.abs(found[ours][valid] - expected[valid]) / np.maximum(size, 1e-3 * size.max())
             worst = max(worst, float(error.max()))
     return worst
-
-
-def _driven(robot: Robot, steps: list[float], places: list[float], speeds: list[float], references: Array) -> dict[str, Array]:
-    """Columns of :data:`COLUMNS` of the only joint, whose link is moved row by row, as the released code publishes them."""
-    stepping = STEPPINGS.get("toolbox")
-    (drive,) = make_drives(robot, stepping, initial_positions={}, link_damping={})
-    shape = shape_of([drive], [None])
-    kinds, constants = tables([drive], [None], shape, motor_substeps=1, cutoff=False)
-    k: list[Any] = kinds[0].tolist()
-    k[JOINT_STEP] = stepping.joint_step
-    actuator: Any = drive.actuator
-    mode: Any = drive.mode
-    springs = mode is not None and mode.spring
-    if springs:
-        k[SPRING_LAW] = plain_law(actuator, positions_of(drive))
-    p, s = constants[0].tolist(), start_of(drive, None, shape, drive.initial_position, 0.0)
-    rows = []
-    for step, q, v, goals in zip(steps, places, speeds, drive.goals(references).T.tolist(), strict=True):
-        s[POSITION], s[LAGGING] = q, v
-        before = [s[OWN + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
-        advance(s, p, k, (step, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0), [0.0, *goals], step, DRIVE_TORQUE, False)
-        if not springs:
-            rows.append([s[TORQUE], np.nan, np.nan, np.nan, *[0.0] * 6])
-            continue
-        load, place, speed, torque = (
-            [s[OWN + i * PER_MOTOR + column] for i in range(2)] for column in (LOAD, KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
-        )
-        # In mode 4 stiffness is that of the motors' old positions; ideal motors are published as 0.
-        stiffness = actuator.stiffness(q, *(before if mode.number == 4 else place), drive.elastic)
-        place = place if mode.motor else [0.0, 0.0]
-        rows.append([s[TORQUE], *load, stiffness, place[0], speed[0], torque[0], place[1], speed[1], torque[1]])
-    return dict(zip(COLUMNS.values(), np.array(rows).T, strict=True))

@@ -1,0 +1,134 @@
+"""`asrsim bench`: a recorded or computed link motion played into the actuators of a URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from asrsim.cli.options import Plugins, into_file, load_plugins
+from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.outfile import check_output, csv_text, write_text
+
+if TYPE_CHECKING:
+    from asrsim.robot.model import Robot
+    from asrsim.samples import Array
+    from asrsim.simulation.bench import Motion
+
+INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque")
+"""Columns a joint may have; position and velocity are required."""
+
+
+def bench(
+    robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file.", show_default=False)],
+    motion: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MOTION",
+            help="CSV with time and <joint>.position, .velocity, and any of .reference_1, .reference_2, .external_torque.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
+    stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox: the released code's order.")] = "leapfrog",
+    first_step: Annotated[
+        float | None,
+        typer.Option(
+            help="Length of the first row's step in s; by default as long as the second's, in leapfrog a start from rest."
+        ),
+    ] = None,
+    plugin: Plugins = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+) -> None:
+    """Play a prescribed link motion into the actuators, as on a test bench.
+
+    A row of the CSV is a step, at the row's time. The output has time and per joint position, velocity, references,
+    link and elastic torques, stiffness and motor states; floats survive the round trip.
+
+    Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
+    """
+    load_plugins(plugin)
+    rows = bench_files(robot, motion, out, stepping=stepping, first_step=first_step)
+    if not quiet:
+        from asrsim.cli.console import say
+
+        say(f"{rows} rows -> {out}")
+
+
+def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None) -> int:
+    """Run the bench from files; returns the number of rows written."""
+    import numpy as np
+
+    from asrsim.robot import load_robot
+    from asrsim.simulation.bench import OUTPUTS, run_bench
+
+    check_output(out, "bench", inputs=[robot_file, motion_file])
+    robot = load_robot(robot_file)
+    time, motions = read_motion(motion_file, robot)
+    results = run_bench(robot, time, motions, stepping=stepping, first_step=first_step)
+    names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
+    columns = [results[joint][column] for joint in results for column in OUTPUTS]
+    write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
+    return len(time)
+
+
+def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
+    """Times (n,) in s and the motion of each joint of a motion CSV; raises RecordingError with every problem found."""
+    import numpy as np
+
+    from asrsim.signals.recorded import read_column, series_names
+    from asrsim.simulation.bench import Motion
+
+    names = series_names(path)
+    joints = _check_names(path, names, robot)
+    found: dict[str, Array] = {}
+    problems: list[Problem] = []
+    for name in names:
+        try:
+            time, found[name] = read_column(path, name, "time")
+        except RecordingError as error:
+            problems += [problem for problem in error.problems if problem not in problems]
+    if problems:
+        raise RecordingError(problems)
+    return time, {
+        joint: Motion(**{name: found.get(f"{joint}.{name}", np.zeros(len(time))) for name in INPUTS[:4]}) for joint in joints
+    }
+
+
+def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
+    """Joints that the header names, in the robot's order. Raises RecordingError for columns unknown and missing."""
+    actuated = [joint.name for joint in robot.moving_joints if any(block.joint == joint.name for block in robot.actuators)]
+    valid = ["time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS)]
+    joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
+    required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
+    problems = [
+        Problem(
+            "is not a column of the bench",
+            file=path,
+            line=1,
+            key=name,
+            hint=_hint(name, valid, actuated),
+            code="unknown-column",
+        )
+        for name in names
+        if name not in valid
+    ]
+    problems += [
+        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
+        for name in required
+        if name not in names
+    ]
+    if problems:
+        raise RecordingError(problems)
+    return joints
+
+
+def _hint(name: str, valid: list[str], actuated: list[str]) -> str:
+    first, _, again = name.partition("#")
+    if again and first in valid:
+        return "It stands twice in the header."
+    if name in actuated:
+        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
+    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."
