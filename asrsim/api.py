@@ -25,6 +25,7 @@ from asrsim.summary import Collector, RunSummary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
     from asrsim.robot.model import Robot
 
@@ -134,10 +135,16 @@ class Result:
         return as_html(self)
 
     def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-        """A figure of the joints, or of the quantities named. Raises LogError for unknown names."""
+        """A figure of the joints, or of the quantities named; a notebook shows it. Raises LogError for unknown names."""
         from asrsim.notebook import draw
 
         return draw(self, joints=joints, quantities=quantities)
+
+    def render(self, *, frames: int = 6) -> Image:
+        """A film strip of the motion, which shows itself in a notebook."""
+        from asrsim.notebook import film_strip
+
+        return film_strip(self, count=frames)
 
     def to_pandas(self) -> Any:
         """A DataFrame indexed by time, with columns by joint and quantity; needs pandas."""

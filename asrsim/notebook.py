@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from asrsim.quantities import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
     from asrsim.api import Result
     from asrsim.samples import Array
@@ -25,21 +27,38 @@ WIDTH = 900
 
 def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
     """The first of the pictures that `asrsim plot` draws of the run: its joints, or the quantities asked for."""
-    from asrsim.log import LogWriter
     from asrsim.plots.curves import read_curves
     from asrsim.plots.figures import run_pages
     from asrsim.plots.output import styled
 
-    with TemporaryDirectory(prefix="asrsim-plot-") as folder:
-        log = result.log
-        if log is None:
-            log = Path(folder) / "log.mcap"
-            with LogWriter(log, result.run.info) as writer:
-                writer.write(result.samples)
-                writer.close({"status": result.status})
+    with _logged(result) as log:
         curves = read_curves(log, joints=joints, quantities=quantities, bodies=quantities is None)
     with styled():
         return next(iter(run_pages([curves], quantities=quantities))).figure
+
+
+def film_strip(result: Result, *, count: int) -> Image:
+    """The film strip that `asrsim render` draws of the run."""
+    from asrsim.render import Film, strip_of
+
+    with _logged(result) as log:
+        return strip_of(Film(log), count=count)
+
+
+@contextmanager
+def _logged(result: Result) -> Iterator[Path]:
+    """The log of a result; of one without a log, a temporary one."""
+    from asrsim.log import LogWriter
+
+    if result.log is not None:
+        yield result.log
+        return
+    with TemporaryDirectory(prefix="asrsim-notebook-") as folder:
+        log = Path(folder) / "log.mcap"
+        with LogWriter(log, result.run.info) as writer:
+            writer.write(result.samples)
+            writer.close({"status": result.status})
+        yield log
 
 
 def as_html(result: Result) -> str:

@@ -1,7 +1,7 @@
-"""A generic checker of actuators, ours and users': do the laws agree with each other and with physics?
+"""Checks of an actuator's laws, ours and users': do they agree with each other and with physics?
 
-Every check samples the laws at seeded random points: deflections inside the limit, the defaults and perturbed
-parameters. It says what it measured, and where the worst point is.
+Every check evaluates the laws at seeded random points: deflections inside the limit, the defaults and perturbed parameters. It
+reports the worst value, and the point where it occurs.
 """
 
 from __future__ import annotations
@@ -10,13 +10,25 @@ import math
 import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from asrsim.actuators import Actuator
-from asrsim.actuators.sampling import Point, limit_of, link_torque, parameter_sets, sample_points
 from asrsim.actuators.user import declaration_problems
+from asrsim.actuators.vectorised import Array
 
-_FAR = 4.0
+FREE_RANGE = 0.5
+"""rad, deflections sampled for an actuator without a `max_deflection`."""
+SAMPLES = 200
+"""Points at which each law is evaluated, for every set of parameters."""
+PARAMETER_SETS = 6
+"""Number of sets of parameters: the defaults, and others within their bounds."""
+FAR = 4.0
 """Deflections up to this multiple of the limit must still give finite torques."""
+DIFFERENCES = (1e-3, 3e-5, 1e-6)
+"""Steps of differences, as shares of the deflection limit: a smaller one serves where the first reaches over a corner."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +38,11 @@ class Check:
     name: str
     passed: bool
     doc: str
-    """What was asked."""
+    """What the check asks."""
     figure: float | None = None
     """The worst value found."""
     limit: float | None = None
-    """What `figure` had to stay within."""
+    """Largest allowed `figure`."""
     detail: str = ""
     """Where the worst value is, or what went wrong."""
 
@@ -50,7 +62,7 @@ class CheckReport:
 
 
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
-    """Run every check; laws that raise fail theirs. Nothing is raised."""
+    """Run every check; a law that raises fails its check. Nothing is raised."""
     problems = declaration_problems(actuator)
     declaration = Check(
         name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as the contract asks",
@@ -63,49 +75,102 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
     )
 
 
+class Point(NamedTuple):
+    """Arguments of a law: position of the link (rad), positions of the motors (rad; an adjuster's in its own unit), and the
+    spring's parameters."""
+
+    q: float
+    thetas: tuple[float, ...]
+    parameters: tuple[float, ...]
+
+    def call(self, law: Callable[..., Any]) -> Any:
+        """The law's result here."""
+        return law(self.q, *self.thetas, self.parameters)
+
+    def link_torque(self, actuator: type[Actuator], shift: float = 0.0) -> float:
+        """N m on the link, with the link moved by `shift` rad."""
+        return float(sum(self._replace(q=self.q + shift).call(actuator.elastic_torques)))
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{value:.6g}" for value in self.parameters)
+        thetas = ", ".join(f"theta_{i}={theta:.4g}" for i, theta in enumerate(self.thetas, start=1))
+        return f"q={self.q:.4g}, {thetas}, parameters=({values})"
+
+
+def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
+    """The defaults, and sets with every spring parameter changed by up to 30 %, inside its bounds."""
+    source = random.Random(1)
+    sets = [tuple(float(parameter.default) for parameter in actuator.parameters)]
+    for _ in range(PARAMETER_SETS - 1 if actuator.parameters else 0):
+        values = [(parameter, parameter.default * source.uniform(0.7, 1.3)) for parameter in actuator.parameters]
+        sets.append(tuple(parameter.default if parameter.fault(value) else value for parameter, value in values))
+    return sets
+
+
+def _limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
+    """Largest deflection in rad."""
+    names = [parameter.name for parameter in actuator.parameters]
+    return parameters[names.index("max_deflection")] if "max_deflection" in names else FREE_RANGE
+
+
+def _points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Point]:
+    """Points with deflections up to `reach` times the limit."""
+    source = random.Random(2)
+    for parameters in parameter_sets(actuator):
+        limit = reach * _limit_of(actuator, parameters)
+        for _ in range(SAMPLES):
+            q = source.uniform(-2.0, 2.0)
+            thetas = [q + source.uniform(-limit, limit) for _ in range(actuator.positions() - actuator.adjuster)]
+            thetas += [actuator.typical_preset * source.uniform(0.5, 1.5)] if actuator.adjuster else []
+            yield Point(q, tuple(thetas), parameters)
+
+
 class _FailedError(Exception):
-    """A check failed in a way that is no figure."""
+    """A check failed without a figure."""
 
 
-_Measure = Callable[[type[Actuator]], Iterator[tuple[float, str]]]
+_Measure = Callable[[type[Actuator]], Iterator[tuple[float, object]]]
+"""Figures of an actuator, each with the place where it was measured."""
 
 
 def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: type[Actuator]) -> Check:
-    worst, where = 0.0, ""
+    worst, where, failure = 0.0, "", ""
     try:
-        for figure, point in measure(actuator):
+        for figure, place in measure(actuator):
             if math.isnan(figure):
-                raise _FailedError(f"not a number at {point}")
+                raise _FailedError(f"not a number at {place}")
             if figure > worst:
-                worst, where = figure, point
+                worst, where = figure, str(place)
     except _FailedError as error:
-        return Check(name=name, passed=False, doc=doc, limit=limit, detail=str(error))
+        failure = str(error)
     except Exception as error:
-        return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
-    passed = limit is None or worst <= limit
-    return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=where if worst > 0.0 else "")
+        failure = f"raised {type(error).__name__}: {error}"
+    if failure:
+        return Check(name=name, passed=False, doc=doc, limit=limit, detail=failure)
+    return Check(name=name, passed=limit is None or worst <= limit, doc=doc, figure=worst, limit=limit, detail=where)
 
 
-def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    points = list(sample_points(actuator))
-    first = []
-    for point in points:
+def _pure(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    def results(point: Point) -> tuple[float, ...]:
         torques, stiffness = point.call(actuator.elastic_torques), point.call(actuator.stiffness)
         if not isinstance(torques, tuple) or len(torques) != max(2, actuator.motors):
             raise _FailedError(f"elastic_torques must return {max(2, actuator.motors)} numbers as a tuple, got {torques!r}")
         if not all(isinstance(value, float) for value in (*torques, stiffness)):
             raise _FailedError(f"laws must return floats, got {torques!r} and {stiffness!r} at {point}")
-        first.append((*torques, stiffness))
+        return (*torques, stiffness)
+
+    points = list(_points(actuator))
+    first = [results(point) for point in points]
     for point, earlier in zip(reversed(points), reversed(first), strict=True):
-        again = (*point.call(actuator.elastic_torques), point.call(actuator.stiffness))
+        again = results(point)
         if again != earlier and not any(map(math.isnan, earlier)):
             raise _FailedError(f"the same input gave {earlier} and {again}: the law has a state; at {point}")
     yield 0.0, ""
 
 
-def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
     has_limit = any(parameter.name == "max_deflection" for parameter in actuator.parameters)
-    for point in sample_points(actuator, _FAR if has_limit else 1.0):
+    for point in _points(actuator, FAR if has_limit else 1.0):
         try:
             values = (*point.call(actuator.elastic_torques), point.call(actuator.stiffness))
         except ArithmeticError as error:
@@ -115,112 +180,85 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
     yield 0.0, ""
 
 
-def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    points = list(sample_points(actuator, 0.95))  # off the limit, where the slope breaks
+def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    points = list(_points(actuator, 0.95))  # off the limit, where the slope breaks
     stated = [point.call(actuator.stiffness) for point in points]
     # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
-        # Smaller differences serve where the first one happens to reach over a corner of the law.
-        h = 1e-3 * limit_of(actuator, point.parameters)
-        slopes = [_slope(actuator, point, part * h) for part in (1.0, 0.03, 0.001)]
+        slopes = [-_slope(partial(point.link_torque, actuator), h) for h in _steps(actuator, point)]
         figure, slope = min((abs(value - slope) / max(abs(value), abs(slope), floor), slope) for slope in slopes)
         yield figure, f"{point}: stiffness {value:.6g}, slope {slope:.6g}"
 
 
-def _slope(actuator: type[Actuator], point: Point, h: float) -> float:
-    """-d tau_q / dq by a fourth-order central difference."""
-    far = link_torque(actuator, point, point.q - 2 * h) - link_torque(actuator, point, point.q + 2 * h)
-    near = link_torque(actuator, point, point.q - h) - link_torque(actuator, point, point.q + h)
-    return (8.0 * near - far) / (12.0 * h)
+def _steps(actuator: type[Actuator], point: Point) -> list[float]:
+    """rad."""
+    return [part * _limit_of(actuator, point.parameters) for part in DIFFERENCES]
 
 
-def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    for point in sample_points(actuator):
+def _slope(function: Callable[[float], Any], h: float) -> Any:
+    """Slope at 0 by a fourth-order central difference."""
+    return (8.0 * (function(h) - function(-h)) - function(2.0 * h) + function(-2.0 * h)) / (12.0 * h)
+
+
+def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    for point in _points(actuator):
         stiffness = point.call(actuator.stiffness)
         yield max(0.0, -stiffness), f"{point}: stiffness {stiffness:.6g} N m/rad"
 
 
-def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    """Work round closed loops of link and motors, against the work that goes to and fro in them."""
-    source = random.Random(3)
-    for parameters in parameter_sets(actuator):
-        limit = limit_of(actuator, parameters)
-        for loop in range(8):
-            count = 1 + actuator.positions() - actuator.adjuster
-            amplitudes = [source.uniform(0.1, 0.3) * limit for _ in range(count)]
-            phases = [source.uniform(0.0, 2.0 * math.pi) for _ in range(count)]
-            frozen = loop < 2
-            if frozen:
-                amplitudes[1:] = [0.0] * (count - 1)
-            offset = 0.0 if actuator.motors == 1 else source.uniform(-0.3, 0.3) * limit
-            work, moved = _loop_work(actuator, parameters, amplitudes, phases, offset)
-            kind = "motors frozen" if frozen else "motors moving"
-            yield (abs(work) / moved if moved > 0.0 else 0.0), f"{kind}: {work:.3g} J of {moved:.3g} J in one loop"
+def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    """Springs make no work round closed loops of link and motors if the slopes of their forces are symmetric."""
+    moving = 1 + actuator.positions() - actuator.adjuster
+
+    def forces(point: Point, along: int, shift: float) -> Array:
+        places = [place + (shift if i == along else 0.0) for i, place in enumerate((point.q, *point.thetas))]
+        torques = Point(places[0], tuple(places[1:]), point.parameters).call(actuator.elastic_torques)
+        return np.array([sum(torques), *(-torque for torque in torques)][:moving])
+
+    for point in _points(actuator, 0.95):
+        figures = []
+        for h in _steps(actuator, point):
+            slopes = np.array([_slope(partial(forces, point, i), h) for i in range(moving)])
+            largest = max(float(np.abs(slopes).max()), 1e-12)
+            figures.append(float(np.abs(slopes - slopes.T).max()) / largest)
+        yield min(figures), point
 
 
-def _loop_work(
-    actuator: type[Actuator], parameters: tuple[float, ...], amplitudes: list[float], phases: list[float], offset: float
-) -> tuple[float, float]:
-    """Work taken by the springs round an ellipse, and its magnitude; the periodic trapezoid rule is exact for smooth laws.
-
-    Amplitudes (rad) and phases are those of link and motors; the motors are `offset` apart from the link, in turn to either
-    side.
-    """
-    count = 1000
-    work = moved = 0.0
-    sides = [offset if i % 2 == 0 else -offset for i in range(len(amplitudes) - 1)]
-    preset = (actuator.typical_preset,) if actuator.adjuster else ()
-    for k in range(count):
-        angle = 2.0 * math.pi * k / count
-        q, *thetas = (a * math.sin(angle + p) for a, p in zip(amplitudes, phases, strict=True))
-        dq, *ways = (a * math.cos(angle + p) * 2.0 * math.pi / count for a, p in zip(amplitudes, phases, strict=True))
-        placed = tuple(theta + side for theta, side in zip(thetas, sides, strict=True))
-        torques = Point(q, (*placed, *preset), parameters).call(actuator.elastic_torques)
-        power = sum(torque * way for torque, way in zip(torques, ways, strict=False)) - sum(torques) * dq
-        work += power
-        moved += abs(power)
-    return work, moved
+def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    """Slope of the declared energy in q against the torque; an energy that is integrated from torques needs no check."""
+    if actuator.elastic_energy is Actuator.elastic_energy:
+        return
+    for point in _points(actuator, 0.95):
+        h = 1e-4 * _limit_of(actuator, point.parameters)
+        low, high = (point._replace(q=point.q + d).call(actuator.elastic_energy) for d in (-h, h))
+        slope, torque = (low - high) / (2.0 * h), point.link_torque(actuator)
+        # The floor is the rounding of the energies, as it appears in the difference.
+        floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
+        yield abs(slope - torque) / floor, f"{point}: slope {slope:.6g}, torque {torque:.6g}"
 
 
-def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    for equilibrium, preset, thetas in _mapped(actuator, seed=4):
+def _reference_map(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
+    for equilibrium, preset, thetas in _mapped(actuator):
         back = actuator.equilibrium_position(*thetas)
         yield abs(back - equilibrium), f"equilibrium {equilibrium:.4g}, preset {preset:.4g}: comes back as {back:.6g}"
 
 
-def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
+def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
     parameters = parameter_sets(actuator)[0]
-    limit = limit_of(actuator, parameters)
-    for equilibrium, _, thetas in _mapped(actuator, seed=5):
+    for equilibrium, _, thetas in _mapped(actuator):
         point = Point(equilibrium, thetas, parameters)
         torques, stiffness = point.call(actuator.elastic_torques), point.call(actuator.stiffness)
-        scale = max(*map(abs, torques), abs(stiffness) * limit, 1e-12)
+        scale = max(*map(abs, torques), abs(stiffness) * _limit_of(actuator, parameters), 1e-12)
         yield abs(sum(torques)) / scale, f"{point}: {sum(torques):.3g} N m on the unloaded link"
 
 
-def _mapped(actuator: type[Actuator], *, seed: int) -> Iterator[tuple[float, float, tuple[float, ...]]]:
+def _mapped(actuator: type[Actuator]) -> Iterator[tuple[float, float, tuple[float, ...]]]:
     """Random equilibria and presets, and the motors' positions for them."""
-    source = random.Random(seed)
+    source = random.Random(4)
     for _ in range(50):
         equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
         yield equilibrium, preset, actuator.motor_references(equilibrium, preset)
-
-
-def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, str]]:
-    """Slope of the declared energy in q against the torque; without one the torques are integrated, with nothing to check."""
-    if actuator.elastic_energy is Actuator.elastic_energy:
-        return
-    for point in sample_points(actuator, 0.95):
-        h = 1e-4 * limit_of(actuator, point.parameters)
-        low, high = (point._replace(q=point.q + d).call(actuator.elastic_energy) for d in (-h, h))
-        torque = link_torque(actuator, point)
-        # The energies' own rounding, seen through the difference, is no fault of the law.
-        floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
-        yield (
-            abs((low - high) / (2.0 * h) - torque) / floor,
-            f"{point}: slope {(low - high) / (2 * h):.6g}, torque {torque:.6g}",
-        )
 
 
 _CHECKS: tuple[tuple[str, str, float | None, _Measure], ...] = (
@@ -228,7 +266,7 @@ _CHECKS: tuple[tuple[str, str, float | None, _Measure], ...] = (
     ("finite", "torques and stiffness are finite over the range and beyond the limit", None, _finite),
     ("stiffness", "the stiffness is minus the torque's slope in q (relative error)", 1e-6, _stiffness_agrees),
     ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
-    ("passive", "no work is made round closed loops of link and motors (share of the work moved)", 1e-4, _passive),
+    ("passive", "no work is made round closed loops of link and motors (asymmetry of the slopes, relative)", 1e-4, _passive),
     ("energy", "the energy, where declared, has minus the torque for its slope in q (relative error)", 1e-3, _energy),
     ("reference map", "equilibrium_position undoes motor_references (rad)", 1e-9, _reference_map),
     ("rest", "at the equilibrium the unloaded link feels no torque (share of the springs' torque)", 1e-9, _rest),

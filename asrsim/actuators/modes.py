@@ -1,5 +1,5 @@
 """The operation modes as a table: seven of the paper's section 3.1, and two of ours for motors that are driven by voltage or
-current. What a mode does follows from its columns."""
+current. The columns define a mode."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ class Mode:
     references: tuple[str, ...]
     """Names of the references in scenarios and logs, one or two."""
     units: tuple[str, ...]
-    spring: bool
-    """The link is driven through the spring (else by the reference or the link's PID directly)."""
-    motor: bool
-    """The motors have dynamics (else their positions follow the references at once)."""
-    controller: bool
-    """A PID makes the torque (of the motors; in mode 1 of the link)."""
-    mapped: bool
-    """References are equilibrium and preset and go through the actuator's reference map."""
     doc: str
+    spring: bool = False
+    """The link is driven through the spring (else by the reference or the link's PID directly)."""
+    motor: bool = False
+    """The motors have dynamics (else their positions follow the references at once)."""
+    controller: bool = False
+    """A PID makes the torque (of the motors; in mode 1 of the link)."""
+    mapped: bool = False
+    """References are equilibrium and preset and go through the actuator's reference map."""
     command: str = "torque"
-    """What a reference is that drives a motor directly: torque, voltage or current."""
+    """Kind of a reference that drives a motor directly: torque, voltage or current."""
 
     @property
     def direct(self) -> bool:
-        """The references drive the motors, with no controller between."""
+        """The references drive the motors, without a controller."""
         return self.motor and not self.controller
 
     def references_of(self, motors: int) -> tuple[str, ...]:
-        """Names of the references of an actuator with so many motors; `references` are those of two."""
+        """Names of the references of an actuator with this number of motors; `references` are those of two motors."""
         if self.mapped or len(self.references) < 2:
             return self.references
         return (*self.references, *(self.references[0].replace("1", str(i)) for i in range(3, motors + 1)))
@@ -43,24 +43,24 @@ MODES: dict[int, Mode] = {
     mode.number: mode
     for mode in (
         Mode(number=0, name="LinkTorque", references=("link_torque",), units=("N m",),
-             spring=False, motor=False, controller=False, mapped=False, doc="the reference is the torque on the link"),
+             doc="the reference is the torque on the link"),
         Mode(number=1, name="LinkPID", references=("link_position",), units=("rad",),
-             spring=False, motor=False, controller=True, mapped=False, doc="a PID controller acts on the rigid link"),
+             controller=True, doc="a PID controller acts on the rigid link"),
         Mode(number=2, name="SpringRefs", references=("reference_1", "reference_2"), units=("rad", "rad"),
-             spring=True, motor=False, controller=False, mapped=False, doc="ideal motors stand at the references"),
+             spring=True, doc="ideal motors stand at the references"),
         Mode(number=3, name="SpringEqPres", references=("equilibrium_position", "stiffness_preset"), units=("rad", "rad"),
-             spring=True, motor=False, controller=False, mapped=True, doc="ideal motors, through the reference map"),
+             spring=True, mapped=True, doc="ideal motors, through the reference map"),
         Mode(number=4, name="MotorTorques", references=("motor_1_torque", "motor_2_torque"), units=("N m", "N m"),
-             spring=True, motor=True, controller=False, mapped=False, doc="the references are the motors' torques"),
+             spring=True, motor=True, doc="the references are the motors' torques"),
         Mode(number=5, name="PIDRefs", references=("reference_1", "reference_2"), units=("rad", "rad"),
-             spring=True, motor=True, controller=True, mapped=False, doc="PID controllers bring the motors to the references"),
+             spring=True, motor=True, controller=True, doc="PID controllers bring the motors to the references"),
         Mode(number=6, name="PIDEqPres", references=("equilibrium_position", "stiffness_preset"), units=("rad", "rad"),
              spring=True, motor=True, controller=True, mapped=True, doc="as 5, through the reference map"),
         Mode(number=7, name="MotorVoltages", references=("motor_1_voltage", "motor_2_voltage"), units=("V", "V"),
-             spring=True, motor=True, controller=False, mapped=False, command="voltage",
+             spring=True, motor=True, command="voltage",
              doc="the references are the motors' voltages (not in the toolbox)"),
         Mode(number=8, name="MotorCurrents", references=("motor_1_current", "motor_2_current"), units=("A", "A"),
-             spring=True, motor=True, controller=False, mapped=False, command="current",
+             spring=True, motor=True, command="current",
              doc="the references are the motors' currents (not in the toolbox)"),
     )
 }  # fmt: skip

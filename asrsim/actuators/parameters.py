@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 TOOLBOX = "released toolbox, code default"
 STRIBECK = "Armstrong-Helouvry, Dupont, Canudas de Wit (1994)"
@@ -20,7 +21,7 @@ class Parameter:
     """One number of an actuator, as declared by its class."""
 
     name: str
-    """In the field's words, snake_case: `max_deflection`."""
+    """The common term, in snake_case: `max_deflection`."""
     default: float
     unit: str
     """SI; "1" for a pure number."""
@@ -34,11 +35,11 @@ class Parameter:
     finite: bool = True
     """False: infinite values are meaningful (position limits)."""
     unused: str = ""
-    """Why the value has no effect, if it has none."""
+    """Reason why the value has no effect; empty if it has one."""
     needs: str = ""
-    """The parameter without which it does nothing."""
+    """Parameter without which this one has no effect."""
     optional: bool = False
-    """Of a model beside the toolbox's, which is off by default; what lists values leaves it out where it is."""
+    """Belongs to a model that the toolbox does not have and that is off by default; lists of values omit it while it is off."""
 
     def fault(self, value: float) -> str | None:
         """Why `value` is not allowed, or None."""
@@ -55,75 +56,61 @@ class Parameter:
 
 @cache
 def motor_parameters(index: int) -> tuple[Parameter, ...]:
-    """The DC motor of the paper's section 3.1.1, number `index` (1 or 2)."""
+    """The DC motor of the paper's section 3.1.1, number `index` (1, 2, ...)."""
     motor = f"motor_{index}"
-    return (
-        Parameter(
-            name=f"{motor}_inertia", default=0.0233, unit="kg m^2", doc="inertia b at the link's side of the gear",
-            minimum=0.0, exclusive_minimum=True,
-        ),
-        Parameter(name=f"{motor}_damping", default=0.2698, unit="N m s/rad", doc="viscous damping d", minimum=0.0),
-        Parameter(name=f"{motor}_max_torque", default=6.0, unit="N m", doc="the motor's torque is clipped to it", minimum=0.0),
-        Parameter(
-            name=f"{motor}_max_velocity", default=6.0, unit="rad/s", doc="the motor's speed is limited to it",
-            minimum=0.0, exclusive_minimum=True, finite=False,
-        ),
-        Parameter(name=f"{motor}_min_position", default=-math.inf, unit="rad", doc="lower stop of the motor", finite=False),
-        Parameter(name=f"{motor}_max_position", default=math.inf, unit="rad", doc="upper stop of the motor", finite=False),
-        Parameter(
-            name=f"{motor}_friction_torque", default=0.02, unit="N m", doc="Coulomb level of the Dahl friction (paper eq. 8)",
-            minimum=0.0,
-        ),
-        *_friction_parameters(motor),
-        *_electric_parameters(motor),
-    )  # fmt: skip
+    return tuple(
+        replace(parameter, name=f"{motor}_{parameter.name}", needs=parameter.needs and f"{motor}_{parameter.needs}")
+        for parameter in _MOTOR
+    )
 
 
-def _friction_parameters(motor: str) -> tuple[Parameter, ...]:
-    return (
-        Parameter(
-            name=f"{motor}_stribeck_friction", default=0.0, unit="N m", minimum=0.0, source=STRIBECK, optional=True,
-            doc="static friction above the Coulomb level; it fades with speed",
-        ),
-        Parameter(
-            name=f"{motor}_stribeck_velocity", default=0.1, unit="rad/s", minimum=0.0, exclusive_minimum=True, source=STRIBECK,
-            optional=True, needs=f"{motor}_stribeck_friction", doc="Stribeck velocity: at it 37 % of that excess is left",
-        ),
-        Parameter(
-            name=f"{motor}_load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
-            doc="share of the spring's torque on the motor that adds to the Coulomb level",
-        ),
-        Parameter(
-            name=f"{motor}_friction_stiffness", default=FRICTION_STIFFNESS, unit="N m/rad", minimum=0.0, exclusive_minimum=True,
-            source=DAHL, optional=True, doc="pre-sliding stiffness of the friction's bristles",
-        ),
-    )  # fmt: skip
-
-
-def _electric_parameters(motor: str) -> tuple[Parameter, ...]:
-    return (
-        Parameter(
-            name=f"{motor}_torque_constant", default=0.0, unit="N m/A", minimum=0.0, source=DC_MOTOR, optional=True,
-            doc="torque constant k_t of the rotor, in V s/rad its back-EMF constant; 0: the motor gives torque as told",
-        ),
-        Parameter(
-            name=f"{motor}_resistance", default=0.0, unit="ohm", minimum=0.0, source=DC_MOTOR, optional=True,
-            needs=f"{motor}_torque_constant",
-            doc="resistance R of the winding; 0: the controller gives current, else voltage",
-        ),
-        Parameter(
-            name=f"{motor}_gear_ratio", default=1.0, unit="1", minimum=0.0, exclusive_minimum=True, source=DC_MOTOR,
-            optional=True, needs=f"{motor}_torque_constant", doc="turns n of the rotor per turn of the motor's output",
-        ),
-        Parameter(
-            name=f"{motor}_max_voltage", default=math.inf, unit="V", minimum=0.0, exclusive_minimum=True, finite=False,
-            source=DC_MOTOR, optional=True, needs=f"{motor}_resistance", doc="the voltage is clipped to it",
-        ),
-        Parameter(
-            name=f"{motor}_max_current", default=math.inf, unit="A", minimum=0.0, exclusive_minimum=True, finite=False,
-            source=DC_MOTOR, optional=True, needs=f"{motor}_torque_constant", doc="the current is clipped to it",
-        ),
-    )  # fmt: skip
+_POSITIVE: dict[str, Any] = {"minimum": 0.0, "exclusive_minimum": True}
+_STRIBECK: dict[str, Any] = {"source": STRIBECK, "optional": True}
+_ELECTRIC: dict[str, Any] = {"source": DC_MOTOR, "optional": True}
+_LIMIT: dict[str, Any] = {"default": math.inf, "finite": False, **_POSITIVE, **_ELECTRIC}
+_MOTOR = (
+    Parameter(name="inertia", default=0.0233, unit="kg m^2", doc="inertia b at the link's side of the gear", **_POSITIVE),
+    Parameter(name="damping", default=0.2698, unit="N m s/rad", doc="viscous damping d", minimum=0.0),
+    Parameter(name="max_torque", default=6.0, unit="N m", doc="the motor's torque is clipped to it", minimum=0.0),
+    Parameter(
+        name="max_velocity", default=6.0, unit="rad/s", doc="the motor's speed is limited to it", finite=False, **_POSITIVE
+    ),
+    Parameter(name="min_position", default=-math.inf, unit="rad", doc="lower stop of the motor", finite=False),
+    Parameter(name="max_position", default=math.inf, unit="rad", doc="upper stop of the motor", finite=False),
+    Parameter(
+        name="friction_torque", default=0.02, unit="N m", doc="Coulomb level of the Dahl friction (paper eq. 8)", minimum=0.0
+    ),
+    Parameter(
+        name="stribeck_friction", default=0.0, unit="N m", minimum=0.0, **_STRIBECK,
+        doc="static friction above the Coulomb level; it fades with speed",
+    ),
+    Parameter(
+        name="stribeck_velocity", default=0.1, unit="rad/s", needs="stribeck_friction", **_POSITIVE, **_STRIBECK,
+        doc="Stribeck velocity: at it 37 % of that excess is left",
+    ),
+    Parameter(
+        name="load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
+        doc="share of the spring's torque on the motor that adds to the Coulomb level",
+    ),
+    Parameter(
+        name="friction_stiffness", default=FRICTION_STIFFNESS, unit="N m/rad", source=DAHL, optional=True, **_POSITIVE,
+        doc="pre-sliding stiffness of the friction's bristles",
+    ),
+    Parameter(
+        name="torque_constant", default=0.0, unit="N m/A", minimum=0.0, **_ELECTRIC,
+        doc="torque constant k_t of the rotor, in V s/rad its back-EMF constant; 0: the motor gives torque as told",
+    ),
+    Parameter(
+        name="resistance", default=0.0, unit="ohm", minimum=0.0, needs="torque_constant", **_ELECTRIC,
+        doc="resistance R of the winding; 0: the controller gives current, else voltage",
+    ),
+    Parameter(
+        name="gear_ratio", default=1.0, unit="1", needs="torque_constant", **_POSITIVE, **_ELECTRIC,
+        doc="turns n of the rotor per turn of the motor's output",
+    ),
+    Parameter(name="max_voltage", unit="V", needs="resistance", doc="the voltage is clipped to it", **_LIMIT),
+    Parameter(name="max_current", unit="A", needs="torque_constant", doc="the current is clipped to it", **_LIMIT),
+)  # fmt: skip
 
 
 HYSTERESIS_PARAMETERS = (

@@ -1,117 +1,114 @@
-"""Where the motors of a drive come to rest under the springs' load, its link held."""
+"""Where the motors of a drive rest while springs load them, and roots of increasing functions; for many instants at once."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
+
+import numpy as np
 
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.vectorised import Array, over_arrays
 
-ROOT_TOLERANCE = 1e-14
-"""rad."""
 ROUNDS = 50
-"""Of motors whose springs depend on both; where they do not, two are enough."""
+"""Largest number of rounds over the motors; one is enough where no spring depends on two motors."""
+MOST_STEPS = 120
+"""Largest number of function evaluations of a root search; about fifteen are usual."""
+TOLERANCE = 1e-14
+"""rad or m, relative above 1: a root search ends when its bracket is narrower."""
 FARTHEST = 1e6
-"""rad from its reference within which a motor that gives way is looked for."""
+"""rad: largest distance between a motor's reference and its position of rest."""
 
 
-def resting_motors(drive: Drive, position: float, references: Sequence[float], *, limited: bool = True) -> tuple[float, ...]:
-    """Positions of the motors at rest, rad, as the springs' law takes them: a controller without integral action gives way by
-    tau_el / P.
+def resting_motors(drive: Drive, position: Array, references: Array, *, limited: bool = True) -> Array:
+    """(positions, n) rad: positions of motors and adjuster at rest, with the link at `position` (n,) rad.
 
-    position: of the link, rad; references: of the motors, after the reference map. limited: a motor gives way at its largest
-    torque, and stands on its stops. Friction is left out. For ideal motors these are the references themselves.
+    references: (positions, n) rad, after the reference map. A controller without integral action gives way by tau_el / P. Ideal
+    motors stand at their references. limited: with the motors' largest torques and position stops. Friction is neglected.
     """
+    resting = np.array(references, dtype=float)
     if not (drive.mode.motor and drive.mode.controller):
-        return tuple(references)
-    resting = list(references)
+        return resting
+    law = over_arrays(drive.actuator.elastic_torques)
     for _ in range(ROUNDS):
-        before = [*resting]
+        loads = np.zeros((drive.dynamic_motors, *resting.shape[1:]))
         for motor in range(drive.dynamic_motors):
             resting[motor] = _resting(drive, motor, position, references[motor], resting, limited)
-        if resting == before or drive.dynamic_motors < 2:
+            loads[motor] = law(position, *resting, drive.elastic)[motor]
+        # Most springs depend on one motor each: the other motors' motion has not changed their loads.
+        if np.array_equal(loads, law(position, *resting, drive.elastic)[: len(loads)]):
             break
-    return tuple(resting)
+    return resting
 
 
-def resting_integrals(drive: Drive, position: float, resting: Sequence[float]) -> tuple[float, ...]:
-    """N m that the integral action of each controller gives at rest; 0 where it has none."""
-    if not (drive.mode.motor and drive.mode.controller):
-        return ()
-    law: Any = drive.actuator.elastic_torques
-    torques = law(position, *resting, drive.elastic)
-    limits = zip(torques, drive.integral, drive.max_torque, strict=False)
-    return tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in limits)
+def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
+    """(motors, n) N m: torque of each controller's integral action at rest; 0 without integral action."""
+    torques = over_arrays(drive.actuator.elastic_torques)(position, *resting, drive.elastic)
+    rows = zip(torques, drive.integral, drive.max_torque, strict=False)
+    return np.array([np.clip(torque, -most, most) * (gain > 0.0) for torque, gain, most in rows])
 
 
-def _resting(drive: Drive, motor: int, position: float, wanted: float, positions: list[float], limited: bool) -> float:
-    """Where one motor rests, rad, while the other stays at its place in `positions`."""
-    gain, elastic = drive.proportional[motor], drive.elastic
-    law: Any = drive.actuator.elastic_torques
-    most = drive.max_torque[motor] if limited else math.inf
-    low, high = drive.motor_ranges[motor] if limited else (-math.inf, math.inf)
+def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions: Array, limited: bool) -> Array:
+    """(n,) rad: position of rest of one motor, with the others at their `positions` (positions, n)."""
+    gain, law = drive.proportional[motor], over_arrays(drive.actuator.elastic_torques)
+    most = drive.max_torque[motor] if limited else np.inf
+    low, high = drive.motor_ranges[motor] if limited else (-np.inf, np.inf)
 
-    def load(theta: float) -> float:
-        trial = [*positions]
+    def load(theta: Array) -> Array:
+        trial = positions.copy()
         trial[motor] = theta
-        try:
-            return float(law(position, *trial, elastic)[motor])
-        except OverflowError:
-            return math.copysign(math.inf, theta - position)
+        return np.asarray(law(position, *trial, drive.elastic)[motor])
 
-    def imbalance(theta: float) -> float:
-        return load(theta) - min(max(gain * (wanted - theta), -most), most)
-
-    wanted_load = load(wanted)
+    here = load(wanted)
     if drive.integral[motor] > 0.0:
-        # In time the controller gives whatever holds the spring, up to the motor's largest torque.
-        held = min(max(wanted_load, -most), most)
-        rest = wanted if held == wanted_load else increasing_root(lambda theta: load(theta) - held, wanted, 1.0)[0]
+        # In time the controller gives the spring's torque, up to the motor's largest torque.
+        holding = np.clip(here, -most, most)
+        resting = wanted if np.array_equal(here, holding) else increasing_roots(lambda theta: load(theta) - holding, wanted)
+        resting = np.where(here == holding, wanted, resting)
     else:
-        # The load only falls on the way; it may be infinite where that begins.
-        rest = increasing_root(imbalance, wanted, min(abs(wanted_load) / gain, 1.0) if gain > 0.0 else 1.0)[0]
-    return min(max(rest, low), high)
+        # The load decreases on the way from the reference.
+        reach = np.minimum(np.abs(here) / gain, 1.0) if gain > 0.0 else 1.0
+        resting = increasing_roots(
+            lambda theta: load(theta) - np.clip(gain * (wanted - theta), -most, most), wanted, reach, FARTHEST
+        )
+    return np.clip(resting, low, high)
 
 
-def increasing_root(
-    function: Callable[[float], float], start: float, reach: float, farthest: float = FARTHEST
-) -> tuple[float, float]:
-    """The zero of a growing function, and 0. It is sought from `start` on as far as `reach`, then twice as far each time, up to
-    `farthest`; where there is none so far, the last place that was tried and the function's value there."""
-    first = value = function(start)
-    side, last = -math.copysign(1.0, first), start
-    while first != 0.0 and reach <= farthest:
-        farther = start + side * reach
-        value = function(farther)
-        if value * first <= 0.0:
-            return _root_between(function, last, farther), 0.0
-        last, reach = farther, 2.0 * max(reach, ROOT_TOLERANCE)
-    return last, value
+def increasing_roots(
+    function: Callable[[Array], Array], start: Array, reach: float | Array = 0.1, farthest: float = FARTHEST
+) -> Array:
+    """(n,) roots of `function`, elementwise and increasing. Without a root: the place at the distance `farthest` from `start`.
 
-
-def _root_between(function: Callable[[float], float], one: float, other: float) -> float:
-    """A root between two points of opposite sign, to rounding."""
-    from scipy.optimize import brentq
-
-    low, high = min(one, other), max(one, other)
-    at_low, at_high = function(low), function(high)
-    if at_low == 0.0 or at_high == 0.0:
-        return low if at_low == 0.0 else high
-    if math.isinf(at_low) or math.isinf(at_high):
-        return _bisect(function, low, high)
-    return float(brentq(function, low, high, xtol=ROOT_TOLERANCE, rtol=1e-15))
-
-
-def _bisect(function: Callable[[float], float], low: float, high: float) -> float:
-    """Bisection, for laws that overflow on the way."""
-    sign = math.copysign(1.0, function(low))
-    while high - low > ROOT_TOLERANCE * max(1.0, abs(low)):
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        if math.copysign(1.0, function(middle)) == sign:
-            low = middle
-        else:
-            high = middle
+    The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`; then regula falsi (Illinois),
+    with a bisection where three steps have not halved the bracket.
+    """
+    with np.errstate(all="ignore"):
+        near, at_near = np.array(start, dtype=float), function(start)
+        side, reach = -np.sign(at_near), np.broadcast_to(np.maximum(reach, TOLERANCE), near.shape)
+        while True:
+            far = start + side * reach
+            at_far = function(far)
+            beyond = at_far * side < 0.0
+            near, at_near = np.where(beyond, far, near), np.where(beyond, at_far, at_near)
+            beyond &= reach < farthest
+            if not beyond.any():
+                break
+            reach = np.where(beyond, np.minimum(2.0 * reach, farthest), reach)
+        low, high = np.where(side > 0.0, near, far), np.where(side > 0.0, far, near)
+        at_low, at_high = np.where(side > 0.0, at_near, at_far), np.where(side > 0.0, at_far, at_near)
+        widest, last = 0.5 * (high - low), np.full(np.shape(low), -1)
+        for step in range(MOST_STEPS):
+            width, least = high - low, 0.4 * TOLERANCE * np.maximum(1.0, np.abs(low))
+            if np.all(width <= 2.5 * least):
+                break
+            secant = (low * at_high - high * at_low) / (at_high - at_low)
+            bisected = ~np.isfinite(secant) | ((step % 3 == 2) & (width > widest))
+            # A step just beyond an end that has converged closes the bracket.
+            middle = np.where(bisected, 0.5 * (low + high), np.clip(secant, low + least, high - least))
+            widest = 0.5 * width if step % 3 == 2 else widest
+            value = function(middle)
+            above = value >= 0.0
+            # Illinois: the value at an end that stays twice is halved, so that both ends move.
+            kept, last = np.where(above == last, 0.5, 1.0), above
+            at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
+            high, low = np.where(above, middle, high), np.where(value <= 0.0, middle, low)
     return 0.5 * (low + high)

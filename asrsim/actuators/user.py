@@ -8,8 +8,8 @@ import re
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Iterable
-from contextlib import redirect_stdout
+from collections.abc import Iterable
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
 
@@ -17,13 +17,14 @@ from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import ActuatorError, Problem
+from asrsim.registry import Registry, plugin_file
 
 MODULES = "asrsim_plugin_"
-"""What the names of users' files begin with, as modules."""
+"""Prefix of the module names of users' files."""
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError where a file wants plugins that its user has not named too: no file runs code by itself."""
+    """Raise ActuatorError for plugins of a file that the user has not named too: no file runs code by itself."""
     known = {Path(one).resolve() for one in named}
     problems = [
         Problem("is Python code, which runs only where you name it", file=file, key="plugins", value=one,
@@ -40,20 +41,22 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
 
 
 def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
-    """A command of asrsim's for a file, to be pasted into a shell; plugins: that the file needs."""
+    """A command of asrsim for a file, to be pasted into a shell. plugins: plugin files that the file needs."""
     return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a user's file and register every actuator class that it defines; a file may be loaded again.
 
-    The file is run as the Python that it is: name only files that you trust. Classes whose names begin with an
-    underscore are left out. Raises ActuatorError with file and line if the file is missing, raises, defines no actuator,
-    or defines a malformed one.
+    The file may add to any registry of asrsim as well: signals, measures, recording readers, engines, steppings. It is run as
+    the Python that it is: name only files that you trust. Classes whose names begin with an underscore are left out. Returns
+    the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
+    malformed actuator.
     """
     path = Path(path)
     if not path.is_file():
         raise ActuatorError("no such plugin file", file=path, code="missing-file")
+    before = Registry.added
     module = _run(path)
     found = [
         entry
@@ -63,20 +66,18 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         and entry.__module__ == module.__name__
         and not name.startswith("_")
     ]
-    if not found:
+    if not found and Registry.added == before:
         raise ActuatorError(
-            "defines no actuator", file=path, code="no-actuator", hint="Derive a class from asrsim.actuators.Actuator"
-        )
+            "adds nothing to asrsim", file=path, code="empty-plugin",
+            hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS, ENGINES or STEPPINGS",
+        )  # fmt: skip
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
-    names = [getattr(actuator, "name", None) for actuator in found]
-    problems.extend(_names_of_others(path, found))
-    problems.extend(
-        _problem(
-            actuator, f"two classes of this file are called '{actuator.name}'", "name-taken", key=f"{actuator.__name__}.name"
-        )
-        for i, actuator in enumerate(found)
-        if names[i] is not None and names[i] in names[:i]
-    )
+    seen: set[str] = set()
+    for actuator in found:
+        name = str(getattr(actuator, "name", ""))
+        if name in seen or (name in ACTUATORS and _file_of(ACTUATORS.get(name)) != path.resolve()):
+            problems.append(_problem(actuator, f"another actuator is called '{name}'", "name-taken", key="name"))
+        seen.add(name)
     problems = problems or [problem for actuator in found for problem in _results(actuator)]
     if problems:
         raise ActuatorError(problems)
@@ -86,7 +87,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Everything in the class's declaration that breaks the contract of :class:`Actuator`."""
+    """Problems of a class that breaks the contract of :class:`Actuator`."""
     return tuple(_attributes(actuator)) + tuple(_laws(actuator)) + tuple(_parameters(actuator))
 
 
@@ -108,48 +109,29 @@ def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    required = ["elastic_torques", "stiffness"]
-    if _motors(actuator) > 2:
-        required.append("elastic_energy")
-    for law, taken in _TAKEN.items():
+    motors = actuator.motors if actuator.motors in range(1, MOST_MOTORS + 1) else 2
+    thetas = [f"theta_{i + 1}" for i in range(max(2, motors + bool(actuator.adjuster)))]
+    spring = ["q", *thetas, "parameters"]
+    why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
+    why |= {"elastic_energy": "three motors need it"} if motors > 2 else {}
+    taken = {**dict.fromkeys(("elastic_torques", "stiffness", "elastic_energy"), spring),
+             "motor_references": ["equilibrium", "preset"], "equilibrium_position": thetas}  # fmt: skip
+    for law, names in taken.items():
         own = inspect.getattr_static(actuator, law)
         if own is inspect.getattr_static(Actuator, law):
-            if law in required:
-                why = "every actuator needs this law" if law != "elastic_energy" else "three motors need it"
-                yield _problem(actuator, f"is missing; {why}", "missing-law", key=law)
-            continue
-        if not isinstance(own, staticmethod):
+            if law in why:
+                yield _problem(actuator, f"is missing; {why[law]}", "missing-law", key=law)
+        elif not isinstance(own, staticmethod):
             yield _problem(actuator, "must be a @staticmethod: laws have no state", "bad-law", key=law)
-            continue
-        names = taken(_positions(actuator))
-        try:
-            inspect.signature(getattr(actuator, law)).bind(*names)
-        except (TypeError, ValueError):
-            yield _problem(actuator, f"must take {', '.join(names)}", "bad-law", key=law)
-
-
-def _motors(actuator: type[Actuator]) -> int:
-    """Of a declaration that may be wrong."""
-    return actuator.motors if actuator.motors in range(1, MOST_MOTORS + 1) else 2
-
-
-def _positions(actuator: type[Actuator]) -> list[str]:
-    """Names of the positions that the laws take."""
-    return [f"theta_{i + 1}" for i in range(max(2, _motors(actuator) + bool(actuator.adjuster)))]
-
-
-_TAKEN: dict[str, Callable[[list[str]], list[str]]] = {
-    "elastic_torques": lambda thetas: ["q", *thetas, "parameters"],
-    "stiffness": lambda thetas: ["q", *thetas, "parameters"],
-    "elastic_energy": lambda thetas: ["q", *thetas, "parameters"],
-    "motor_references": lambda thetas: ["equilibrium", "preset"],
-    "equilibrium_position": lambda thetas: thetas,
-}
-"""Law -> names of its arguments, of those of the positions."""
+        else:
+            try:
+                inspect.signature(own.__func__).bind(*names)
+            except (TypeError, ValueError):
+                yield _problem(actuator, f"must take {', '.join(names)}", "bad-law", key=law)
 
 
 def _results(actuator: type[Actuator]) -> Iterable[Problem]:
-    """One call of each law at rest: what it gives is what the simulation can take."""
+    """One call of each law at rest: its result must be one that the simulation can use."""
     values = tuple(parameter.default for parameter in actuator.parameters)
     positions = [0.0] * actuator.positions()
     calls: tuple[tuple[str, tuple[object, ...], int], ...] = (
@@ -171,7 +153,7 @@ def _results(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:
-    """The error as one of a user's law, if it came up in a user's file."""
+    """The error as a problem of a user's law, if a user's file raised it."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
             message = f"the law raised {type(error).__name__}: {error}"
@@ -201,17 +183,9 @@ def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
             yield _problem(actuator, f"its default {fault}", "bad-parameter", key=key, value=parameter.default)
 
 
-def _names_of_others(path: Path, found: Iterable[type[Actuator]]) -> Iterable[Problem]:
-    """Names of actuators that come from elsewhere; the same file's own from an earlier load may be replaced."""
-    for actuator in found:
-        name = str(getattr(actuator, "name", ""))
-        if name in ACTUATORS and not _same_file(ACTUATORS.get(name), path):
-            yield _problem(actuator, f"an actuator called '{name}' exists already", "name-taken", key="name")
-
-
-def _same_file(actuator: type[Actuator], path: Path) -> bool:
+def _file_of(actuator: type[Actuator]) -> Path | None:
     file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
-    return file is not None and Path(file).resolve() == path.resolve()
+    return Path(file).resolve() if file else None
 
 
 def _run(path: Path) -> ModuleType:
@@ -225,7 +199,7 @@ def _run(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         # What the file prints must not mix with JSON.
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
@@ -237,7 +211,7 @@ def _run(path: Path) -> ModuleType:
 
 
 def _line_of(error: BaseException, path: Path) -> int | None:
-    """Line of the user's file in which the error came up."""
+    """Line of the user's file that raised the error."""
     if isinstance(error, SyntaxError):
         return error.lineno
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]
@@ -245,11 +219,7 @@ def _line_of(error: BaseException, path: Path) -> int | None:
 
 
 def _problem(actuator: type[Actuator], message: str, code: str, *, key: str, value: object | None = None) -> Problem:
-    file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
-    try:
-        line: int | None = inspect.getsourcelines(actuator)[1]
-    except (OSError, TypeError):
-        line = None
-    return Problem(
-        message, file=Path(file) if file else None, line=line, key=f"{actuator.__name__}.{key}", value=value, code=code
-    )
+    line: int | None = None
+    with suppress(OSError, TypeError):
+        line = inspect.getsourcelines(actuator)[1]
+    return Problem(message, file=_file_of(actuator), line=line, key=f"{actuator.__name__}.{key}", value=value, code=code)

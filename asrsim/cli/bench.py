@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Plugins, into_file, load_plugins
+from asrsim.cli.options import Json, Plugins, into_file, load_plugins
 from asrsim.errors import Problem, RecordingError, did_you_mean
 from asrsim.outfile import check_output, csv_text, write_text
 
@@ -40,7 +40,9 @@ def bench(
         ),
     ] = None,
     plugin: Plugins = None,
+    plot: Annotated[bool, typer.Option(help="Draw positions, torques and stiffness beside the table.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: Json = False,
 ) -> None:
     """Play a prescribed link motion into the actuators, as on a test bench.
 
@@ -49,16 +51,21 @@ def bench(
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    load_plugins(plugin)
-    rows = bench_files(robot, motion, out, stepping=stepping, first_step=first_step)
-    if not quiet:
-        from asrsim.cli.console import say
+    from asrsim.cli.console import json_errors, say_json, say_written
 
-        say(f"{rows} rows -> {out}")
+    with json_errors(json):
+        load_plugins(plugin)
+        files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
+    if json:
+        say_json({"ok": True, "files": [str(path) for path in files]})
+    elif not quiet:
+        say_written(files)
 
 
-def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None) -> int:
-    """Run the bench from files; returns the number of rows written."""
+def bench_files(
+    robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None, plot: bool = False
+) -> list[Path]:
+    """Run the bench from files; returns the files written: the table, and with `plot` its pictures."""
     import numpy as np
 
     from asrsim.robot import load_robot
@@ -71,7 +78,11 @@ def bench_files(robot_file: Path, motion_file: Path, out: Path, *, stepping: str
     names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
     columns = [results[joint][column] for joint in results for column in OUTPUTS]
     write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
-    return len(time)
+    if not plot:
+        return [out]
+    from asrsim.plots.bench import draw_bench
+
+    return [out, *draw_bench(out, time, results)]
 
 
 def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:

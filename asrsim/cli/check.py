@@ -29,9 +29,6 @@ def check(
     plugin: Plugins = None,
     argument: Arguments = None,
     package: Packages = None,
-    second_reader: Annotated[
-        bool, typer.Option("--second-reader", help="Read robots with yourdfpy too, and compare: links, masses, poses.")
-    ] = False,
     json: Json = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print problems only, no tables.")] = False,
 ) -> None:
@@ -64,8 +61,6 @@ def check(
             reports.append(
                 findings.robot_report(path, step=step or DEFAULT_STEP, xacro_arguments=arguments, package_paths=packages)
             )
-    if second_reader:
-        reports = [findings.read_again(report) for report in reports]
     _print(reports, json=json, quiet=quiet)
     if any(report.errors for report in reports):
         raise typer.Exit(1)

@@ -7,23 +7,28 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import into_folder
+from asrsim.cli.options import Json, into_folder
 
 
 def examples(
     out: Annotated[Path, into_folder("Folder to copy them into.")] = Path("examples"),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of the same names there.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: Json = False,
 ) -> None:
     """Copy the bundled examples: robots, scenarios, recordings, an actuator of one's own.
 
     Example: asrsim examples
     """
     from asrsim.actuators.user import command_line
-    from asrsim.runs.examples import copy_examples
+    from asrsim.cli.console import json_errors, say, say_json
 
-    written = copy_examples(out, overwrite=overwrite)
-    if not quiet:
-        typer.echo(
-            f"wrote {len(written)} files into {out}; run one: {command_line('run', out / 'scenarios' / 'step_2dof.yaml')}"
-        )
+    with json_errors(json):
+        from asrsim.runs.examples import copy_examples
+
+        written = copy_examples(out, overwrite=overwrite)
+    if json:
+        say_json({"ok": True, "files": [str(path) for path in written]})
+    elif not quiet:
+        run = command_line("run", out / "scenarios" / "step_2dof.yaml")
+        say(f"wrote {len(written)} files into {out}; run one: {run}")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
-from asrsim.robot import ActuatorBlock, Robot, StepFigures, engine_urdf, read_robot, step_figures, step_findings
+from asrsim.robot import ActuatorBlock, Robot, StepFigures, read_robot, step_figures, step_findings
+from asrsim.robot.engine_text import usable_shapes
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario
@@ -29,6 +30,8 @@ class FileReport:
     step: float | None = None
     """s."""
     figures: tuple[StepFigures, ...] = ()
+    substeps: Mapping[str, Any] | None = None
+    """Substeps that a run takes, and what they follow from; None: no run is possible."""
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -51,16 +54,11 @@ class FileReport:
         if self.step is not None:
             data["step"] = self.step
             data["figures"] = [{key: number(value) for key, value in vars(entry).items()} for entry in self.figures]
+        if self.substeps is not None:
+            data["substeps"] = {key: number(value) for key, value in self.substeps.items()}
         data["errors"] = [problem.as_dict() for problem in self.errors]
         data["warnings"] = [problem.as_dict() for problem in self.warnings]
         return data
-
-
-def read_again(report: FileReport) -> FileReport:
-    """With what another reader makes of the robot otherwise, as errors."""
-    from asrsim.robot.second_reader import second_reading
-
-    return report if report.robot is None else replace(report, errors=(*report.errors, *second_reading(report.robot)))
 
 
 def robot_report(
@@ -83,14 +81,14 @@ def robot_report(
     errors = tuple(check_against_robot(scenario, robot)[0])
     if robot.faults:
         return FileReport(path=path, kind="robot", errors=errors, warnings=robot.warnings)
-    errors = errors or _unbuildable(scenario, robot, path)
-    warnings = robot.warnings
-    if not errors:
-        warnings += engine_urdf(robot, visuals=True, package_paths=package_paths)[1]
-    figures = step_figures(robot, step=step) if robot.moving_joints else ()
+    substeps, unbuildable = (None, ()) if errors else _built(scenario, robot, path)
+    figures = step_figures(robot, step=step)
+    warnings = robot.warnings + step_findings(robot, figures, step=step)
+    if substeps is not None:
+        warnings += usable_shapes(robot, visuals=True, package_paths=package_paths)[1]
     return FileReport(
-        path=path, kind="robot", robot=robot, step=step, figures=figures, errors=errors,
-        warnings=warnings + step_findings(robot, step=step, figures=figures),
+        path=path, kind="robot", robot=robot, step=step, figures=figures, substeps=substeps,
+        errors=errors or unbuildable, warnings=warnings,
     )  # fmt: skip
 
 
@@ -104,7 +102,7 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
     except AsrsimError as error:
         return FileReport(path=path, kind="scenario", errors=problems_of(error, path))
     warnings: list[Problem] = []
-    robots: list[Robot] = []
+    first = FileReport(path=path, kind="scenario")
     for scenario in scenarios:
         robot = None
         try:
@@ -117,33 +115,33 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
         if robot is None or wrong or scenario.unread:
             warnings.extend((*(robot.warnings if robot else ()), *notes))
             continue
-        robots.append(apply_to_robot(scenario, robot))
-        warnings.extend((*robots[-1].warnings, *notes))
-        warnings.extend(step_findings(robots[-1], step=step or scenario.step))
         if step is not None:
             scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))
-        built = _unbuildable(scenario, robot, path)
-        errors.extend(built)
-        if not built:
-            warnings.extend(engine_urdf(robot, package_paths=scenario.package_paths)[1])
-    first = robots[0] if robots else None
-    used_step = step or scenarios[0].step
-    return FileReport(
-        path=path, kind="scenario", title=", ".join(scenario.variant for scenario in scenarios), robot=first,
-        step=used_step if first else None, figures=step_figures(first, step=used_step) if first else (),
-        errors=unique(errors), warnings=unique(warnings),
-    )  # fmt: skip
+        changed = apply_to_robot(scenario, robot)
+        figures = step_figures(changed, step=scenario.step)
+        warnings.extend((*changed.warnings, *notes, *step_findings(changed, figures, step=scenario.step)))
+        substeps, unbuildable = _built(scenario, robot, path)
+        errors.extend(unbuildable)
+        if substeps is not None:
+            warnings.extend(usable_shapes(robot, package_paths=scenario.package_paths)[1])
+        if first.robot is None:
+            first = replace(first, robot=changed, step=scenario.step, figures=figures, substeps=substeps)
+    title = ", ".join(scenario.variant for scenario in scenarios)
+    return replace(first, title=title, errors=unique(errors), warnings=unique(warnings))
 
 
-def _unbuildable(scenario: Scenario, robot: Robot, path: Path) -> tuple[Problem, ...]:
-    """What only shows when the run is built: springs that no substeps resolve, bodies that the engine does not take."""
+def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
+    """The substeps of the run, and the errors that appear only when it is built: springs that no substeps resolve, bodies that
+    the engine does not take.
+    """
     from asrsim.simulation.prepare import prepare
 
     try:
-        prepare(scenario, robot).make_engine().close()
+        prepared = prepare(scenario, robot)
+        prepared.make_engine().close()
     except AsrsimError as error:
-        return problems_of(error, path)
-    return ()
+        return None, problems_of(error, path)
+    return vars(prepared.resolution), ()
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:

@@ -63,12 +63,10 @@ def identify(
             show_default="0.25",
         ),
     ] = None,
-    loss: Annotated[str | None, typer.Option(help="huber (outliers count little) or linear.", show_default="huber")] = None,
     starts: Annotated[
         int | None,
         typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of scattered starts.", show_default="0")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
     ] = False,
@@ -97,7 +95,6 @@ def identify(
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     json: Json = False,
 ) -> None:
@@ -117,8 +114,7 @@ def identify(
 
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
-        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "loss": loss, "starts": starts,
-        "seed": seed, "plugins": plugin,
+        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "starts": starts, "plugins": plugin,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value not in (None, [], ())}
     with json_errors(json):
@@ -128,7 +124,7 @@ def identify(
         result, code = _run(
             task, folder, check=check, resume=resume, quiet=quiet or json, accept=accept, seconds=seconds,
         )  # fmt: skip
-        files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, report=report)
+        files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
         if json:
             from asrsim.cli.console import say_json
             from asrsim.identification.write import as_dict
@@ -162,7 +158,7 @@ def _run(
     return result, 0 if result.fits and result.status != "unfinished" else 2
 
 
-def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report: bool) -> tuple[list[Path], list[str]]:
+def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
     from asrsim.identification.result import ACCEPTABLE
     from asrsim.identification.write import write_fit, write_robot
     from asrsim.runs.lock import owned
@@ -180,10 +176,6 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool, report
             from asrsim.identification.pictures import draw
 
             files += draw(result, folder)
-        if report and result.status == "complete":
-            from asrsim.identification.page import write_page
-
-            files.append(write_page(result, folder, pictures=plot))
     return files, said
 
 
@@ -197,8 +189,6 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
     say()
     for text, style in (*remarks(result), *judgement(result)):
         say(text, style)
-    if result.status == "checked":
-        say("only looked: these are the intervals that the recordings allow, if the starts are near", "bold")
     told = list(advice(result))
     if told:
         say("to know more:", "bold")

@@ -18,7 +18,7 @@ def reproduce(
         list[str] | None, typer.Argument(metavar="[FIGURE]...", help="8, 11, 12, 13, 14, 15; all by default.")
     ] = None,
     out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
-    processes: Annotated[int, typer.Option(min=1, help="Figures that run at once.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Figures that run at once.")] = 2,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print claims that do not hold only.")] = False,
     json: Json = False,
 ) -> None:
@@ -36,9 +36,7 @@ def reproduce(
     with json_errors(json):
         from asrsim.reproduce import reproduce as run
 
-        outcome = run(
-            figures or (), out, processes=processes, on_figure=None if json else lambda one: _report(one, quiet=quiet)
-        )
+        outcome = run(figures or (), out, workers=workers, on_figure=None if json else lambda one: _report(one, quiet=quiet))
     if json:
         say_json(outcome.as_dict())
     elif not quiet:

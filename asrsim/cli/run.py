@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def run(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
     variant: Annotated[
-        str | None, typer.Option(help="Run this variant only.", show_default="all", autocompletion=variants)
+        list[str] | None,
+        typer.Option(help="Run this variant only; may be repeated.", show_default="all", autocompletion=variants),
     ] = None,
     overrides: Overrides = None,
     out: Annotated[
@@ -57,7 +58,7 @@ def run(
 
     with json_errors(json):
         code = _run(
-            scenario, variant, [*(overrides or []), *([f"engine={engine}"] if engine else [])], out, plugin or [],
+            scenario, variant or [], [*(overrides or []), *([f"engine={engine}"] if engine else [])], out, plugin or [],
             plot=plot, report=report, certify=certify, cross_check=cross_check, overwrite=overwrite, quiet=quiet or json,
             verbose=verbose, json=json,
         )  # fmt: skip
@@ -66,7 +67,7 @@ def run(
 
 
 def _run(
-    path: Path, variant: str | None, overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
+    path: Path, chosen: list[str], overrides: list[str], out: Path | None, plugins: list[Path], *, plot: bool,
     report: bool, certify: bool, cross_check: bool, overwrite: bool, quiet: bool, verbose: bool, json: bool,
 ) -> int:  # fmt: skip
     import sys
@@ -81,7 +82,9 @@ def _run(
     from asrsim.scenario import load_scenario
 
     load_plugins(plugins)
-    scenarios = [with_plugins(one, plugins) for one in load_scenario(path, variant=variant, overrides=overrides)]
+    names: list[str | None] = list(chosen) or [None]
+    loaded = [one for name in names for one in load_scenario(path, variant=name, overrides=overrides)]
+    scenarios = [with_plugins(one, plugins) for one in loaded]
     done: list[Executed] = []
     printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
@@ -150,7 +153,12 @@ def _drawn(executed: Executed) -> Executed:
     from asrsim.plots.output import load_undocumented
 
     load_undocumented()
-    return _with_files(executed, plots=tuple(draw_run(executed.log, executed.folder, brief=True)))
+    plots = draw_run(executed.log, executed.folder, brief=True)
+    if executed.summary.certificate or executed.summary.cross_check:
+        from asrsim.plots.accuracy import draw_accuracy
+
+        plots += draw_accuracy(executed.folder, executed.summary.certificate, executed.summary.cross_check)
+    return _with_files(executed, plots=tuple(plots))
 
 
 def _reported(executed: Executed) -> Executed:

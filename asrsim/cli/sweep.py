@@ -35,23 +35,23 @@ def sweep(
     overrides: Overrides = None,
     design: Annotated[str, typer.Option(help="How draws are placed: random, lhs, sobol, saltelli.")] = "random",
     samples: Annotated[int | None, typer.Option(min=1, help="Draws.", show_default="100")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
     fit: Annotated[
         Path | None, typer.Option(help="File with keys, mean and covariance: drawn together.", show_default=False)
     ] = None,
     signal: Annotated[
         list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
     ] = None,
-    rate: Annotated[float, typer.Option(min=1e-6, help="Hz, of kept signals.")] = 100.0,
+    rate: Annotated[float, typer.Option(min=1e-6, help="Rate of kept signals, Hz.")] = 100.0,
     workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
     cluster: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler, or a file for dask-jobqueue.", show_default="none")
+        str | None, typer.Option(help="Address of a Dask scheduler, whose workers do the runs.", show_default="none")
     ] = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in the folder, and nothing else.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew in a folder that holds rows.")] = False,
     run: Annotated[
-        int | None, typer.Option(min=0, help="Of a folder of a study: do this run again, with a log.", show_default=False)
+        int | None, typer.Option(min=0, help="Do this run of a study's folder again, with a log.", show_default=False)
     ] = None,
     result: Annotated[
         list[str] | None,
@@ -63,9 +63,9 @@ def sweep(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     json: Json = False,
 ) -> None:
-    """Vary anything of a scenario, run all of it on every core, and keep a row a run: what moves what, and how sure it is.
+    """Vary anything of a scenario, run it on every core, and keep a row a run: which key changes which result, and how surely.
 
-    Rows are in rows.parquet, written as runs end. Ctrl-C keeps what there is; --resume goes on. The same study gives the same
+    Rows are in rows.parquet, written as runs end. Ctrl-C keeps the rows so far; --resume goes on. The same study gives the same
     rows on one core, on many, and on a cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C; runs that
     diverge are rows, not failures of the command.
 
@@ -105,25 +105,21 @@ def _swept(
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import SweepBar
     from asrsim.sweeps import make_study, read_study, sweep
-    from asrsim.sweeps.read import is_study
+    from asrsim.sweeps.study import is_study
 
     if is_study(path):
         defaults = {"design": "random", "seed": 0, "rate": 100.0}
         said = [name for name, value in given.items() if value and value != defaults.get(name) and name != "plugins"]
         if over or said:
             names = ", ".join((["over"] if over else []) + said)
-            raise typer.BadParameter(f"a study file says itself what is varied; without it: {names}")
+            raise typer.BadParameter(f"a study file says itself what is varied: leave out {names}")
         study = read_study(path, given["plugins"])
     else:
         study = make_study(path, over, **given)
-    if study.joint and not study.joint.fits:
-        complain("warning the fit says that its model does not fit: what is drawn is what a wrong model would be sure of")
-    if study.joint and study.joint.left_out:
-        complain(f"warning the fit does not say how to draw {', '.join(study.joint.left_out)}: as the scenario has them")
-    if study.joint and study.joint.fixed:
-        complain(f"warning the fit has no interval for {', '.join(study.joint.fixed)}: as it found them, in every run")
+    for warning in study.joint.warnings if study.joint else ():
+        complain(f"warning {warning}")
     folder = out or Path("out") / study.name / "sweep"
-    message = "asrsim: stopping; rows that have come are kept (Ctrl-C again to abort)"
+    message = "asrsim: stopping; finished rows are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, SweepBar(study.name, show=not quiet) as progress:
         table = sweep(
             study, workers=workers, cluster=cluster, out=folder, resume=resume, overwrite=overwrite,
@@ -135,7 +131,7 @@ def _swept(
 def _opened(folder: Path, run: int | None, out: Path | None, plugins: list[Path], *, quiet: bool) -> Table | None:
     from asrsim.cli.report import print_run
     from asrsim.sweeps import Table
-    from asrsim.sweeps.again import run_again
+    from asrsim.sweeps.run import run_again
 
     table = Table(folder)
     if run is None:

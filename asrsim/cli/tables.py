@@ -10,7 +10,7 @@ from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.cli.console import SHOWN, counted, line_width, problem_lines, say, say_rows, styled
 from asrsim.cli.findings import FileReport
 from asrsim.quantities import linear_unit
-from asrsim.robot import ActuatorBlock, ParameterValue, Robot, StepFigures
+from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
                     _print_blocks(blocks, slides)
                 _print_passive(report.robot)
                 if report.step is not None:
-                    _print_figures(report.figures, report.step, slides)
+                    _print_figures(report, report.step, slides)
         for problems, word, style in ((report.errors, "error", "bold red"), (report.warnings, "warning", "yellow")):
             for line in problem_lines(problems):
                 say(f"{styled(word, style)} {line}")
@@ -150,29 +150,25 @@ def _plain(text: str) -> bool:
     return True
 
 
-def _print_figures(figures: Sequence[StepFigures], step: float, slides: Container[str]) -> None:
-    if not figures:
+def _print_figures(report: FileReport, step: float, slides: Container[str]) -> None:
+    if not report.figures:
         return
     say()
     say(f"At a step of {step * 1e3:g} ms {styled('(estimates at the zero pose, base fixed)', 'dim')}")
-    inertia, stiffness = (
-        "\nor ".join(dict.fromkeys(linear_unit(unit) if entry.joint in slides else unit for entry in figures))
-        for unit in ("kg m^2", "N m/rad")
-    )
-    headings = (
-        "joint", f"inertia\n{inertia.replace('^2', '²')}", "at rest\nHz", f"stiffness\n{stiffness}", "ω h\n< 2", "sub-\nsteps",
-        "c h/I\n< 2", "gains\n< 2",
-    )  # fmt: skip
+    units = (linear_unit("kg m^2") if entry.joint in slides else "kg m^2" for entry in report.figures)
+    inertia = "\nor ".join(dict.fromkeys(units)).replace("^2", "²")
+    headings = ("joint", f"inertia\n{inertia}", "at rest\nHz", "c h/I\n< 2", "gains\n< 2")
     rows, styles = [], []
-    for entry in figures:
-        limited = (entry.spring, entry.damping, max(entry.link_gain, entry.motor_gain))
-        spring, damping, gain = map(_figure, limited)
-        rows.append(
-            (entry.joint, f"{entry.inertia:.3g}", _figure(entry.natural), _figure(entry.stiffness), spring, str(entry.substeps),
-             damping, gain)
-        )  # fmt: skip
+    for entry in report.figures:
+        limited = (entry.damping, max(entry.link_gain, entry.motor_gain))
+        rows.append((entry.joint, f"{entry.inertia:.3g}", _figure(entry.natural), *map(_figure, limited)))
         styles.append("red" if max(limited) >= 2.0 else "")
     say_rows(headings, rows, right=range(1, len(headings)), styles=styles)
+    if report.substeps is not None:
+        motors = f"{report.substeps['motor_substeps']} of the motors in each"
+        say(
+            f"{counted(report.substeps['substeps'], 'substep')} a step, {motors}; ω h = {report.substeps['omega_h']:.2g}", "dim"
+        )
     say()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 LARGEST = 8192
-"""Pixels of a picture's edge, at most."""
+"""Largest edge of a picture in pixels."""
 
 
 class SoftRobotEnv(gymnasium.Env[Single, Single]):
@@ -24,15 +25,15 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
 
-    def __init__(self, scenario: Any, *, render_mode: str | None, size: int, **options: Any) -> None:
+    def __init__(self, scenario: Any, options: Mapping[str, Any], *, render_mode: str | None, size: int) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"a picture has from 1 to {LARGEST} pixels an edge", value=size, code="picture-size")
-        self._made_with = scenario, {"render_mode": render_mode, "size": size, **options}
+        self._made_with = scenario, options, {"render_mode": render_mode, "size": size}
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
-        self._task = task = Task(scenario, **options)
+        self._task = task = Task(scenario, options)
         self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
         chunk = task.steps * task.prepared.resolution.substeps
         self.simulation = Simulation(task.prepared, chunk=chunk, expected_substeps=10**6, duration=1e7)
@@ -41,9 +42,8 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._count, self._episode = 0, Episode({}, {}, {})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy begins anew."""
-        scenario, options = self._made_with
-        return again, (type(self), scenario, options)
+        """A pickled copy begins anew."""
+        return again, (type(self), *self._made_with)
 
     @property
     def action_names(self) -> tuple[str, ...]:
@@ -51,7 +51,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return tuple(f"{joint}.{reference}" for joint, reference in self._task.actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Single, dict[str, Any]]:
-        """Back to the start, with what is drawn anew."""
+        """Return to the start with new random values."""
         super().reset(seed=seed)
         task = self._task
         self._count = 0
@@ -63,7 +63,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return observation, {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
-        """One action for one control period. A motion that leaves what physics allows ends the episode."""
+        """One action for one control period. A motion that diverges ends the episode."""
         simulation, task = self.simulation, self._task
         given, values = task.values_of(action)
         for (joint, reference), value in zip(task.actions, values.tolist(), strict=True):
@@ -80,21 +80,20 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return task.observation(found, goal), reward, ended, self._count >= task.last and not ended, info
 
     def render(self) -> Image | None:
-        """(size, size, 3) of 8 bits, without a display; a goal of x, y and z beside an observed tip is a red ball."""
+        """(size, size, 3) of 8 bits, without a display."""
         if self.render_mode is None:
             return None
-        from asrsim.environment.picture import Picture, goal_of
+        from asrsim.environment.picture import Picture
 
-        goal = goal_of(self._readings.read().get("tip"), self._episode.goal)
         if self._picture is None:
-            self._picture = Picture(self.simulation, self._size, goal)
-        return self._picture.image(goal)
+            self._picture = Picture(self.simulation, self._size)
+        return self._picture.image()
 
     def close(self) -> None:
         """Release the engine."""
         self.simulation.close()
 
 
-def again(kind: Any, scenario: Any, options: dict[str, Any]) -> Any:
+def again(kind: Any, scenario: Any, options: Mapping[str, Any], keywords: Mapping[str, Any]) -> Any:
     """An environment of that kind, made with these options."""
-    return kind(scenario, **options)
+    return kind(scenario, options, **keywords)

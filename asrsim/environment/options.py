@@ -1,13 +1,32 @@
-"""Options of an environment, held against what they must be before anything is built."""
+"""Options of an environment, checked before anything is built."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, did_you_mean
+
+if TYPE_CHECKING:
+    from asrsim.environment.task import State
+
+
+class Options(TypedDict, total=False):
+    """Options that :func:`asrsim.make_env` and :func:`asrsim.make_vec_env` share."""
+
+    variant: str | None
+    overrides: Any
+    control_rate: float
+    observe: str | Sequence[str]
+    act: str | Sequence[str]
+    reward: Callable[[State], float] | None
+    terminated: Callable[[State], bool] | None
+    randomise: Mapping[str, Any]
+    initial: Mapping[str, Any]
+    goal: Mapping[str, Any]
+    tip: tuple[str, Sequence[float]] | None
 
 
 def _is_names(value: Any) -> bool:
@@ -31,22 +50,30 @@ def _is_tip(value: Any) -> bool:
     return value is None or (isinstance(value, Sequence) and len(value) == 2 and isinstance(value[0], str))
 
 
-_LAWS = (_is_laws, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}")
-_NAMES = (_is_names, "a name or a list of names")
-_FUNCTION = (_is_function, "a function of the state, or None")
-_FORMS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    "control_rate": (_is_number, "a number of Hz"), "observe": _NAMES, "act": _NAMES, "reward": _FUNCTION,
-    "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
-    "tip": (_is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
+_LAWS: Any = ({}, _is_laws, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}")
+_FUNCTION: Any = (None, _is_function, "a function of the state, or None")
+_NAMES = "a name or a list of names"
+_FORMS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
+    "variant": (None, lambda _: True, ""), "overrides": ((), lambda _: True, ""),
+    "control_rate": (50.0, _is_number, "a number of Hz"), "observe": (("link_position", "link_velocity"), _is_names, _NAMES),
+    "act": ((), _is_names, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
+    "goal": _LAWS, "tip": (None, _is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
 }  # fmt: skip
+"""Option -> its default, whether a value is of its kind, and the kind in words."""
 
 
-def check_options(options: Mapping[str, Any]) -> None:
-    """Raises InputError with every option that is none of its kind."""
+def checked(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options with defaults for those that are not given. Raises InputError with every option that is unknown or wrong."""
     problems = [
-        Problem(f"must be {_FORMS[name][1]}", key=name, value=value, code="option-type")
-        for name, value in options.items()
-        if not _FORMS[name][0](value)
+        Problem("is no option", key=name, choices=tuple(_FORMS), hint=did_you_mean(name, list(_FORMS)), code="unknown-option")
+        for name in given.keys() - _FORMS.keys()
+    ]
+    options = {name: given.get(name, default) for name, (default, _, _) in _FORMS.items()}
+    problems += [
+        Problem(f"must be {kind}", key=name, value=options[name], code="option-type")
+        for name, (_, is_kind, kind) in _FORMS.items()
+        if not is_kind(options[name])
     ]
     if problems:
         raise InputError(problems)
+    return options

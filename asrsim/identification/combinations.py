@@ -1,4 +1,4 @@
-"""Combinations: directions that a recording does not tell, and what it tells in their place."""
+"""Combinations: parameters that a recording does not show apart, and the product, sum or ratio that it shows instead."""
 
 from __future__ import annotations
 
@@ -7,31 +7,48 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asrsim.identification.layout import Entry
+from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.problem import Problem, residuals
-from asrsim.identification.told import UNKNOWN, Told, percent
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
+UNKNOWN = 0.3
+"""Relative half width of an interval from which on a direction is not known."""
+FAR = 2.3
+"""Change of logarithms along an unknown direction, at most."""
 NICE, NICER = 1.5, 2e-3
-"""How many times wider, and by how much more, the interval of a simpler form may be."""
+"""Factor and summand by which the interval of a simpler form may be wider."""
 HIGHEST = 8.0
 """Power in a combination, at most."""
 NEARLY = 0.15
-"""By which a power may be off a whole number, if its interval is no wider."""
+"""Distance of a power from a whole number, at most."""
 MOST, WHOLE = 4, 0.08
-"""Times that a part of a sum is in it, at most, and share by which that may be off a whole number."""
+"""Factor of a term in a sum, at most, and its relative distance from a whole number."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
-"""Moments of inertia about the axes; share by which a power may differ from that of an inertia about its joint."""
+"""Moments of inertia about the axes; relative distance of a power from that of an inertia about its joint."""
 SWAY = 0.7
-"""Relative change along an unknown direction, at most, under which a combination is looked at again."""
+"""Relative change along an unknown direction, at most, at which a combination is checked again."""
+
+
+def percent(share: float, sign: str = "") -> str:
+    """A fraction for people, in two digits and without a power of ten; sign: `+` shows it always."""
+    return f"{float(f'{100.0 * share:.2g}'):{sign}g} %"
+
+
+def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
+    values = layout.values(x)
+    scale = [
+        value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
+        for value, entry in zip(values.tolist(), layout.entries, strict=True)
+    ]
+    return jacobian * (np.array(scale) / layout.slopes(x)), values
 
 
 @dataclass(frozen=True)
 class Combination:
-    """What is known of several parameters together."""
+    """Parameters that are known together."""
 
     text: str
     """Such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
@@ -46,118 +63,164 @@ class Combination:
 
 
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """What is known of the entries that lie together in unknown directions.
+    """Combinations of the entries that lie together in unknown directions.
 
     free: entries that are not at a bound and have an effect.
     """
     if len(free) < 2:
         return []
-    told = Told(problem.layout, x, found, free)
-    rows, pivots = _sparse(told.directions)
-    parts = [told.parts(row) for row in rows]
-    places, result = _swayed(told, x, partial(residuals, problem)), []
+    known = _Known(problem, x, found, free)
+    rows, pivots = _sparse(known.directions)
+    parts = [known.parts(row) for row in rows]
+    result = []
     for j in set(range(len(free))) - set(pivots):
         exponents = np.eye(len(free))[j]
         for row, pivot, mine in zip(rows, pivots, parts, strict=True):
-            # Along a direction its pivot changes by 1 and entry j by row[j]: what stays is their product to these powers.
-            exponents[pivot] = -row[j] if {j, pivot} <= set(mine) else 0.0
-        if np.count_nonzero(exponents) > 1 and (one := _form(problem, told, exponents, places)) is not None:
+            # Along a direction its pivot changes by 1 and entry j by row[j]: their product to these powers is constant.
+            exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
+        moving = np.flatnonzero(exponents)
+        if len(moving) > 1 and (one := _simplest(known, exponents, moving.tolist())) is not None:
             result.append(one)
     return result
 
 
-Form = tuple[str, Array, Callable[[Array], float]]
-"""Its text, its relative change by those of the free entries (k,), and its value from theirs (k,)."""
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A candidate: its text, its relative change by those of the free entries (k,), its value from theirs (k,)."""
+
+    text: str
+    change: Array
+    value: Callable[[Array], float]
+    size: float = 1.0
+    """Power of its entries: margins are compared at one power of the same entry."""
 
 
-def _form(problem: Problem, told: Told, exponents: Array, places: Sequence[Array]) -> Combination | None:
-    """A product of powers in its simplest form: a ratio to an inertia about its joint, a sum, or whole powers."""
-    moving = np.flatnonzero(exponents)
+class _Known:
+    """Directions of relative changes of the free entries that are known, and those that are not."""
+
+    def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
+        self.layout, self.found, self.free, self.track = problem.layout, found, list(free), problem.tracks[0]
+        scaled, values = relative(self.layout, x, found.jacobian)
+        self.values = values[self.free]
+        self._units = relative(self.layout, x, np.ones((1, len(x))))[0][0][self.free]
+        self._scaled = scaled[:, self.free]
+        # The triangle of its factors has the same directions, and is small.
+        self._triangle = np.linalg.qr(self._scaled, mode="r")
+        _, singular, self._vectors = np.linalg.svd(self._triangle)
+        self._sizes = np.full(len(self.free), 1e-100)
+        self._sizes[: len(singular)] = np.maximum(singular, 1e-100)
+        # White residuals of this variance would show as much.
+        variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
+        self._noise = 1.96 * variance**0.5
+        off = self._noise / self._sizes
+        self._inside = off <= UNKNOWN
+        self.directions = self._vectors[~self._inside]
+        """(u, k) that stay unknown."""
+        self._extent = np.minimum(off[~self._inside], FAR)
+        self._alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
+        self.places = [self.values, *self._swayed(problem, x)] if len(self.directions) else [self.values]
+        """(k,) values of the estimate, and of vectors along unknown directions that fit as well."""
+
+    def parts(self, direction: Array) -> set[int]:
+        """Entries without which an unknown direction would be known."""
+        rest = direction.copy()
+        for i in np.argsort(np.abs(direction)):
+            without = rest.copy()
+            without[i] = 0.0
+            if float(np.linalg.norm(self._triangle @ without)) * UNKNOWN <= self._noise * float(np.linalg.norm(without)):
+                rest = without
+        return {int(i) for i in np.flatnonzero(rest) if self._alone[i] > UNKNOWN}
+
+    def _swayed(self, problem: Problem, x: Array) -> Iterator[Array]:
+        base, (low, high) = residuals(problem, x), self.layout.bounds
+        known = self._vectors[self._inside]
+        inverse = (known.T / self._sizes[self._inside] ** 2) @ known
+        plain = np.array([not self.layout.entries[i].parameter.logarithmic for i in self.free]) & (self.values > 0.0)
+        for direction, extent in zip(self.directions, self._extent.tolist(), strict=True):
+            for sway in (-min(extent, SWAY), min(extent, SWAY)):
+                change, there = sway * direction / np.abs(direction).max(), x.copy()
+                there[self.free] += np.where(plain, np.expm1(change), change) * self._units
+                # Moved back along the known directions, it fits as well as x.
+                for _ in range(3):
+                    there[self.free] -= inverse @ (self._scaled.T @ (residuals(problem, there) - base)) * self._units
+                    there = np.clip(there, low, high)
+                yield self.layout.values(there)[self.free]
+
+    def margin(self, form: _Form) -> float:
+        """Relative half width of a form's 95 % interval, which includes its change along the unknown directions."""
+        inside = self._vectors[self._inside]
+        moves = np.zeros((1, len(self.found.noise)))
+        moves[0, self.free] = (inside.T @ (inside @ form.change / self._sizes[self._inside] ** 2)) * self._units
+        deviation, quantile = self.found.deviations(moves)
+        unknown = float(np.linalg.norm(self._extent * (self.directions @ form.change)))
+        here, *others = map(form.value, self.places)
+        moved = max((abs(one / here - 1.0) for one in others), default=0.0)
+        return float(np.linalg.norm([deviation[0] * quantile[0], unknown, moved]))
+
+
+def _simplest(known: _Known, exponents: Array, moving: list[int]) -> Combination | None:
+    """The simplest form whose interval is hardly wider than the narrowest: ratio to an inertia, sum, whole powers, powers."""
+    forms = []
     if len(moving) == 2:
-        first, second = moving.tolist()
+        first, second = moving
         power = float(exponents[second] / exponents[first])
-        for form in (*_about_joint(problem, told, first, second, power), *_sum(told, first, second, power)):
-            if (special := _known(told, form, places)) is not None:
-                return special
-    if np.any(told.values[told.free][moving] <= 0.0):
-        return None
-    best = None
-    for powers in (exponents, *_whole(exponents)):
-        # The same combination: margins are compared at one power of the same entry.
-        size = float(np.abs(powers[moving]).min())
-        one = _known(told, _product(told, powers, moving), places) if np.abs(powers).max() <= HIGHEST * size else None
-        if one is not None and (best is None or one.margin / size < NICE * best[0] + NICER):
-            best = one.margin / size, one
-    return None if best is None else best[1]
+        forms += [*_about_joint(known, first, second, power), *_sum(known, first, second, power)]
+    if np.all(known.values[moving] > 0.0):
+        least = float(np.abs(exponents[moving]).min())
+        powers = [factor * exponents / least for factor in (1.0, 2.0, 3.0, 4.0)]
+        whole = [np.round(one) for i, one in enumerate(powers) if np.abs(one - np.round(one)).max() < NEARLY * (i + 1)]
+        products = [_product(known, one, moving) for one in (*whole[:1], exponents)]
+        forms += [one for one in products if np.abs(one.change).max() <= HIGHEST * one.size]
+    margins = [(known.margin(one), one) for one in forms]
+    best = min((margin / one.size for margin, one in margins), default=0.0)
+    for margin, one in margins:
+        if margin < UNKNOWN and margin / one.size < NICE * best + NICER:
+            keys = tuple(known.free[i] for i in np.flatnonzero(one.change))
+            return Combination(one.text, one.value(known.values), margin, keys)
+    return None
 
 
-def _known(told: Told, form: Form, places: Sequence[Array]) -> Combination | None:
-    """A form with its interval, which holds by how much it differs where others fit as well; None where it is wide."""
-    text, change, value = form
-    here, *moved = (value(values[told.free]) for values in (told.values, *places))
-    margin = float(np.hypot(told.margin(change), max((abs(one / here - 1.0) for one in moved), default=0.0)))
-    keys = tuple(told.free[i] for i in np.flatnonzero(change))
-    return Combination(text, here, margin, keys) if margin < UNKNOWN else None
-
-
-def _product(told: Told, exponents: Array, moving: NDArray[np.intp]) -> Form:
-    # What has the least power is no divisor.
+def _product(known: _Known, exponents: Array, moving: list[int]) -> _Form:
+    # The entry with the least power is no divisor.
     least = moving[int(np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0)))]
     powers = exponents * np.sign(exponents[least])
-    named = [(told.layout.entries[told.free[i]].name, float(powers[i])) for i in moving]
+    named = [(known.layout.entries[known.free[i]].name, float(powers[i])) for i in moving]
     text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
     text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
-    return text, powers, lambda values: float(np.prod(np.maximum(values[moving], 1e-300) ** powers[moving]))
+    return _Form(
+        text, powers, lambda values: float(np.prod(np.maximum(values[moving], 1e-300) ** powers[moving])),
+        float(np.abs(powers[moving]).min()),
+    )  # fmt: skip
 
 
 def _power(name: str, power: float) -> str:
     return name if abs(power - 1.0) < 5e-3 else f"{name}^{power:.2g}"
 
 
-def _whole(exponents: Array) -> Iterator[Array]:
-    """The same in whole numbers, of small ones the nearest."""
-    least = float(np.abs(exponents[exponents != 0.0]).min())
-    for factor in (1.0, 2.0, 3.0, 4.0):
-        powers = factor * exponents / least
-        if float(np.abs(powers - np.round(powers)).max()) < NEARLY * factor:
-            yield np.round(powers)
-            return
-
-
-def _swayed(told: Told, x: Array, left: Callable[[Array], Array]) -> list[Array]:
-    """Values (n,) of vectors that fit as x does, some way along the unknown directions."""
-    base, found = left(x), []
-    for direction, extent in zip(told.directions, told.extent.tolist(), strict=True):
-        for sway in (-min(extent, SWAY), min(extent, SWAY)):
-            there = told.moved(x, sway * direction / np.abs(direction).max())
-            found.append(told.layout.values(told.fitted(there, base, left)))
-    return found
-
-
-def _about_joint(problem: Problem, told: Told, first: int, second: int, power: float) -> Iterator[Form]:
-    """k / (izz + m r^2): what a motion tells of an inertia is that about the joint. first * second^power is constant."""
+def _about_joint(known: _Known, first: int, second: int, power: float) -> Iterator[_Form]:
+    """k / (izz + m r^2): a motion shows the inertia about the joint. first * second^power is constant."""
     for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
-        names = [problem.layout.entries[told.free[i]].name for i in (other, inertia)]
-        beside = _beside(problem, problem.layout.entries[told.free[inertia]])
-        size = float(told.values[told.free[inertia]])
+        names = [known.layout.entries[known.free[i]].name for i in (other, inertia)]
+        beside = _beside(known, known.layout.entries[known.free[inertia]])
+        size = float(known.values[inertia])
         if beside > 0.0 and abs(exponent * (size + beside) / size + 1.0) <= ABOUT:
-            change = np.zeros(len(told.free))
+            change = np.zeros(len(known.free))
             change[[other, inertia]] = 1.0, -size / (size + beside)
             text = f"{names[0]} / ({names[1]} + {beside:.3g} kg m^2, the inertia about the joint)"
-            yield text, change, partial(_over, other, inertia, beside)
+            yield _Form(text, change, partial(_over, other, inertia, beside))
 
 
 def _over(other: int, inertia: int, beside: float, values: Array) -> float:
     return float(values[other] / (values[inertia] + beside))
 
 
-def _beside(problem: Problem, entry: Entry) -> float:
+def _beside(known: _Known, entry: Entry) -> float:
     """m r^2 of the link whose moment of inertia about the joint's axis an entry is; 0 of others, and where m or r is free."""
     link, _, name = entry.parameter.key.rpartition(".")
-    free = {one.parameter.key for one in problem.layout.entries}
+    free = {one.parameter.key for one in known.layout.entries}
     if name not in AXES or free & {f"{link}.{what}" for what in ("mass", *"xyz")}:
         return 0.0
-    robot = problem.tracks[0].door.robot
+    robot = known.track.door.robot
     body = next((one for one in robot.links if one.name == link), None)
     joint = next((one for one in robot.moving_joints if one.child == link and one.kind != "prismatic"), None)
     if body is None or body.mass is None or joint is None or abs(joint.axis[AXES.index(name)]) < 0.99:
@@ -166,10 +229,10 @@ def _beside(problem: Problem, entry: Entry) -> float:
     return body.mass * float(place @ place - (place @ np.array(joint.axis)) ** 2)
 
 
-def _sum(told: Told, other: int, pivot: int, power: float) -> Iterator[Form]:
-    """other + n pivot, of one unit, n a small whole number, if that is known: its parts may change much while it stays."""
-    first, second = (told.layout.entries[told.free[i]] for i in (other, pivot))
-    a, b = (float(told.values[told.free[i]]) for i in (other, pivot))
+def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]:
+    """other + n pivot, of one unit, n a small whole number: its terms may change much while it stays."""
+    first, second = (known.layout.entries[known.free[i]] for i in (other, pivot))
+    a, b = float(known.values[other]), float(known.values[pivot])
     # d a / a + power d b / b = 0: a + times b is constant nearby.
     times = power * a / b if b else 0.0
     signed, whole = min(a, b) <= 0.0, round(times)
@@ -179,11 +242,11 @@ def _sum(told: Told, other: int, pivot: int, power: float) -> Iterator[Form]:
         return
     total = a + times * b
     if first.parameter.unit == second.parameter.unit and times and (total > 0.0 or signed):
-        change = np.zeros(len(told.free))
+        change = np.zeros(len(known.free))
         change[[other, pivot]] = a / total, times * b / total
         size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
         text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
-        yield text, change, lambda values: float(values[other] + times * values[pivot])
+        yield _Form(text, change, lambda values: float(values[other] + times * values[pivot]))
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Mode
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identification.computed import computed_columns
 from asrsim.identification.door import COMPARABLE, EXTERNAL
 from asrsim.identification.noise import fine_noise, glitches, quantum_of
 from asrsim.identification.task import Experiment, Task
@@ -28,6 +28,8 @@ CIRCULAR = "they were computed from others and not measured, a fit to them would
 PLACED = "drives compute velocities from their places, which are compared"
 PLAYED = 2
 """Mode in which motors stand at their references."""
+COMPUTED = 1e-3
+"""Fraction of its deviation that a line through another column leaves of a column that was computed from it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,11 +130,11 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
     plan = make_plan(robot, recording, step=scenario.step, strict=True)
-    lag = plan.lag if experiment.lag is None else experiment.lag
+    lag = plan.lag
     remarks = [*plan.remarks]
     modes = dict(plan.modes)
     commands = [*_commands(plan, lag), *_played_motors(scenario, plan, lag, modes, remarks)]
-    played = {(command.joint, source) for command in commands for source in (command.source,)}
+    played = {(command.joint, command.source) for command in commands}
     channels = tuple(_channels(task, plan, lag, played, modes, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
@@ -214,7 +216,7 @@ def _channels(
             choices=tuple(possible), code="unknown-key",
         )  # fmt: skip
         raise RecordingError(problem)
-    computed = computed_columns(plan.recording, [column for _, column in possible.values()])
+    computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     left_out: dict[str, list[str]] = {}
     acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
     for key, (joint, column) in possible.items():
@@ -232,6 +234,22 @@ def _channels(
         if channel is not None:
             yield channel
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
+
+
+def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
+    """Sources of mapped columns that are multiples of another column -> that one's. Of two that are mapped, a position is read
+    by a sensor, and the other is the product.
+    """
+    found: dict[str, str] = {}
+    moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
+    for pair in combinations(moving, 2):
+        early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
+        if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
+            continue
+        a, b = (c.values - c.values.mean() for c in (early, late))
+        if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
+            found[late.source] = f"'{early.source}'"
+    return found
 
 
 def _left_out(quantity: str, mode: Mode | None, computed: bool) -> str | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.actuators.electric import electric_of
 from asrsim.actuators.user import load_plugin_file
-from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
@@ -26,7 +26,7 @@ from asrsim.simulation.worlds import Start, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "electric_of", "equilibrium_over_arrays",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "electric_of",
     "link_motion", "load_plugin_file", "over_arrays",
 ]  # fmt: skip
 
@@ -116,7 +116,7 @@ class Door:
         if name not in DERIVED:
             return own[name]
         actuator, (position, first, second) = self.drives[joint].actuator, (own[source] for source in SOURCES)
-        rest = first if actuator is None else equilibrium_over_arrays(actuator)(first, second)
+        rest = first if actuator is None else over_arrays(actuator.equilibrium_position)(first, second)
         return np.asarray(rest - position if name == "deflection" else rest)
 
     def varied(self, parameters: Numbers) -> Prepared:

@@ -1,44 +1,39 @@
-"""Whether the model fits: errors on what was fitted and on what was not, and whiteness."""
+"""Whether the model fits: residuals of the training part against the noise, and errors of the held-out part."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from asrsim.identification.noise import beyond_steps, is_nothing, lag_correlation, swings
-from asrsim.identification.problem import Problem, Weights, jacobian
-from asrsim.identification.search import WHITE, is_loud
-from asrsim.identification.track import Track
+from asrsim.identification.data import Channel
+from asrsim.identification.noise import SWING, beyond_steps, is_nothing, lag_correlation, size_of, swing
+from asrsim.identification.problem import Errors, Problem, errors
 from asrsim.samples import Array
 
-SMALL = 1e-2
-"""Correlations below it are not told."""
+FITS, SURE = 1.25, 2.0
+"""Residuals up to this multiple of the estimated noise may be noise; what the estimate from n samples adds, times sqrt(n)."""
+WHITE = 0.3
+"""Correlation of neighbouring residuals below which they may be noise."""
 HELD_OUT = 1.3
-"""Held-out error in training errors beyond which a model does not fit."""
-
-SWING = 0.03
-"""Share of a channel's residuals that a swing has, at least, which the model should have."""
+"""Held-out error, in training errors, beyond which a model does not fit."""
 SHAKEN = 2.0
-"""Deviations of what the commands' noise and the estimates' uncertainty make of a prediction."""
+"""Standard deviations of a prediction that noise of the played commands and the intervals of the estimates explain."""
 EXPLAINED = 0.5
-"""Share of a channel's variance from which on a fit explains it, more or less."""
+"""Fraction of a channel's variance below which a fit does not follow it."""
 EXACT = 1e-4
-"""Share of a channel's deviation that no sensor tells: what simulations without noise differ by, whose inputs between samples
-are not known.
-"""
+"""Fraction of a channel's deviation below which errors do not count: no sensor is so exact."""
 OPPOSED = 0.5
-"""Correlation of prediction and record, with its sign turned, from which on a sign may be another."""
+"""Negative correlation of prediction and record from which on the sign may be wrong."""
 MOVES = 8.0
-"""Deviations of its noise that a record extends over which moves."""
-HELD = "the held-out error is"
+"""A record that moves extends over more standard deviations of its noise than this."""
 
 
 @dataclass(frozen=True)
 class ChannelFit:
-    """A channel of a recording, before and after."""
+    """A channel of a recording, before and after the fit."""
 
     recording: str
     key: str
@@ -52,29 +47,23 @@ class ChannelFit:
     """Held-out part; nan where there is none."""
     held_after: float
     correlation: float
-    """Of neighbouring residuals, training part after the fit."""
+    """Of neighbouring residuals of the training part, after the fit."""
     explained: float
-    """Share of the recorded deviation that the fit explains, 1 - rms^2 / variance, over the whole recording."""
+    """Fraction of the recorded variance that the fit explains, over the whole recording."""
+    faults: tuple[str, ...] = ()
+    """Why residuals of the training part are more than noise."""
     shaken: float = 0.0
-    """RMS, in the held-out part, of what noise as that of the recorded commands makes of the prediction."""
-    loud: bool = False
-    """Whether more than the noise is left of the training part."""
-    swings: bool = False
-    """Whether a swing is left there."""
-    borne: float = 0.0
-    """Part of the correlation that noise as that of the recorded commands makes, or an encoder's steps."""
-    unsure: float = 0.0
-    """RMS there of what the estimates' deviations make of it."""
+    """RMS of the change of the held-out prediction by noise of the played commands."""
     steps: float = 0.0
-    """RMS that an encoder leaves at most which counts up to where it is."""
+    """Largest RMS error of an encoder that rounds down."""
     opposed: bool = False
-    """Whether the prediction goes against the record: its sign may be another."""
+    """Whether the prediction moves against the record: the sign may be wrong."""
     held_moves: bool = True
     """Whether anything moves in the held-out part."""
 
     @property
-    def explained_whole(self) -> bool:
-        """Whether nothing that counts is left: less than the noise, as of a simulation without any, or than a sensor tells."""
+    def is_exact(self) -> bool:
+        """Whether the errors do not count: below the noise, as of a simulation's own log, or below any sensor's accuracy."""
         left = float(np.nanmax([self.after, self.held_after, 0.0]))
         return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
 
@@ -83,110 +72,119 @@ class ChannelFit:
         return {name: None if isinstance(v, float) and np.isnan(v) else v for name, v in vars(self).items()}
 
 
-def channel_fits(
-    tracks: Sequence[Track], ends: Sequence[float], before: Sequence[Any], after: Sequence[Any], shaken: Sequence[Any]
-) -> list[ChannelFit]:
-    """before, after: by recording, residuals of each channel over the whole recording (None: not sane); shaken: what noise of
-    the commands makes of each.
+def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterator[str]:
+    """Why residuals (n,) of a channel are more than noise.
+
+    moved: (n,) change of the prediction by noise of the played commands.
     """
+    if is_nothing(size_of(left), channel.noise):
+        return
+    beyond, borne = beyond_steps(left, channel.values[: len(left)], channel.quantum)
+    played = 0.0 if moved is None else SHAKEN * rms(moved)
+    share = min(played / max(rms(left), 1e-300), 1.0) ** 2
+    if moved is not None:
+        borne = max(borne, share * lag_correlation(moved), key=abs)
+    if lag_correlation(beyond) - borne > WHITE:
+        yield f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
+    elif is_loud(beyond, float(np.hypot(channel.floor, played))):
+        yield f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
+    # Steps of an encoder, and noise of played commands, swing with the motion.
+    elif not channel.quantum and share < SWING and (cycles := swing(left)):
+        hertz = cycles * (len(left) - 1) / float(channel.time[len(left) - 1] - channel.time[0])
+        yield f"a swing of {hertz:.3g} Hz is left in the residuals: a second mode, or no start came to its frequency"
+
+
+def is_loud(left: Array, noise: float) -> bool:
+    """Whether residuals (n,) are larger than a noise that was estimated from as many samples."""
+    return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
+
+
+def fits_noise(problem: Problem, x: Array) -> bool:
+    """Whether the residuals look like noise, or are none, in every channel of every fitted recording."""
+    return all(left is not None and not any(faults(channel, left)) for channel, left in _left(problem, x))
+
+
+def is_explained(problem: Problem, x: Array) -> bool:
+    """Whether no residuals are left in any channel, as of a simulation's own log."""
+    return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
+
+
+def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
+    for number in problem.fitted:
+        left, channels = errors(problem, x, number), problem.tracks[number].channels
+        yield from zip(channels, [None] * len(channels) if left is None else left, strict=True)
+
+
+def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors) -> list[ChannelFit]:
+    """before, after: residuals over each whole recording; shaken: change of the predictions by noise of the commands."""
     found = []
-    for track, end, old, new, moved in zip(tracks, ends, before, after, shaken, strict=True):
+    for track, end, old, new, moved in zip(problem.tracks, problem.ends, before, after, shaken, strict=True):
         for i, channel in enumerate(track.channels):
-            training = channel.time <= end + 1e-9 if not track.data.held else np.zeros(len(channel.time), bool)
-            rows = [np.full(len(channel.time), np.nan) if r is None else r[i] for r in (old, new)]
-            beyond, borne = beyond_steps(rows[1][training], channel.values[training], channel.quantum)
-            told = new is not None and int(training.sum()) > 10
-            rings = told and not channel.quantum and swings(rows[1][training], SWING)
+            count = 0 if track.data.held else int(np.sum(channel.time <= end + 1e-9))
+            missing = np.full(len(channel.time), np.nan)
+            was, left = (missing if rows is None else rows[i] for rows in (old, new))
+            change = None if moved is None else moved[i]
+            judged = new is not None and count > 10
             spread = float(np.var(channel.values))
-            predicted = channel.values + rows[1]
-            played = 0.0
-            if told and moved is not None:
-                played = SHAKEN * _rms(moved[i][training])
-                share = min(played / max(_rms(rows[1][training]), 1e-300), 1.0) ** 2
-                borne = max(borne, share * lag_correlation(moved[i][training]), key=abs)
-                # What is played shakes the arm, most where it swings.
-                rings = rings and share < SWING
+            beyond, _ = beyond_steps(left[:count], channel.values[:count], channel.quantum)
             found.append(
                 ChannelFit(
                     recording=track.data.name, key=channel.key, unit=channel.unit, noise=float(channel.noise),
-                    before=_rms(rows[0][training]), after=_rms(rows[1][training]), held_before=_rms(rows[0][~training]),
-                    held_after=_rms(rows[1][~training]),
-                    shaken=0.0 if moved is None or training.all() else _rms(moved[i][~training]),
-                    correlation=lag_correlation(beyond) if told else np.nan, borne=borne,
-                    loud=told and is_loud(beyond, float(np.hypot(channel.floor, played))), swings=rings,
+                    before=rms(was[:count]), after=rms(left[:count]), held_before=rms(was[count:]),
+                    held_after=rms(left[count:]), correlation=lag_correlation(beyond) if judged else np.nan,
+                    explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
+                    faults=tuple(faults(channel, left[:count], None if change is None else change[:count])) if judged else (),
+                    shaken=0.0 if change is None or count == len(left) else rms(change[count:]),
                     steps=channel.quantum / float(np.sqrt(3.0)),
-                    opposed=new is not None and _opposed(predicted, channel.values),
-                    held_moves=_moves(channel.values[~training], channel.floor),
-                    explained=1.0 - _rms(rows[1]) ** 2 / spread if spread > 0.0 else np.nan,
+                    opposed=new is not None and _opposed(channel.values + left, channel.values),
+                    held_moves=count < len(left) and float(np.ptp(channel.values[count:])) > MOVES * channel.floor,
                 )
             )  # fmt: skip
     return found
 
 
-def with_unsure(fits: Sequence[ChannelFit], problem: Problem, x: Array, covariance: Array) -> list[ChannelFit]:
-    """The same with what a covariance (n, n) of x makes of the held-out part."""
-    values, vectors = np.linalg.eigh(covariance)
-    ends = tuple(track.data.duration for track in problem.tracks)
-    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in problem.tracks)
-    everything = replace(problem, ends=ends, weights=weights)
-    moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-    result = []
-    for one, part in zip(fits, everything.parts, strict=True):
-        held = part.channel.time > problem.ends[part.track] + 1e-9
-        size = np.linalg.norm(moves[part.rows][held]) / max(int(held.sum()), 1) ** 0.5
-        result.append(replace(one, unsure=float(size) * part.weights.noise))
-    return result
-
-
 def _opposed(predicted: Array, recorded: Array) -> bool:
-    """Whether two series (n,) go against each other."""
     a, b = predicted - predicted.mean(), recorded - recorded.mean()
     return float(a @ b) < -OPPOSED * float(np.linalg.norm(a) * np.linalg.norm(b))
 
 
-def _moves(values: Array, noise: float) -> bool:
-    """Whether a record (n,) moves beyond its noise."""
-    return len(values) > 0 and float(np.ptp(values)) > MOVES * noise
-
-
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root mean square; nan of no values."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-def verdict(fits: Sequence[ChannelFit]) -> list[str]:
-    """Why the model does not fit; empty where it does."""
+def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
+    """Why the model does not fit; empty where it does.
+
+    unsure: for each channel, RMS of the change of its held-out prediction within the intervals of the estimates.
+    """
     reasons = []
-    trained = {one.key: one.after for one in fits if not np.isnan(one.after)}
-    for key in dict.fromkeys(one.key for one in fits if not one.explained_whole):
-        mine = [one for one in fits if one.key == key]
-        train = [one.after for one in mine if not np.isnan(one.after)]
-        held = [one.held_after for one in mine if not np.isnan(one.held_after)]
-        if train and held:
-            a, b = float(np.sqrt(np.mean(np.square(train)))), float(np.sqrt(np.mean(np.square(held))))
-            moved = float(np.sqrt(np.mean([one.shaken**2 + one.unsure**2 for one in mine if not np.isnan(one.held_after)])))
-            # Noise of what is played, and estimates that the training part told roughly, are no faults of the model.
-            steps = max(one.steps for one in mine)
-            if b > max(HELD_OUT * float(np.hypot(a, SHAKEN * moved)), steps, 1e-300):
-                reasons.append(f"{key}: {HELD} {b / a:.2g} times that of the training part ({b:.3g} for {a:.3g})")
-        worst = max(mine, key=lambda one: np.nan_to_num(one.correlation - one.borne), default=None)
-        if worst is not None and worst.correlation - worst.borne > WHITE:
-            also = "noise of what is played, or an encoder's steps"
-            noise = f", by {worst.borne:.2f} from {also}" if abs(worst.borne) > SMALL else ""
-            reasons.append(f"{key}: residuals are not white, neighbours correlate by {worst.correlation:.2f}{noise}")
-        elif any(one.loud for one in mine):
-            most = max(one.after / one.noise for one in mine if one.loud)
-            reasons.append(f"{key}: what is left is {most:.2g} times the noise")
-        elif any(one.swings for one in mine):
-            reasons.append(f"{key}: a swing is left in the residuals: no start came to its frequency, or something else swings")
-    if not trained:
+    for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
+        mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
+        reasons += [f"{key}: {fault}" for _, one in mine for fault in one.faults][:1]
+        train = _mean([one.after for _, one in mine])
+        held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
+        error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
+        if error > max(HELD_OUT * train, steps, 1e-300):
+            # Noise of the played commands, and the uncertainty of the estimates, are no faults of the model.
+            known = unsure()
+            change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in held])
+            if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
+                ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
+                reasons.append(f"{key}: the held-out error is {ratio}")
+    if all(np.isnan(one.after) for one in fits):
         reasons.append("nothing was fitted")
     return reasons
 
 
+def _mean(sizes: Sequence[float]) -> float:
+    """Root mean square of RMS values, without missing ones; nan of none."""
+    known = np.array(sizes)[~np.isnan(sizes)]
+    return rms(known)
+
+
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
-    """Channels of which the fit explains nothing while it explains others: they may be of something else. All of them, where it
-    explains little of any. Of another sign is only what goes against its prediction.
-    """
+    """Channels that the fit does not follow: their sign, quantity or start may be wrong."""
     some = any(one.explained > EXPLAINED for one in fits)
     found: dict[str, str] = {}
     for one in fits:
@@ -202,30 +200,10 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
 
 
 def praise(fits: Sequence[ChannelFit]) -> str:
-    """What a fit that was found to fit is praised for: no more than what was looked at shows."""
-    judged = [one for one in fits if not one.explained_whole]
-    white = all(abs(one.correlation) <= WHITE for one in judged if not np.isnan(one.correlation))
-    left = (
-        "residuals are white"
-        if white
-        else "residuals correlate no more than noise of what is played, or an encoder, makes them"
-    )
+    """What the held-out part shows of a model that fits."""
     held = [one for one in fits if not np.isnan(one.held_after)]
-    if not judged:
-        left = "nothing that counts is left"
     if not held:
-        return f"{left}; nothing was held out"
+        return "the model fits; nothing was held out"
     if not any(one.held_moves for one in held):
-        return f"{left}; nothing moves in the held-out part, which therefore proves nothing"
-    return f"{left}, and the held-out error is what the training part lets expect"
-
-
-def still_joints(tracks: Sequence[Track]) -> Mapping[str, str]:
-    """Joint -> why nothing is told of its link, where no recording moves it beyond its noise."""
-    moved: dict[str, float] = {}
-    for track in tracks:
-        for channel in track.channels:
-            if channel.quantity == "link_position":
-                extent = float(np.ptp(channel.values)) / (max(channel.noise, channel.quantum) * 8.0)
-                moved[channel.joint] = max(moved.get(channel.joint, 0.0), extent)
-    return {joint: "the link never moves beyond its noise" for joint, extent in moved.items() if extent < 1.0}
+        return "the model fits; nothing moves in the held-out part, which therefore proves nothing"
+    return "the model fits, and predicts the held-out part as well as the training part lets expect"

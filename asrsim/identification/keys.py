@@ -15,8 +15,6 @@ from asrsim.quantities import linear_unit
 from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
-JUMP = "jump_"
-"""Begins the last part of a key: s by which a command's large jump comes before the sample that shows it."""
 LATEST = 0.25
 """s, bound of delays and clock offsets."""
 TYPICAL = {

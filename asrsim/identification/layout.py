@@ -51,8 +51,6 @@ class Layout:
     entries: tuple[Entry, ...]
     ties: tuple[Tie, ...]
     tracks: int
-    fixed: tuple[Mapping[str, float], ...] = ()
-    """By recording: numbers that are known beside these."""
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -74,8 +72,7 @@ class Layout:
 
     def table(self, x: Array, track: int) -> dict[str, float]:
         """Key -> value for a recording, ties followed."""
-        found = {**self.fixed[track]} if self.fixed else {}
-        found |= {
+        found = {
             entry.parameter.key: entry.value(float(v))
             for entry, v in zip(self.entries, x, strict=True)
             if entry.track in (None, track)
@@ -90,10 +87,6 @@ class Layout:
                 if tie.to in found:
                     found[tie.key] = tie.factor * found[tie.to]
         return found
-
-    def fixed_at(self, x: Array) -> Layout:
-        """Nothing is free any more."""
-        return replace(self, entries=(), fixed=tuple(self.table(x, track) for track in range(self.tracks)))
 
     def touched(self, index: int) -> range:
         """Recordings that an entry acts on."""

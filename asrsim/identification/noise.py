@@ -15,15 +15,13 @@ if TYPE_CHECKING:
 ORDER = 12
 """Largest order of the autoregressive models."""
 NOTHING = 0.5
-"""Share of what was taken for noise below which nothing is left of it: white noise leaves all, correlated noise more."""
+"""Fraction of the estimated noise below which residuals count as zero: white noise leaves all of it, correlated noise more."""
 CLIPPED = 4.0
-"""Deviations, by the median of sizes, beyond which a residual counts as so large."""
-AROUND = 25
-"""Frequencies to each side that tell the level of a spectrum."""
-BANDS = (3, 9, 27)
-"""Frequencies of a swing."""
-SELDOM = 1e-4
-"""Probability of chance, per width of a band, below which a band that stands out is a swing."""
+"""Robust standard deviations beyond which a residual counts as this large."""
+AROUND, WIDTH = 25, 3
+"""Frequencies on each side that give the local level of a spectrum; frequencies of a spectral line."""
+SELDOM, SWING = 1e-4, 0.03
+"""Probability that noise alone has such a line; least fraction of the residuals' power that a reported line has."""
 STILL, FINE = 0.15, 0.5
 """Share of samples that stand still on an encoder's steps; noise in these steps that they make, and little else."""
 LEVELS = 20_000
@@ -98,62 +96,50 @@ def is_nothing(size: float, noise: float) -> bool:
     return size < NOTHING * noise
 
 
-def swings(residuals: Array, share: float = 0.0) -> bool:
-    """Whether residuals (n,) hold a swing: a band of their spectrum that chance lets stand out one time in a thousand, and that
-    has more than a share of their power.
+def swing(residuals: Array) -> float:
+    """Frequency, in cycles per sample, of a line that stands out of the spectrum of residuals (n,); 0: there is none.
 
-    Swings fade and change their frequency, so that bands of several widths are tried where the rest is white (but for one lag);
-    correlated noise has a smooth spectrum, on which only a narrow band stands out of those around.
+    The line is compared with the median of the frequencies around it, so that coloured noise has no lines.
     """
     from scipy.special import gammaincc
 
     n = len(residuals)
     if n < 4 * AROUND or not np.any(residuals):
-        return False
+        return 0.0
     centred = residuals - residuals.mean()
-    first = lag_correlation(centred)
-    flat = whiten(centred, np.array([first]))
-    power = np.abs(np.fft.rfft(flat))[1:] ** 2
-    # A swing, too, makes neighbours correlate.
-    white = abs(first) < 0.3 and all(abs(lag_correlation(flat, lag)) < 0.1 + 3.0 / np.sqrt(n) for lag in (1, 2, 3))
-    padded = np.pad(power, AROUND, mode="reflect")
-    around = power if white else np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-    # Of white noise powers are exponential: their median is log 2 of their mean.
+    power = np.abs(np.fft.rfft(whiten(centred, np.array([lag_correlation(centred)]))))[1:] ** 2
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
+    # Powers of noise are exponentially distributed: the median is log 2 times the mean.
     height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
-    for width in BANDS[: None if white else 1]:
-        band = np.convolve(height, np.ones(width), "same")
-        most = int(np.argmax(band))
-        inside = float(np.sum(power[max(most - width // 2, 0) : most + width // 2 + 1])) / float(np.sum(power))
-        if float(gammaincc(width, band[most])) * len(power) < SELDOM and inside - width / len(power) > share:
-            return True
-    return False
+    band = np.convolve(height, np.ones(WIDTH), "same")
+    most = int(np.argmax(band))
+    fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)
+    stands_out = float(gammaincc(WIDTH, band[most])) * len(power) < SELDOM and fraction > SWING
+    return (most + 1) / n if stands_out else 0.0
 
 
-def autoregression(residuals: Array) -> Array:
-    """Coefficients (p,) of the model e_k = sum c_i e_(k-i) + white noise that Akaike's criterion, corrected, chooses; (0,) for
-    white residuals.
-
-    By Burg's recursion, which is stable for every order.
-    """
+def autocovariances(residuals: Array) -> Array:
+    """(p + 1,) of residuals (n,) about 0, from lag 0 on; p is the largest order of a model that so many samples allow."""
     n = len(residuals)
-    limit = min(ORDER, n // 20)
-    if limit < 1 or abs(lag_correlation(residuals)) < 2.5 / np.sqrt(n):
-        return np.empty(0)
-    forward, backward = residuals[1:].copy(), residuals[:-1].copy()
-    power = float(np.mean(residuals**2))
-    chosen, coefficients = np.empty(0), np.empty(0)
-    best = n * np.log(power)
-    for order in range(1, limit + 1):
-        scale = float(np.dot(forward, forward) + np.dot(backward, backward))
-        if scale <= 0.0:
-            break
-        k = 2.0 * float(np.dot(forward, backward)) / scale
-        coefficients = np.append(coefficients - k * coefficients[::-1], k)
-        power *= 1.0 - k * k
-        forward, backward = (forward - k * backward)[1:], (backward - k * forward)[:-1]
-        criterion = n * np.log(max(power, 1e-300)) + np.log(n) * order
+    lags = range(min(ORDER, n // 20) + 1)
+    return np.array([float(residuals[lag:] @ residuals[: n - lag]) for lag in lags]) / n
+
+
+def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
+    """Coefficients (p,) of e_k = sum c_i e_(k-i) + white noise, and the variance of that noise, from autocovariances.
+
+    By Levinson's recursion; the order by Schwarz's criterion for so many samples, 0 for white noise.
+    """
+    coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
+    chosen, best = (coefficients, power), samples * np.log(power)
+    for order in range(1, len(covariances)):
+        reflection = float(covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]) / power
+        reflection = min(max(reflection, -0.9999), 0.9999)
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        power *= 1.0 - reflection**2
+        criterion = samples * np.log(power) + np.log(samples) * order
         if criterion < best:
-            best, chosen = criterion, coefficients.copy()
+            best, chosen = criterion, (coefficients, power)
     return chosen
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +12,6 @@ from asrsim.identification.data import Command
 from asrsim.identification.noise import fine_noise
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.curve import Curve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,19 +29,14 @@ class Played(Signal):
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0
-    early: Mapping[int, float] = field(default_factory=dict)
-    """Number of a large jump, from 0 -> s by which it comes before its sample."""
-
-    @cached_property
-    def _curve(self) -> Curve:
-        return self.command.curve.earlier(self.early)
 
     def values(self, time: Array) -> Array:
         """gain (recorded - offset), `delay` s later."""
         at = time - self.delay
-        ends = self._curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
+        curve = self.command.curve
+        ends = curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
         means = (ends[1] - ends[0]) / self.step
-        for jump, size in zip(self._curve.jumps, self._curve.sizes, strict=True):
+        for jump, size in zip(curve.jumps, curve.sizes, strict=True):
             # A mean over a jump takes the value on its own side.
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
@@ -52,7 +45,7 @@ class Played(Signal):
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""
-        times = self._curve.jumps + self.delay
+        times = self.command.curve.jumps + self.delay
         return np.asarray(times[(times >= start) & (times <= end)])
 
 

@@ -18,6 +18,8 @@ from asrsim.identification.noise import whiten
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.samples import Array
 
+Errors = Sequence[list[Array] | None]
+"""By recording: predicted less recorded of each channel over all of it; None where the simulation diverges."""
 STEP = 1e-6
 """Of differences, in the vector's units: logarithms, or typical sizes."""
 FAR = 1e3
@@ -214,15 +216,15 @@ def _worlds(problem: Problem, x: Array, track: int, moves: Sequence[tuple[int, i
         yield _weighted(problem, None if predicted is None else [a - c.values[: len(a)] for a, c in pairs], track)
 
 
-def cost_of(values: Array, loss: str) -> float:
-    """Mean of squares; of Huber's loss beyond :data:`HUBER` of sizes."""
+def huber(values: Array) -> float:
+    """Mean of squares; beyond :data:`HUBER`, of sizes."""
     size = np.abs(values)
-    return float(np.mean(np.where((size <= HUBER) | (loss == "linear"), size**2, HUBER * (2.0 * size - HUBER))))
+    return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
 
 
 def mean_square(problem: Problem, x: Array) -> float:
     """Of the residuals."""
-    return cost_of(residuals(problem, x), "linear")
+    return float(np.mean(residuals(problem, x) ** 2))
 
 
 def with_own_substeps(problem: Problem, x: Array) -> Problem:
@@ -237,8 +239,8 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
     return replace(problem, playing=tuple(playing)) if changed else problem
 
 
-def solve(problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Least squares from x within the bounds, by a trust region."""
+def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
+    """Least squares from x within the bounds, by a trust region; robust: outliers count by Huber's loss."""
     from scipy.optimize import least_squares
 
     low, high = problem.layout.bounds
@@ -251,7 +253,7 @@ def solve(problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROU
 
     def left(move: Array) -> Array:
         found = residuals(problem, inside + move)
-        problem.meter.cost = min(problem.meter.cost, cost_of(found, "huber"))
+        problem.meter.cost = min(problem.meter.cost, huber(found))
         return found
 
     def slopes(move: Array) -> Array:
@@ -271,6 +273,7 @@ def solve(problem: Problem, x: Array, *, loss: str = "linear", rounds: int = ROU
     known: list[tuple[Array, Array, Array, int]] = []
     found = least_squares(
         left, np.zeros(len(x)), jac=slopes, bounds=(low - inside, high - inside),
-        method="trf", x_scale=scale, loss=loss, f_scale=HUBER, ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=rounds,
+        method="trf", x_scale=scale, loss="huber" if robust else "linear", f_scale=HUBER,
+        ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Between a search and who watches it: progress told, the wish to stop heard."""
+"""Progress of a fit, and the wish to stop it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.identification.search import Best, Stopped
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a fit is."""
+    """The state of a fit."""
 
     stage: str
     cost: float
@@ -22,19 +22,19 @@ class Progress:
     elapsed: float
     """s."""
     remaining: float
-    """s to the end, if this start is the last, by what evaluations took and such fits need; nan: unknown."""
+    """s to the end, if this start is the last; nan: unknown."""
 
 
 OFTEN = 0.2
 """s."""
-EVALUATIONS, AFTERWARDS = 12, 40
-"""Of a search, and of all that follows it, for each parameter."""
+SEARCH, AFTERWARDS = 12, 40
+"""Evaluations for each parameter: of a search, and of everything after it."""
 UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
-"""How a fit ended whose time is over, or that the user stopped."""
+"""How a fit ended whose time was over, or that the user stopped."""
 
 
 class Watch:
-    """Between the search and who watches it."""
+    """Calls the user's functions between evaluations, and ends the search on time."""
 
     def __init__(
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
@@ -43,21 +43,18 @@ class Watch:
         self._progress, self._stop, self._seconds = progress, stop, math.inf if seconds is None else seconds
         self.ended = INTERRUPTED
         """Why the search was stopped."""
-        self.began = self._told = clock.perf_counter()
-        self._stage, self._searching, self._before = "start", False, 0
+        self.began = self._reported = clock.perf_counter()
+        self._stage, self._before = "start", 0
         self.best: Best | None = None
         self.ignore_stop = False
-        """What is there is judged."""
+        """The fit is being judged."""
 
-    def stage(self, name: str, *, search: bool = False) -> None:
-        """Something else begins; search: another start."""
+    def stage(self, name: str) -> None:
+        """Another stage, or another start of the search, begins."""
         if self.best is not None:
-            meter = self.best.problem.meter
-            meter.cost = math.inf
-            if search or self._searching:
-                self._before = meter.evaluations
-        self._stage, self._searching = name, search
-        self._tell()
+            self.best.problem.meter.cost, self._before = math.inf, self.best.problem.meter.evaluations
+        self._stage = name
+        self._report()
 
     def tick(self) -> None:
         """An evaluation is done; raises Stopped."""
@@ -65,11 +62,11 @@ class Watch:
         if not self.ignore_stop and (late or (self._stop is not None and self._stop())):
             self.ended = UNFINISHED if late else INTERRUPTED
             raise Stopped
-        if clock.perf_counter() - self._told > OFTEN:
-            self._tell()
+        if clock.perf_counter() - self._reported > OFTEN:
+            self._report()
 
     def unless_stopped(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
-        """What takes long and can be done without; nothing where the user asks for the end."""
+        """Results that can be done without: none where the user asks for the end."""
         self.ignore_stop = False
         try:
             return tuple(found())
@@ -78,16 +75,15 @@ class Watch:
         finally:
             self.ignore_stop = True
 
-    def _tell(self) -> None:
-        self._told = clock.perf_counter()
-        elapsed, left, cost, done = self._told - self.began, math.nan, math.nan, 0
+    def _report(self) -> None:
+        self._reported = clock.perf_counter()
+        elapsed, left, cost, done = self._reported - self.began, math.nan, math.nan, 0
         if self._progress is None:
             return
         if self.best is not None:
             meter = self.best.problem.meter
             cost, done = min(self.best.cost, meter.cost), meter.evaluations
-            # From the start that is searched, or from the end of the search.
-            wanted = (AFTERWARDS + EVALUATIONS * self._searching) * (len(self.best.x) + 1) + self._before
+            wanted = self._before + (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
             if done:
                 left = min(max(wanted - done, 0) * elapsed / done, max(self._seconds - elapsed, 0.0))
         self._progress(Progress(self._stage, cost, done, elapsed, left))

@@ -1,4 +1,4 @@
-"""A fit from beginning to end: parameters searched, weighted by what is left, judged on what was held out, and told."""
+"""A fit from beginning to end: parameters searched, weighted by the residuals, judged on the held-out part, and reported."""
 
 from __future__ import annotations
 
@@ -6,49 +6,29 @@ import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import bristles, missing_causes, ties_that_are_none, with_jumps_of_predicted
-from asrsim.identification.extensions import ASKED, extended
-from asrsim.identification.judge import (
-    HELD,
-    ChannelFit,
-    channel_fits,
-    foreign,
-    still_joints,
-    verdict,
-    with_unsure,
-)
-from asrsim.identification.keys import JUMP
-from asrsim.identification.problem import Problem, Weights, errors, mean_square, residuals, solve
+from asrsim.identification.causes import missing_causes, ties_that_are_none
+from asrsim.identification.extensions import ASKED
+from asrsim.identification.judge import channel_fits, foreign, rms, verdict
+from asrsim.identification.problem import Errors, Problem, Weights, errors, jacobian, mean_square, residuals
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
-from asrsim.identification.search import (
-    Best,
-    Stopped,
-    fits_noise,
-    is_explained,
-    search,
-    settle,
-    with_jumps_of_whole_recordings,
-)
+from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
-from asrsim.identification.substeps import with_substeps
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, with_played
+from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, widened
 from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, doubted, estimates
 from asrsim.samples import Array
 from asrsim.workers import one_thread
 
 APART = 10.0
-"""Times that of the training part: a mean square error of whole recordings that means that they are not explained."""
-
-Errors = list[list[Array] | None]
-"""Predicted less recorded over each whole recording, by channel."""
+"""Mean square error of whole recordings, in that of the training part, from which on no values explain them."""
 
 
 def identify(
@@ -71,16 +51,17 @@ def identify(
     Args:
         scenario: Scenario or fit file, or a task of :func:`task_of`.
         experiments, options: As :func:`task_of` takes them.
-        progress: Told now and then. stop: asked; True ends the search, and the best so far is judged.
-        begin: Name of an entry -> value to begin at, in place of the starts: of a fit that was interrupted.
+        progress: Called now and then.
+        stop: Called between evaluations; True ends the search, and the best fit so far is judged.
+        begin: Name of an entry -> value to begin at, in place of the starts: those of an interrupted fit.
         check: Only look: sensitivities at the start.
-        accept: Of a model that does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
+        accept: If the model does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
             as estimates from a tenth of the recording differ.
-        seconds: after which the search ends and the best so far is judged, as `unfinished`; None: it ends by itself.
+        seconds: Time after which the search ends and the best fit so far is judged, as `unfinished`; None: no limit.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
-        SimulationError: The motion is not sane at the start.
+        SimulationError: The simulation diverges at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
     watch = Watch(progress, stop, seconds)
@@ -97,26 +78,15 @@ def identify(
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
         watch.ignore_stop = True
-        best.problem = with_jumps_of_predicted(best.problem, best.x, fits_noise)
-        start = np.append(start, np.zeros(len(best.x) - len(start)))
-        return _judged(setup, best, start, before, status, watch, accept=accept)
+        return _judged(setup, best, before, status, watch, accept=accept)
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
-    """How the search ended; `best` has what it found."""
+    """How the search ended; `best` has its result."""
     try:
-        search(best, setup, lambda how: watch.stage(how, search=True))
-        with_jumps_of_whole_recordings(best, setup.task)
-        watch.stage("substeps and weights of what was found")
+        search(best, setup, watch.stage)
+        watch.stage("substeps and weights")
         settle(best, setup)
-        watch.stage("bristles of the friction")
-        # Even where what is left may be noise: they are told from it by many samples.
-        found = extended(
-            best.problem, best.x, lambda problem, _: bristles(problem, setup.robot), loss=setup.task.loss, enough=is_explained
-        )
-        if found.chosen:
-            best.problem, best.x, best.cost = found.problem, found.x, found.cost
-            settle(best, setup)
     except Stopped:
         return watch.ended
     return "complete"
@@ -126,24 +96,28 @@ def _errors(problem: Problem, x: Array) -> Errors:
     return [errors(problem, x, track, whole=True) for track in range(len(problem.tracks))]
 
 
-def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
+def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     problem, trained, complete = best.problem, best.x, status == "complete"
     if not complete:
         problem = replace(problem, weights=tuple(tuple(Weights(w.noise) for w in track) for track in problem.weights))
     after = _errors(problem, trained)
-    fits = _channels(problem, trained, before, after, unsure=complete)
-    misfit = verdict(fits) if complete else []
-    causes = _causes(problem, trained, start, fits, watch) if misfit else []
-    final, x, found, met, finer = _final(problem, trained, status)
-    whole = final.ends != problem.ends
-    cut = any(0.0 < end < track.data.duration for track, end in zip(problem.tracks, problem.ends, strict=True))
-    if complete and cut and not whole and not all(one.explained_whole for one in fits):
+    playing = zip(problem.tracks, problem.playing, strict=True)
+    shaken = [track.shaken(problem.layout.table(trained, i), one) for i, (track, one) in enumerate(playing)]
+    fits = channel_fits(problem, before, after, shaken)
+    misfit = verdict(fits, cache(lambda: _unsure(problem, trained))) if complete else []
+    causes = []
+    if misfit:
+        watch.stage("what may be missing")
+        plain = replace(problem, weights=tuple(tuple(Weights(c.noise) for c in track.channels) for track in problem.tracks))
+        causes = [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, trained))]
+    final, x, found, met = _final(problem, trained, status)
+    if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
     misfit += ties_that_are_none(final, x, found) if complete else []
     accepted = accept and bool(misfit) and min(one.explained for one in fits) >= ACCEPTABLE
     found = found.of_a_block if accepted else found
-    known, combined = estimates(final, x, found, met, still_joints([problem.tracks[i] for i in problem.fitted]))
+    known, combined = estimates(final, x, found, met)
     if misfit:
         missed, channel = max((max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
         known = doubted(known, missed, channel)
@@ -153,10 +127,10 @@ def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str,
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
-        remarks=tuple(_remarks(setup, best, finer)), evaluations=problem.meter.evaluations,
+        remarks=tuple(_remarks(setup, best)), evaluations=problem.meter.evaluations,
         seconds=clock.perf_counter() - watch.began, how=best.how, attempts=best.attempts, successes=best.successes,
         status=status, x=x, layout=final.layout, ends=problem.ends, series=tuple(_series(problem, before, after)),
-        scenario=setup.scenario, robot=setup.robot, whole=whole, accepted=accepted,
+        scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={
             c.source: "hold" if c.hold or c.key in problem.held else "smooth"
             for track in problem.tracks for c in track.data.commands
@@ -164,58 +138,42 @@ def _judged(setup: Setup, best: Best, start: Array, before: Errors, status: str,
     )  # fmt: skip
 
 
-def _channels(problem: Problem, x: Array, before: Errors, after: Errors, *, unsure: bool) -> list[ChannelFit]:
-    """Errors of each channel; unsure: with what the estimates' uncertainty makes of them, where they are large unseen."""
-    shaken = [
-        track.shaken(problem.layout.table(x, i), one)
-        for i, (track, one) in enumerate(zip(problem.tracks, problem.playing, strict=True))
-    ]
-    fits = channel_fits(problem.tracks, problem.ends, before, after, shaken)
-    if not unsure or not any(HELD in text for text in verdict(fits)):
-        return fits
-    roughly = uncertainty(problem, x, bounds_met(problem.layout, x)).covariance
-    return with_unsure(fits, problem, x, roughly)
+def _unsure(problem: Problem, x: Array) -> list[float]:
+    """For each channel, RMS of the change of its held-out prediction within the deviations of the estimates."""
+    values, vectors = np.linalg.eigh(uncertainty(problem, x, bounds_met(problem.layout, x)).covariance)
+    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in problem.tracks)
+    everything = replace(problem, ends=tuple(track.data.duration for track in problem.tracks), weights=weights)
+    moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    sizes = []
+    for part in everything.parts:
+        held = moves[part.rows][part.channel.time > problem.ends[part.track] + 1e-9]
+        sizes.append(rms(np.linalg.norm(held, axis=1)) * part.weights.noise)
+    return sizes
 
 
-def _causes(problem: Problem, x: Array, start: Array, fits: Sequence[ChannelFit], watch: Watch) -> list[str]:
-    """What may be missing where the model does not fit."""
-    watch.stage("what may be missing")
-    plain = replace(problem, weights=tuple(tuple(Weights(c.noise) for c in track.channels) for track in problem.tracks))
-    return [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, x, start))]
-
-
-def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool], str]:
-    """The estimate of a complete fit from whole recordings, how sure it is, which entries are at bounds, and what is said of
-    finer substeps; else what there is.
-    """
+def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool]]:
+    """The estimate of a complete fit, from whole recordings where values explain them; its uncertainty; entries at bounds."""
     if status != "complete":
-        # What is only looked at may begin at a bound, as a delay of 0: it has not ended there.
+        # An entry that has only been looked at may begin at a bound, as a delay of 0: it has not ended there.
         met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
-        return problem, trained, uncertainty(problem, trained, met, foreseen=status == "checked"), met, ""
-    problem, x = _from_whole_recordings(problem, trained)
-    x = unbiased(problem, x)
-    met = bounds_met(problem.layout, x)
-    found = uncertainty(problem, x, met)
-    found, finer = with_substeps(problem, x, with_played(problem, x, found))
-    return problem, x, found, met, finer
-
-
-def _from_whole_recordings(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """The estimate once the part that was held out has judged; the same where nothing explains whole recordings."""
-    whole = problem.whole
-    if whole.ends == problem.ends:
-        return problem, x
-    there = solve(whole, x, rounds=20)
-    least, best = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
-    return (problem, x) if least > APART * max(mean_square(problem, x), 1.0) else (whole, best)
+        return problem, trained, uncertainty(problem, trained, met, foreseen=status == "checked"), met
+    whole, x = problem.whole, trained
+    if whole.ends != problem.ends:
+        there = refined(whole, x, 20)
+        least, x = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
+        if least > APART * max(mean_square(problem, trained), 1.0):
+            whole, x = problem, trained
+    x = unbiased(whole, x)
+    met = bounds_met(whole.layout, x)
+    return whole, x, widened(whole, x, uncertainty(whole, x, met)), met
 
 
 def _moved(problem: Problem, final: Problem, trained: Array, x: Array, deviations: Array) -> list[str]:
-    """Parameters that the held-out part makes others by more than chance."""
+    """Parameters that differ with and without the held-out part by more than chance."""
     apart = np.abs(x - trained) > np.maximum(6.0 * deviations, 0.1)
     if not apart.any():
         return []
-    # In a long valley a search may end anywhere: what explains the training part as well is no other estimate of it.
+    # In a long valley a search may end anywhere: an estimate that explains the training part as well is no other one.
     near, there = residuals(problem, trained), residuals(problem, x)
     if there @ there < near @ near + ASKED * float(np.mean(near**2)):
         return []
@@ -227,22 +185,18 @@ def _moved(problem: Problem, final: Problem, trained: Array, x: Array, deviation
     ]  # fmt: skip
 
 
-def _remarks(setup: Setup, best: Best, finer: str) -> Iterator[str]:
-    """What is said beside the tables: how recordings were taken, and what was estimated that nobody asked for."""
-    entries, tracks = best.problem.layout.entries, best.problem.tracks
+def _remarks(setup: Setup, best: Best) -> Iterator[str]:
+    """How recordings were taken, and parameters that are estimated though nobody asked for them."""
+    tracks, keys = best.problem.tracks, {entry.parameter.key for entry in best.problem.layout.entries}
     yield from (f"{track.data.name}: {text}" for track in tracks for text in track.data.remarks)
-    yield from [finer] if finer else []
-    for entry in entries:
-        if entry.parameter.key.endswith("friction_stiffness") and entry.parameter.key not in setup.asked:
-            yield f"{entry.name} is estimated, too: what was recorded asks for bristles of another stiffness than the law's own"
-    if any(f".{JUMP}" in entry.parameter.key for entry in entries) or any(map(bool, best.problem.layout.fixed)):
-        yield "jumps of commands are estimated, too: they came between samples, so long before those that show them"
+    for key in sorted(keys - setup.asked):
+        if key.endswith("friction_stiffness"):
+            yield f"{key} is estimated, too: the recording asks for another stiffness of the friction before it slides"
     if held := best.problem.held:
         yield (
-            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: what "
-            "was recorded asks for it (`interpolation: hold` of the scenario's playback)"
+            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: the "
+            "recording asks for it (`interpolation: hold` of the scenario's playback)"
         )
-    keys = {entry.parameter.key for entry in entries}
     for track in tracks:
         for key in keys.intersection(track.uncertain):
             yield (
@@ -252,7 +206,7 @@ def _remarks(setup: Setup, best: Best, finer: str) -> Iterator[str]:
 
 
 def _series(problem: Problem, before: Errors, after: Errors) -> Iterator[tuple[dict[str, Any], ...]]:
-    """Of each recording and channel, for pictures."""
+    """For each recording and channel, the lines of its picture."""
     for track, old, new in zip(problem.tracks, before, after, strict=True):
         yield tuple(
             {

@@ -6,9 +6,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from asrsim.errors import InputError
+from asrsim.identification.balance import track_of
 from asrsim.identification.data import read_data
 from asrsim.identification.door import load_plugin_file
-from asrsim.identification.inverse import track_of
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.problem import Meter, Problem, Weights

@@ -1,64 +1,66 @@
-"""What a fit says on the terminal."""
+"""A fit on the terminal: tables of parameters and errors, remarks, the judgement, and advice for the next experiment."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
 
+from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.result import Result
-from asrsim.identification.told import percent
 from asrsim.identification.verdicts import HOPELESS, Estimate
 from asrsim.robot.model import INERTIAS
 
 CORRELATED = 0.95
-"""From which on two estimates are named as correlated."""
-
+"""Correlation from which on two estimates are named."""
 NOTHING = 1e-6
-"""Share of an interval's width, of which the table has five digits, below which a number is rounding."""
+"""Fraction of an interval's width below which a number is rounding: the table has five digits."""
+
+Columns = Sequence[tuple[str, list[str], bool]]
+"""Heading, cells, and whether they are numbers, as :func:`asrsim.cli.console.say_table` takes them."""
 
 
-def columns(result: Result) -> Sequence[tuple[str, list[str], bool]]:
-    """The table of parameters, as :func:`asrsim.cli.console.say_table` takes it."""
+def columns(result: Result) -> Columns:
+    """The table of parameters."""
     rows = result.estimates
     return (
         ("parameter", [one.name for one in rows], False),
         ("unit", [one.unit for one in rows], False),
         ("start", [_digits(one, one.start, 5) for one in rows], True),
-        ("estimate", [_value(one) for one in rows], True),
+        ("estimate", [_digits(one, one.value, 6) for one in rows], True),
         ("95 % interval", [_interval(one) for one in rows], True),
         ("+-", [_margin(one) for one in rows], True),
         ("verdict", [one.verdict for one in rows], False),
     )
 
 
-def errors(result: Result) -> Sequence[tuple[str, list[str], bool]]:
-    """The table of channels: errors before and after, in what was fitted and in what was held out."""
+def errors(result: Result) -> Columns:
+    """The table of channels: errors before and after the fit, of the training part and of the held-out part."""
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
     names = [f"{one.key} ({one.recording})" if several else one.key for one in rows]
-    numbers = (
-        ("training\nbefore", "before"),
-        ("\nafter", "after"),
-        ("held out\nbefore", "held_before"),
-        ("\nafter", "held_after"),
-    )
+    numbers = {
+        "training\nbefore": "before", "training\nafter": "after", "held out\nbefore": "held_before",
+        "held out\nafter": "held_after", "noise": "noise", "lag-1\ncorrelation": "correlation",
+    }  # fmt: skip
     return (
         ("RMS error", names, False),
         ("unit", [one.unit for one in rows], False),
-        *((head, [_number(getattr(one, name)) for one in rows], True) for head, name in numbers),
-        ("noise", [_number(one.noise) for one in rows], True),
-        ("lag-1\ncorrelation", [f"{one.correlation:.2f}" if math.isfinite(one.correlation) else "-" for one in rows], True),
+        *((head, [_number(getattr(one, name)) for one in rows], True) for head, name in numbers.items()),
     )
 
 
 def remarks(result: Result) -> Iterator[tuple[str, str]]:
-    """(text, style) of what else is to be said."""
+    """(text, style) of reasons, correlations and remarks."""
     for one in result.estimates:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
-    for first, second, value in correlated(result):
-        yield f"{first} and {second} are correlated ({value:.3f})", "dim"
+    names = [one.name for one in result.estimates]
+    known = [i for i, one in enumerate(result.estimates) if not math.isnan(one.low)]
+    for i in known:
+        for j in known:
+            if i < j and abs(result.correlation[i, j]) > CORRELATED:
+                yield f"{names[i]} and {names[j]} are correlated ({result.correlation[i, j]:.3f})", "dim"
     for text in result.remarks:
         yield text, "dim"
 
@@ -66,14 +68,15 @@ def remarks(result: Result) -> Iterator[tuple[str, str]]:
 def judgement(result: Result) -> Iterator[tuple[str, str]]:
     """(text, style) of whether the model fits."""
     if result.status == "checked":
+        yield "only looked: these are the intervals that the recordings allow, if the starts are near", "bold"
         return
-    if result.status in ("interrupted", "unfinished"):
+    if result.status != "complete":
         yield f"{result.status}: the best so far; --resume goes on from it", "yellow"
         return
     if result.whole:
         yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
-        yield f"the model fits: {praise(result.channels)}", "green"
+        yield praise(result.channels), "green"
         return
     yield "model does not fit: intervals hold for this model only", "bold red"
     for text in (*result.misfit, *result.causes):
@@ -89,7 +92,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
 
 
 def advice(result: Result) -> Iterator[str]:
-    """What to move more, for parameters that are not well known."""
+    """Motions that show the parameters that are not well known."""
     wanted: dict[str, list[str]] = {}
     for one in result.estimates:
         if one.verdict not in ("identified", "at bound"):
@@ -98,7 +101,7 @@ def advice(result: Result) -> Iterator[str]:
 
 
 def _movement(key: str) -> str:
-    """That shows a parameter."""
+    """The motion that shows a parameter."""
     joint, _, name = key.rpartition(".")
     if "friction" in name:
         return "turn slowly, and reverse often: friction shows at low speed"
@@ -113,22 +116,8 @@ def _movement(key: str) -> str:
     return ""
 
 
-def correlated(result: Result) -> Iterator[tuple[str, str, float]]:
-    """Pairs of estimates that go together."""
-    names = [one.name for one in result.estimates]
-    known = [not math.isnan(one.low) for one in result.estimates]
-    for i in range(len(names)):
-        for j in range(i + 1, len(names)):
-            if abs(result.correlation[i, j]) > CORRELATED and known[i] and known[j]:
-                yield names[i], names[j], float(result.correlation[i, j])
-
-
-def _value(one: Estimate) -> str:
-    return _digits(one, one.value, 6)
-
-
 def _digits(one: Estimate, number: float, count: int) -> str:
-    """As many digits as are told; what is nothing beside the interval is none."""
+    """As many digits as the interval allows; a number that is nothing beside the interval is 0."""
     width = 0.0 if math.isnan(one.low) else one.high - one.low
     return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
 

@@ -13,7 +13,7 @@ from asrsim.actuators.user import check_named
 from asrsim.document.block import Block, block_of, declare
 from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
 from asrsim.document.file import read_document
-from asrsim.document.kinds import NUMBER, Boolean, Choice, File, Integer, Number, Optional, Text
+from asrsim.document.kinds import NUMBER, Boolean, File, Integer, Number, Optional, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import Reading, Rejected
@@ -33,10 +33,6 @@ class Experiment:
         ListOf(of=Text()), key="map", default=(), doc="what columns are, as `--map` says it: `COLUMN=JOINT.QUANTITY [unit]`"
     )
     rate: float | None = declare(Optional(Number(above=0.0)), default=None, unit="Hz", doc="of a recording without time")
-    lag: float | None = declare(
-        Optional(NUMBER), default=None, unit="s", shown="found",
-        doc="by which its clock is ahead of the scenario's, where the commands are the scenario's",
-    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,10 +89,7 @@ class Task:
     hold_out: float = declare(
         Number(minimum=0.0, maximum=0.9), default=0.25, doc="share of each recording, at its end, that is only predicted"
     )
-    loss: str = declare(Choice(("huber", "linear")), default="huber", doc="huber: outliers count little; linear: least squares")
     starts: int = declare(Integer(minimum=1), default=6, doc="starts that are tried, at most, until one fits")
-    spread: float = declare(Number(above=1.0), default=3.0, doc="factor by which starts are scattered")
-    seed: int = declare(Integer(minimum=0), default=0, doc="of the starts")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
         default=(),

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.identification.data import Channel, Data
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
-from asrsim.identification.keys import CLOCK, JUMP
+from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import at_rest, first_samples
 from asrsim.identification.played import Draw, Played, drawn, noise_of_command
 from asrsim.robot.model import Robot
@@ -103,8 +103,8 @@ class Track:
                 if self._channel(drive.name, "link_position") is None:
                     # What rests on its motors begins with them.
                     positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
-        self.positions, self.velocities, self.motors = tuple(positions), tuple(velocities), motors
-        self.positions, self.velocities, self.uncertain = tuple(positions), tuple(velocities), tuple(uncertain)
+        self.positions, self.velocities = tuple(positions), tuple(velocities)
+        self.motors, self.uncertain = motors, tuple(uncertain)
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
@@ -176,9 +176,8 @@ class Track:
         for command in drawn(self.data.commands, playing.draw):
             one = command.as_stairs if command.key in playing.held else command
             own = {key.rpartition(".")[2]: value for key, value in values if key.rpartition(".")[0] == command.key}
-            early = {int(name.removeprefix(JUMP)) - 1: own.pop(name) for name in [*own] if name.startswith(JUMP)}
             step = self.scenario.step / playing.substeps[0]
-            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, early=early, **own)
+            table.setdefault(command.joint, {})[command.name] = Played(command=one, step=step, **own)
         return table
 
     @property
@@ -222,7 +221,7 @@ def numbers_of(values: Mapping[str, float]) -> Numbers:
     robot: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
-        if owner and name not in NOT_THE_ROBOTS and not name.startswith(JUMP):
+        if owner and name not in NOT_THE_ROBOTS:
             robot.setdefault(owner, {})[name] = value
     return robot
 

@@ -1,41 +1,46 @@
-"""How sure estimates are: least squares under the noise that residuals show, held against the spread between blocks.
+"""Intervals of the estimates: least squares under the noise that residuals show, compared with the spread between blocks.
 
 The covariance of least squares is H S H: H is the inverse of J'J, S the covariance of J'r. S follows from the noise of each
-channel: from its spectrum, by an autoregression of what is left, and from the steps of its encoder. Samples that correlate
-tell less than as many independent ones, and give fewer degrees of freedom.
+channel: from its spectrum, by an autoregression of the residuals, and from the steps of its encoder.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.data import Channel
-from asrsim.identification.inverse import InverseTrack
-from asrsim.identification.noise import autoregression, whiten
+from asrsim.identification.noise import autocovariances, autoregression, whiten
 from asrsim.identification.played import Draw
 from asrsim.identification.problem import Part, Problem, Weights, errors, jacobian, residuals, solve
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Of each recording, from whose scores the spread is told."""
+"""Of each recording, whose gradients give the spread."""
 CHANCE = 0.95
-"""The spread counts where it is larger than that which blocks of white noise have with this probability."""
+"""The spread counts where it is larger than that of white noise is with this probability."""
 GONE = 1e-12
-"""Share of the largest singular value below which a direction is rounding."""
+"""Fraction of the largest singular value below which a direction is rounding."""
 CORNER = 1e-5
-"""Of differences, in the vector's units: over corners that a joint's sticking makes, small beside any deviation."""
+"""Step of differences, in the vector's units: larger than corners where a joint sticks, small beside any deviation."""
 REACH = 1e-3
-"""Way over which a direction's slope is taken, at most, in the vector's units: null directions may be bent."""
+"""Longest step along a direction over which its slope is taken, in the vector's units."""
 DRAWS = 100
 """Of an encoder's steps."""
 AGREES, ROUNDS = 0.3, 4
-"""Change of slopes, as a share, that leaves directions as they are; looks at all, at most."""
+"""Relative change of slopes that leaves directions as they are; rounds at most."""
 PLAYED, PLACES = 8, 4
-"""Draws of noise of the played commands, and pairs of draws of noise of places whose bias is taken off."""
+"""Draws of noise of the played commands, and pairs of draws of noise of places whose bias is removed."""
+CORRECTIONS = 3
+"""Rounds in which autocovariances are corrected for the parameters that were fitted."""
+STATIONARY = 1e-3
+"""Distance of an autoregression from one that grows without bounds."""
+FINER = 4
+"""Factor of substeps against which an estimate is compared."""
 
 
 @dataclass(frozen=True)
@@ -47,39 +52,37 @@ class Uncertainty:
     covariance: Array
     """(n, n) of the vector, likewise, with the deviations below."""
     deviation: Array
-    """(n,) the larger of ordinary and spread; nan where nothing is known."""
+    """(n,) the larger of the noise's and of the blocks'; nan where nothing is known."""
     jacobian: Array
     """(m, n) whitened, in deviations of the noise."""
     quantile: Array
-    """(n,) of the 95 % interval, in deviations."""
-    variance: float
-    """Of residuals that, being white, would tell as much: the mean of S in units of J'J."""
+    """(n,) half width of the 95 % interval, in deviations."""
     noise: Array
     """(n, n) S, the covariance of J'r."""
     freedom: float
-    """Independent samples beyond the numbers that were estimated from them."""
+    """Degrees of freedom of the noise's variance."""
     scores: Array
     """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
     firsts: NDArray[np.intp]
     """(recordings,) first row of each in the scores."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
-        """The same with other deviations (n,) and quantiles (n,), and the covariance that these give."""
+        """With other deviations (n,) and quantiles (n,), and the covariance that these give."""
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.nan_to_num(deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
         covariance = self.inverse * np.outer(ratio, ratio)
         return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
-        """The larger of the noise's deviation and of the blocks' spread, and how many of it the 95 % interval has.
+        """The larger of the noise's deviation and of the blocks' spread, and the half width of the 95 % interval in it.
 
-        directions: (k, n) by which J'r moves what is estimated.
+        directions: (k, n) by which J'r moves the estimated quantities.
         """
         from scipy.special import chdtri, stdtrit
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # Blocks of a recording may differ less among each other than recordings do.
+        # Blocks of a recording may differ less from each other than recordings do.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -95,16 +98,14 @@ class Uncertainty:
 
     @property
     def of_a_block(self) -> Uncertainty:
-        """With deviations as those of an estimate from one block alone: how far the estimates of a model that does not fit
-        differ from part to part.
-        """
+        """With the deviations of an estimate from one block alone: as estimates of a wrong model differ from part to part."""
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
         return self.with_deviation(np.fmax(self.deviation, spread), self.quantile)
 
 
 def whitened(problem: Problem, x: Array) -> tuple[tuple[Weights, ...], ...]:
-    """Noise and autoregression of each channel, from what is left at x."""
+    """Noise and autoregression of each channel, from the residuals at x."""
     found = [*problem.weights]
     for track in problem.fitted:
         left = errors(problem, x, track) or []
@@ -115,8 +116,8 @@ def whitened(problem: Problem, x: Array) -> tuple[tuple[Weights, ...], ...]:
 def _weights(channel: Channel, left: Array) -> Weights:
     middle = left - np.median(left)
     scale = max(float(np.median(np.abs(middle))) / 0.6745, 1e-300)
-    # What an outlier left over must not shape the model of the noise.
-    model = autoregression(np.clip(middle, -6.0 * scale, 6.0 * scale))
+    # Outliers must not shape the model of the noise.
+    model, _ = autoregression(autocovariances(np.clip(middle, -6.0 * scale, 6.0 * scale)), len(left))
     # Whitening pays where fast noise is louder than slow; of slow noise, least squares are as exact without. The steps of an
     # encoder go with the motion: no autoregression whitens them.
     if channel.quantum or float(np.sum(model)) > 0.0:
@@ -133,45 +134,83 @@ def _innovation(left: Array, model: Array) -> float:
     return max(float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0, 1e-12)
 
 
-def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
-    """(n, n) covariance of J'r as the channels' noise makes it, and how many independent samples tell that.
+@dataclass(frozen=True, eq=False)
+class _Noise:
+    """An autoregression of a channel's residuals (n,) as the covariance C of its noise."""
 
+    spectrum: Array
+    """(n + 1,) at the frequencies of 2 n samples."""
+    freedom: float
+    """Degrees of freedom of its level at low frequencies."""
+
+    @staticmethod
+    def of(covariances: Array, samples: int) -> _Noise:
+        model, power = autoregression(covariances, samples)
+        total, order = float(np.sum(model)), len(model)
+        # The level is power / (1 - total)^2; the variance of `total` is that of least squares.
+        lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+        ones = np.ones(order)
+        variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
+        relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
+        gain = np.maximum(np.abs(np.fft.rfft(np.append(1.0, -model), 2 * samples)), STATIONARY)
+        return _Noise(power / gain**2, 2.0 / relative)
+
+    def times(self, columns: Array) -> Array:
+        """C times columns (n, k)."""
+        n = len(columns)
+        waves = self.spectrum[:, None] * np.fft.rfft(columns, 2 * n, axis=0)
+        return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
+
+    def lost(self, basis: Array, spread: Array, taken: Array, lags: int) -> Array:
+        """(lags,) by which the residuals' autocovariances fall short of the noise's, since parameters were fitted.
+
+        basis: (n, k) orthonormal, what they fit; spread: C times it; taken: (k, k) basis' C basis of all channels.
+        """
+        n, own = len(basis), np.fft.irfft(self.spectrum)[:lags]
+        crossed = 2.0 * spread - basis @ taken
+        short = [
+            lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
+            for lag in range(lags)
+        ]
+        return np.array(short) / n
+
+
+def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
+    """(n, n) covariance of J'r as the channels' noise makes it, and its degrees of freedom.
+
+    The residuals lack what the parameters took from them, most where noise is slow as the motion: their autocovariances are
+    corrected by what fitting takes from the noise that they show (Worsley et al. 2002, NeuroImage 15, 1-15).
     left: (m,) residuals; slopes: (m, n).
     """
-    n = slopes.shape[1]
-    total, count = np.zeros((n, n)), 0.0
-    for part in problem.parts:
-        found, independent = _noise_of_part(part, left[part.rows], slopes[part.rows])
-        total, count = total + found, count + independent
-    # What the parameters took from the residuals is of the slow part that they follow.
-    freedom = max(count - n, 1.0)
-    return total * (count / freedom), freedom
+    parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
+    basis = np.linalg.qr(slopes)[0]
+    shown = [autocovariances(left[part.rows]) for part in parts]
+    counts = [part.rows.stop - part.rows.start for part in parts]
+    models = [_Noise.of(one, count) for one, count in zip(shown, counts, strict=True)]
+    for _ in range(CORRECTIONS):
+        spreads = [model.times(basis[part.rows]) for part, model in zip(parts, models, strict=True)]
+        taken = sum((basis[part.rows].T @ one for part, one in zip(parts, spreads, strict=True)), np.zeros((1, 1)))
+        models = [
+            _Noise.of(own + model.lost(basis[part.rows], spread, taken, len(own)), count)
+            for part, own, model, spread, count in zip(parts, shown, models, spreads, counts, strict=True)
+        ]
+    total = np.zeros((slopes.shape[1],) * 2)
+    for part, model in zip(parts, models, strict=True):
+        own = slopes[part.rows]
+        if part.channel.quantum:
+            scores = own.T @ _encoder_noise(part, left[part.rows])
+            total += scores @ scores.T / DRAWS
+        else:
+            total += own.T @ model.times(own)
+    return total, max(sum(model.freedom for model in models) - slopes.shape[1], 1.0)
 
 
-def _noise_of_part(part: Part, left: Array, slopes: Array) -> tuple[Array, float]:
-    """Of one channel."""
-    if not len(left):
-        return np.zeros((slopes.shape[1],) * 2), 0.0
-    model, power = autoregression(left), float(np.mean(left**2))
-    innovation = float(np.mean(whiten(left, model)[len(model) :] ** 2))
-    slow = innovation / max(1.0 - float(np.sum(model)), 1e-6) ** 2
-    independent = len(left) * min(power / slow, 1.0) if slow > 0.0 else float(len(left))
-    if part.channel.quantum:
-        scores = slopes.T @ _encoder_noise(part, left, power)
-        return scores @ scores.T / DRAWS, independent
-    # J' C J with the covariance C of the autoregression, by its spectrum.
-    size = 2 * len(left)
-    spectrum = innovation / np.abs(np.fft.rfft(np.append(1.0, -model), size)) ** 2
-    spectrum[1:-1] *= 2.0
-    waves = np.fft.rfft(slopes, size, axis=0)
-    return np.asarray((waves.conj().T * spectrum @ waves).real / size), independent
-
-
-def _encoder_noise(part: Part, left: Array, power: float) -> Array:
+def _encoder_noise(part: Part, left: Array) -> Array:
     """(n, draws) residuals that an encoder leaves, whose zero is anywhere in a step, of the predicted motion with noise."""
     generator = np.random.default_rng(0)
     step, size = part.channel.quantum, (len(left), DRAWS)
-    noise = generator.normal(scale=max(power * part.weights.noise**2 - step**2 / 12.0, 0.0) ** 0.5, size=size)
+    power = float(np.mean(left**2)) * part.weights.noise**2
+    noise = generator.normal(scale=max(power - step**2 / 12.0, 0.0) ** 0.5, size=size)
     predicted = (part.channel.values[: len(left)] + left * part.weights.noise)[:, None]
     zeros = step * generator.uniform(-0.5, 0.5, size=DRAWS)
     shown = step * np.round((predicted + noise + zeros) / step) - predicted
@@ -179,7 +218,7 @@ def _encoder_noise(part: Part, left: Array, power: float) -> Array:
 
 
 def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
-    """At x; what an entry at a bound leaves open is so for the others, too. foreseen: as if nothing but the noise were left."""
+    """At x. Entries at a bound count as unknown for the others, too. foreseen: as if the residuals were white noise."""
     n = len(x)
     left = residuals(problem, x)
     slopes = jacobian(problem, x, CORNER, base=left, central=True)
@@ -197,14 +236,13 @@ def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foresee
         empty = ~np.any(scores != 0.0, axis=1)
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
-        # At a bound the whole has a slope.
+        # At a bound the sum of the gradients is not 0.
         bound = np.asarray(at_bound, dtype=bool)
         scores[:, bound] -= scores[:, bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
-    variance = float(np.sum(inverse * noise)) / max(int(np.sum(kept)), 1)
-    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), variance, noise, freedom, scores, firsts)
+    found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts)
     deviation, quantile = found.deviations(inverse)
-    # What lies in a direction that is gone is not known, whatever the pseudo-inverse says.
+    # Entries in a lost direction are not known, whatever the pseudo-inverse says.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
 
@@ -212,8 +250,7 @@ def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foresee
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) by slopes along the directions of its own singular vectors, each over its deviation.
 
-    Where joints stick, slopes have corners: one of the columns may be of the other side of it, and what is left of two that
-    cancel of neither.
+    Where joints stick, slopes have corners: two columns may be of different sides of it, and their difference of neither.
     """
     low, high = problem.layout.bounds
     for _ in range(ROUNDS):
@@ -240,38 +277,42 @@ def correlations(covariance: Array) -> Array:
     return np.where(np.isfinite(matrix), matrix, 0.0)
 
 
-def with_played(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
-    """The same with deviations that hold what noise as the played commands have it makes of the estimates: what it leaves is
-    correlated as the robot swings, which a few blocks do not tell.
+def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
+    """With deviations that include the shift by finer substeps, and the scatter by noise of the played commands: a few blocks
+    do not show it, since it swings with the robot.
     """
+    shifts = [-found.inverse @ (found.jacobian.T @ change) for change in _shaken(problem, x)]
+    variance = found.deviation**2 + (np.mean(np.square(shifts), axis=0) if shifts else 0.0)
+    if problem.tracks[0].door.exact_in_time:
+        playing = [replace(one, substeps=(FINER * one.substeps[0], one.substeps[1])) for one in problem.playing]
+        change = residuals(replace(problem, playing=tuple(playing)), x) - residuals(problem, x)
+        # Errors are of first order where joints stick: infinitely fine substeps would move the estimate so far.
+        variance += (found.inverse @ (found.jacobian.T @ change) / (1.0 - 1.0 / FINER)) ** 2
+    return found.with_deviation(np.sqrt(variance), found.quantile)
+
+
+def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
+    """(m,) changes of the residuals by noise of the played commands; none where torques are compared, which have it."""
     tracks = [problem.tracks[i] for i in problem.fitted]
-    if any(isinstance(track, InverseTrack) for track in tracks):
-        # There noise of places is all that is left.
-        return found
-    shifts = []
+    if any(isinstance(track, TorqueTrack) or not track.has_noisy_inputs for track in tracks):
+        return
     for draw in range(PLAYED):
-        change = np.zeros(len(found.jacobian))
+        change = np.zeros(problem.parts[-1].rows.stop)
         for number, track in enumerate(tracks):
             moved = track.shaken(problem.layout.table(x, number), problem.playing[number], draw)
             if moved is not None:
                 lengths = [part.rows.stop - part.rows.start for part in problem.parts if part.track == number]
                 cut = [one[:length] for one, length in zip(moved, lengths, strict=True)]
                 change[problem.rows(number)] = problem.weighted(cut, number)
-        if not np.any(change):
-            return found
-        shifts.append(found.inverse @ (found.jacobian.T @ change))
-    alone = np.sqrt(np.diag(found.inverse @ found.noise @ found.inverse) + np.mean(np.square(shifts), axis=0))
-    with np.errstate(invalid="ignore"):
-        wider = np.maximum(1.0, 1.96 * alone / (found.deviation * found.quantile))
-    return found.with_deviation(found.deviation * np.where(np.isfinite(wider), wider, 1.0), found.quantile)
+        yield change
 
 
 def unbiased(problem: Problem, x: Array) -> Array:
-    """x without what the noise of places makes of it on average (errors in variables): what as much of it once more does.
+    """x without the mean shift by noise of the recorded places (errors in variables): that of as much noise once more.
 
-    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, of which what is odd cancels.
+    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, whose odd parts cancel.
     """
-    driven = [i for i in problem.fitted if isinstance(problem.tracks[i], InverseTrack)]
+    driven = [i for i in problem.fitted if isinstance(problem.tracks[i], TorqueTrack)]
     moved = np.zeros(len(x))
     for draw in range(PLACES if driven else 0):
         for sign in (1.0, -1.0):

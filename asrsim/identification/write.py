@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,6 @@ from asrsim.scenario.data import for_joint
 from asrsim.scenario.starter import relative_path
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
-TOGETHER = 0.9
-"""Correlation of two estimates of which one without the other is none."""
 
 
 def as_dict(result: Result) -> dict[str, Any]:
@@ -123,7 +121,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     changes = physical(result.robot, robot_changes(result, chosen))
     if not changes:
         return [], ["nothing of the robot is identified: no robot file is written (--all writes what there is)"]
-    said = torn_numbers(result, chosen)
+    said = []
     source = result.robot.path
     data = source.read_bytes()
     name = source.name
@@ -144,17 +142,6 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
     with written(scenario, "fitted scenario") as stream:
         stream.write(_scenario_text(result, changes, delays, scenario, path).encode())
     return [path, scenario], said
-
-
-def torn_numbers(result: Result, chosen: Collection[str]) -> list[str]:
-    """What is to be said of numbers of the robot that stay as they were while what they go with is written."""
-    said = []
-    for i, one in enumerate(result.estimates):
-        row = [(abs(c), other) for c, other in zip(result.correlation[i], result.estimates, strict=True) if other.key in chosen]
-        close, other = max(row, key=lambda pair: float(pair[0]), default=(0.0, one))
-        if one.key not in chosen and close > TOGETHER and _sweeps(result, one):
-            said.append(f"{one.name} ({one.verdict}) stays as it was, though it goes with {other.name}: --all writes both")
-    return said
 
 
 def _delays(result: Result, values: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:

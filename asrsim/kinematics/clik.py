@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.kinematics.model import KinematicModel, Point
-from asrsim.kinematics.rotations import rotation_between
-from asrsim.kinematics.trajectory import PoseTrajectory
+from asrsim.engines.base import Point
+from asrsim.kinematics.engine_model import EngineModel
+from asrsim.kinematics.trajectory import PoseTrajectory, rotation_between
 from asrsim.samples import Array
 
 
@@ -41,7 +41,7 @@ class JointPath:
 
 
 def follow(
-    model: KinematicModel,
+    model: EngineModel,
     link: str,
     point: Point,
     trajectory: PoseTrajectory,

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.actuators.drive import Drive
-from asrsim.actuators.vectorised import over_arrays, references_over_arrays
+from asrsim.actuators.rest import increasing_roots
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.compensation import SEARCH
 from asrsim.kinematics.desired import smooth_motion
-from asrsim.kinematics.roots import increasing_roots
 from asrsim.samples import Array
 
 SLOW = 0.02
@@ -74,15 +74,15 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     # A torque beyond the largest torque of the springs is clipped just below it.
     given = np.clip(torque, least + HELD * np.abs(least), most - HELD * np.abs(most))
 
-    def along(d: Array, near: Array, reach: float) -> Array:
-        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, near - reach, near + reach)
+    def along(d: Array) -> Array:
+        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)
 
-    s = along(d, centre, SEARCH)
+    s = along(d)
     if len(drive.proportional) > 1:
         for _ in range(ROUNDS):
             before = d
             d = _distance(drive, time, s, d, torques, rho, across, across @ offsets)
-            s = along(d, centre, SEARCH)
+            s = along(d)
             if np.abs(d - before).max() < 1e-7:
                 break
     motors = np.stack([rho[0] * s + across[0] * d, rho[1] * s + across[1] * d])
@@ -105,9 +105,9 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
 def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
     """rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
-    references = references_over_arrays(drive.actuator)
-    offsets = np.stack(references(np.zeros(len(preset)), preset))
-    return np.stack(references(np.ones(len(preset)), preset))[:, 0] - offsets[:, 0], offsets
+    references = over_arrays(drive.actuator.motor_references)
+    offsets = references(np.zeros(len(preset)), preset)
+    return references(np.ones(len(preset)), preset)[:, 0] - offsets[:, 0], offsets
 
 
 def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:

@@ -1,4 +1,7 @@
-"""The rigid-body model of a run: the engine's model of the robot on its base, without other objects, with joint stops."""
+"""The rigid-body model of a run: the engine's model of the robot on its base, without other objects, with joint stops.
+
+Tests and users may bring their own class with the members of :class:`EngineModel`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.kinematics.model import Point
+from asrsim.engines.base import Point
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
@@ -25,34 +28,20 @@ class EngineModel:
         self._model = model
         self.joints: tuple[str, ...] = model.joints
         self.links: tuple[str, ...] = tuple(link.name for link in robot.links)
-        stops = np.array([robot.joint(name).stops for name in self.joints]).reshape(-1, 2)
-        self.lower: Array = stops[:, 0]
-        self.upper: Array = stops[:, 1]
-        self._last: tuple[tuple[bytes, str, Point], tuple[Array, Array, Array]] | None = None
-
-    def _link_point(self, positions: Array, link: str, point: Point) -> tuple[Array, Array, Array]:
-        """Pose and Jacobian from one call of the engine: the caller asks for both at the same posture."""
-        key = (np.asarray(positions, dtype=float).tobytes(), link, point)
-        if self._last is None or self._last[0] != key:
-            self._last = (key, self._model.link_point(link, point, positions))
-        return self._last[1]
+        self.lower, self.upper = np.array([robot.joint(name).stops for name in self.joints]).reshape(-1, 2).T
+        """(n,) rad or m: stops; infinite where there is none."""
 
     def pose(self, positions: Array, link: str, point: Point) -> tuple[Array, Array]:
         """Position (3,) in m of `point` (m, in the frame of `link`) and rotation (3, 3) of the link, in the world."""
-        position, rotation, _ = self._link_point(positions, link, point)
-        return position, rotation
+        return self._model.link_point(link, point, positions)[:2]
 
     def jacobian(self, positions: Array, link: str, point: Point) -> Array:
         """(6, n): velocity of the point and angular velocity of the link per joint velocity."""
-        return self._link_point(positions, link, point)[2]
+        return self._model.link_point(link, point, positions)[2]
 
     def gravity_torques(self, positions: Array) -> Array:
-        """(n,) N m, joint torques that hold the robot at rest against gravity."""
+        """(n,) N m, joint torques that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
         return self._model.bias(positions, np.zeros(len(self.joints)))
-
-    def mass_matrix(self, positions: Array) -> Array:
-        """(n, n) kg m^2."""
-        return self._model.mass_matrix(positions)
 
     def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
         """(k, n) N m, joint torques of the rigid, undamped robot in this motion; all arguments (k, n), one posture per row."""

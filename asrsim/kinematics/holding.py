@@ -6,15 +6,14 @@ largest torque at rest, and each joint at most its effort limit. The friction of
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.actuators.vectorised import equilibrium_over_arrays, over_arrays, references_over_arrays
+from asrsim.actuators.rest import resting_motors
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed
 from asrsim.robot.chain import Chain
 from asrsim.robot.mounting import drive_of
@@ -35,6 +34,12 @@ STEPS = 400
 """Largest number of relaxation steps until rest."""
 LARGEST_STEP = 0.05
 """rad, largest relaxation step."""
+TABLE = 401
+"""Positions of a link at which the torque of its drive is tabulated."""
+FARTHEST = 4.0
+"""rad or m: largest tabulated distance from the reference."""
+POSTURES = 64
+"""Random postures from which the variation of the weight is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +54,7 @@ class Holding:
     on_stop: bool
     """The joint comes to rest at a stop where the reference does not put it."""
     limited: bool
-    """A motor would need more than its largest torque."""
+    """A motor gives its largest torque."""
     overloaded: bool
     """The joint's effort limit clips the torque of its springs."""
     time: float
@@ -65,6 +70,55 @@ class Holding:
         return self.on_stop or self.sag > FALL * self.scale
 
 
+def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array]:
+    """Positions that the references ask for at `time`: (positions, n) of the motors and an adjuster, and (n,) of the link."""
+    actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
+    given = scenario.references_of(block.joint)
+    rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
+    goals = []
+    for slot, name in enumerate(mode.references_of(actuator.motors)):
+        idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
+        goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
+    if mode.mapped:
+        return over_arrays(actuator.motor_references)(goals[0], goals[1]), goals[0]
+    return np.stack(goals), goals[0] if actuator.motors < 2 else over_arrays(actuator.equilibrium_position)(*goals)
+
+
+def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
+    """Each joint at the instant of its largest sag, found by overdamped motion from the position of its references."""
+    chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
+    time = _instants(scenario, blocks)
+    wanted = {
+        joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
+        for joint in robot.moving_joints
+    }
+    goals: dict[str, Array] = {}
+    for block in blocks:
+        goals[block.joint], goal = goals_of(scenario, block, time)
+        wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
+    generator = np.random.default_rng(0)
+    postures = {name: generator.uniform(-np.pi, np.pi, POSTURES) for name in wanted}
+    weights = chain.gravity_load(postures, scenario.gravity)
+    joints = {
+        block.joint: _Joint(drive_of(block), goals[block.joint], wanted[block.joint], robot, weights[block.joint])
+        for block in blocks
+    }
+    start = chain.gravity_load(wanted, scenario.gravity)
+    positions = dict(wanted)
+    share, before = np.ones(len(time)), np.zeros((len(joints), len(time)))
+    for _ in range(STEPS):
+        loads = chain.gravity_load(positions, scenario.gravity)
+        after = {name: joint.settle(positions[name], loads[name], share) for name, joint in joints.items()}
+        moved = np.stack([after[name] - positions[name] for name in joints])
+        positions |= after
+        if np.max(np.abs(moved) / share) < 1e-5:
+            break
+        # Joints that move together may oscillate together: a step that reverses was too long and is shortened.
+        share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
+        before = moved
+    return tuple(joint.holding(time, wanted[name], positions[name], start[name]) for name, joint in joints.items())
+
+
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     """(n,) s: the start, the end, and instants at which references are at an extreme."""
     grid = np.linspace(0.0, scenario.duration, 101)
@@ -77,146 +131,48 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
     return np.array(ordered if len(ordered) <= 8 else ordered[:: -(-len(ordered) // 8)])
 
 
-def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[tuple[Array, ...], Array]:
-    """Positions that the references ask for at `time`, (n,) each: of the motors (and an adjuster), and of the link."""
-    actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
-    given = scenario.references_of(block.joint)
-    rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
-    goals = []
-    for slot, name in enumerate(mode.references_of(actuator.motors)):
-        idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
-        goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
-    if mode.mapped:
-        return references_over_arrays(actuator)(goals[0], goals[1]), goals[0]
-    return tuple(goals), goals[0] if actuator.motors < 2 else equilibrium_over_arrays(actuator)(*goals)
+class _Joint:
+    """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
+    def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
+        """weights: N m of gravity in random postures; the largest bounds the change of gravity's torque with posture."""
+        self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
+        self._weight = max(float(np.abs(weights).max()), 1e-6)
+        low, high = self._joint.stops
+        self._places = np.linspace(np.maximum(low, wanted - FARTHEST), np.minimum(high, wanted + FARTHEST), TABLE)
+        spread = np.repeat(self._goals[:, None], TABLE, axis=1).reshape(len(self._goals), -1)
+        _, torques = self._at_rest(self._places.ravel(), spread)
+        effort = self._joint.most_effort
+        self._torques = np.clip(torques.sum(axis=0), -effort, effort).reshape(self._places.shape)
+        self._slopes = np.maximum(-np.gradient(self._torques, axis=0) / np.gradient(self._places, axis=0), 0.0)
 
-def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Each joint at the instant of its largest sag, found by overdamped motion from the position of its references."""
-    chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
-    time = _instants(scenario, blocks)
-    wanted = {
-        joint.name: np.full(len(time), float(for_joint(scenario.initial_positions, joint.name, 0.0)))
-        for joint in robot.moving_joints
-    }
-    goals: dict[str, tuple[Array, ...]] = {}
-    for block in blocks:
-        goals[block.joint], goal = goals_of(scenario, block, time)
-        wanted[block.joint] = np.clip(goal, *robot.joint(block.joint).stops)
-    groups = [
-        _Springs([block for block in blocks if block.actuator == actuator], goals)
-        for actuator in dict.fromkeys(block.actuator for block in blocks)
-    ]
-    start = chain.gravity_load(wanted, scenario.gravity)
-    positions = {name: values.copy() for name, values in wanted.items()}
-    for springs in groups:
-        springs.weight = np.array([[_weight(robot, name, scenario)] for name in springs.names])
-        springs.low, springs.high = np.array([robot.joint(name).stops for name in springs.names]).T[:, :, None]
-        springs.efforts = np.array([[robot.joint(name).most_effort] for name in springs.names])
-    share, before = np.ones(len(time)), np.zeros((len(goals), len(time)))
-    for _ in range(STEPS):
-        loads = chain.gravity_load(positions, scenario.gravity)
-        moved = np.concatenate([springs.settle(positions, loads, share) for springs in groups])
-        if np.max(np.abs(moved) / share) < 1e-5:
-            break
-        # Joints that move together may oscillate together: a step that reverses was too long and is shortened.
-        share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
-        before = moved
-    limited = {name: rows for springs in groups for name, rows in springs.limited(positions).items()}
-    droops = {name: row for springs in groups for name, row in zip(springs.names, springs.droops.mean(axis=0), strict=True)}
-    found = []
-    for name in goals:
-        off = np.abs(positions[name] - wanted[name])
+    def _at_rest(self, position: Array, goals: Array) -> tuple[Array, Array]:
+        """Positions of the motors at rest, and torques of the springs in N m."""
+        resting = resting_motors(self._drive, position, goals)
+        return resting, over_arrays(self._drive.actuator.elastic_torques)(position, *resting, self._drive.elastic)
+
+    def settle(self, position: Array, load: Array, share: Array) -> Array:
+        """(n,) the position moved towards equilibrium with the load by a share of a full step."""
+        table = zip(position, self._places.T, self._torques.T, self._slopes.T, strict=True)
+        rows = [(np.interp(q, places, torques), np.interp(q, places, slopes)) for q, places, torques, slopes in table]
+        torque, stiffness = np.array(rows).T
+        step = np.clip((torque + load) / (stiffness + self._weight), -LARGEST_STEP, LARGEST_STEP)
+        return np.asarray(np.clip(position + share * step, self._places[0], self._places[-1]))
+
+    def holding(self, time: Array, wanted: Array, position: Array, load: Array) -> Holding:
+        """The result at the instant of the largest sag."""
+        off = np.abs(position - wanted)
         worst = int(np.argmax(off))
-        low, high = robot.joint(name).stops
-        scale = min(SLIDING if robot.joint(name).kind == "prismatic" else 1.0, high - low)
-        stopped = min(abs(positions[name][worst] - low), abs(positions[name][worst] - high)) < 1e-6
-        stopped = stopped and off[worst] > OFF * scale
-        found.append(
-            Holding(
-                joint=name, sag=float(off[worst]), load=float(start[name][worst]), on_stop=bool(stopped),
-                limited=bool(limited[name][0][worst]), overloaded=bool(limited[name][1][worst]), time=float(time[worst]),
-                scale=scale, droop=float(abs(droops[name][worst])),
-            )
+        low, high = self._joint.stops
+        scale = min(SLIDING if self._joint.kind == "prismatic" else 1.0, high - low)
+        stopped = min(abs(position[worst] - low), abs(position[worst] - high)) < 1e-6
+        resting, torques = (rows[:, worst] for rows in self._at_rest(position, self._goals))
+        most = np.array(self._drive.max_torque or np.inf)
+        motors = self._drive.actuator.motors
+        return Holding(
+            joint=self._joint.name, sag=float(off[worst]), load=float(load[worst]), time=float(time[worst]), scale=scale,
+            on_stop=bool(stopped and off[worst] > OFF * scale),
+            limited=bool(np.any(np.abs(torques[:motors]) > (1.0 - 1e-6) * most)),
+            overloaded=bool(abs(torques.sum()) > self._joint.most_effort),
+            droop=float(abs(np.mean((self._goals[:, worst] - resting)[:motors]))),
         )  # fmt: skip
-    return tuple(found)
-
-
-class _Springs:
-    """The springs of all joints (j) that have the same actuator, with their motors near their references at (n,) instants."""
-
-    def __init__(self, blocks: list[ActuatorBlock], goals: Mapping[str, tuple[Array, ...]]) -> None:
-        actuator = ACTUATORS.get(blocks[0].actuator)
-        values = [block.values() for block in blocks]
-        self.names = [block.joint for block in blocks]
-        self._parameters = tuple(np.array([[given[p.name]] for given in values]) for p in actuator.parameters)
-        self._law = over_arrays(actuator.elastic_torques)
-        self._goals = tuple(np.stack([goals[name][slot] for name in self.names]) for slot in range(actuator.positions()))
-        drives = [drive_of(block) for block in blocks]
-        ideal = (math.inf,) * actuator.motors
-        self._limits = np.array([drive.max_torque or ideal for drive in drives]).T[:, :, None]
-        """(motors, j, 1) N m, largest torques of the motors."""
-        self._gains = np.array([_gains(drive) or ideal for drive in drives]).T[:, :, None]
-        """(motors, j, 1) N m/rad, stiffness of the controllers."""
-        self._most = np.divide(self._limits, self._gains, out=np.zeros_like(self._gains), where=np.isfinite(self._gains))
-        """(motors, j, 1) rad, steady-state error at which a motor gives its largest torque."""
-        self.droops = np.zeros((actuator.motors, *self._goals[0].shape))
-        """(motors, j, n) rad, steady-state errors of the motors."""
-        self.weight = self.low = self.high = self.efforts = np.zeros((len(blocks), 1))
-        """Bound on the change of gravity's torques with posture, N m/rad; stops, rad or m; effort limits, N m or N."""
-
-    def _torques(self, position: Array) -> Array:
-        """(motors, j, n) N m."""
-        places = [goal - droop for goal, droop in zip(self._goals, self.droops, strict=False)]
-        return self._law(position, *places, *self._goals[len(places) :], self._parameters)
-
-    def _slopes(self, position: Array, most: float | Array = math.inf) -> tuple[Array, Array]:
-        """Torques, clipped at `most`, and stiffnesses at fixed motors, (motors, j, n)."""
-        here, near = (np.clip(self._torques(position + off)[: len(self._limits)], -most, most) for off in (0.0, 1e-4))
-        return here, np.maximum((here - near) / 1e-4, 0.0)
-
-    def settle(self, positions: dict[str, Array], loads: Mapping[str, Array], share: Array) -> Array:
-        """Move the joints towards equilibrium with their loads by shares (n,) of a full step. Returns their displacements
-        (j, n) in rad or m. A motor gives at most its largest torque."""
-        position = np.stack([positions[name] for name in self.names])
-        torques, slopes = self._slopes(position)
-        # First the motors, with a fixed link; then the link, on spring and controller in series. A motor's steady-state error
-        # is proportional to the spring's torque: clipping one clips the other.
-        droops = self.droops + (torques / self._gains - self.droops) / (1.0 + slopes / self._gains)
-        self.droops = np.clip(droops, -self._most, self._most)
-        torques, slopes = self._slopes(position, self._limits)
-        torque, stiffness = torques.sum(axis=0), (slopes / (1.0 + slopes / self._gains)).sum(axis=0)
-        stiffness = np.where(np.abs(torque) > self.efforts, 0.0, stiffness)
-        torque = np.clip(torque, -self.efforts, self.efforts)
-        load = np.stack([loads[name] for name in self.names])
-        step = np.clip((torque + load) / (stiffness + self.weight), -LARGEST_STEP, LARGEST_STEP)
-        after = np.clip(position + share * step, self.low, self.high)
-        positions.update(zip(self.names, after, strict=True))
-        return np.asarray(after - position)
-
-    def limited(self, positions: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
-        """Joint -> (n,) whether a motor is at its largest torque, and whether the joint is at its effort limit."""
-        torques = self._torques(np.stack([positions[name] for name in self.names]))[: len(self._limits)]
-        weak = np.any(np.abs(torques) > self._limits, axis=0)
-        overloaded = np.abs(np.clip(torques, -self._limits, self._limits).sum(axis=0)) > self.efforts
-        return {name: (weak[j], overloaded[j]) for j, name in enumerate(self.names)}
-
-
-def _gains(drive: Drive) -> tuple[float, ...]:
-    """N m/rad, stiffness of each motor's controller; inf with integral action (no steady-state error); () for ideal motors."""
-    if not drive.mode.motor:
-        return ()
-    gains = zip(drive.proportional, drive.integral, strict=True)
-    return tuple(math.inf if integral > 0.0 else max(gain, 1e-6) for gain, integral in gains)
-
-
-def _weight(robot: Robot, name: str, scenario: Scenario) -> float:
-    """N m/rad: bound on the change of gravity's torque about a joint with posture, from the masses that it carries."""
-    masses = {link.name: (link.mass or 0.0, float(np.linalg.norm(link.centre_of_mass))) for link in robot.links}
-    waiting, total = [(robot.joint(name).child, 0.0)], 0.0
-    while waiting:
-        link, reach = waiting.pop()
-        mass, centre = masses[link]
-        total += mass * (reach + centre)
-        waiting += [(joint.child, reach + float(np.linalg.norm(joint.origin))) for joint in robot.carried.get(link, ())]
-    return max(total * float(np.linalg.norm(scenario.gravity)), 1e-6)

@@ -5,58 +5,32 @@ tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then the inv
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.kinematics.desired import DesiredMotion, knot_distance
+from asrsim.errors import Problem, ScenarioError
+from asrsim.kinematics.desired import DesiredMotion, knot_distance, model_time, smooth_motion
 from asrsim.kinematics.drive_inverse import SLOW, DriveMotion, drive_backwards
-from asrsim.kinematics.model import DynamicModel
 from asrsim.quantities import linear_unit
+from asrsim.robot import check_two_motors, drive_of
+from asrsim.robot.model import Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import LinkDamping
+from asrsim.scenario.data import LinkDamping, Scenario, for_joint
 
 if TYPE_CHECKING:
-    from asrsim.robot.model import Robot
+    from asrsim.kinematics.engine_model import EngineModel
 
+INVERTED_MODES = (1, 3, 6)
+"""Modes whose first reference is a position: of the link or of its equilibrium."""
 START = 0.1
 """s at the start in which demands are not checked: motors that start unloaded must first take up their load. The last two
 knots of the splines are not checked either: the derivatives are inaccurate there."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Losses:
-    """Damping and friction of a joint beside those of its drive, and its effort limit and stops."""
-
-    prismatic: bool = False
-    """Whether the units are m and N instead of rad and N m."""
-    damping: float = 0.0
-    """N m s/rad."""
-    friction: float = 0.0
-    """N m."""
-    law: LinkDamping | None = None
-    """Link damping that depends on the stiffness."""
-    effort: float = np.inf
-    """N m."""
-    stops: tuple[float, float] = (-np.inf, np.inf)
-    """rad."""
-
-    @classmethod
-    def of(cls, robot: Robot, joint: str, law: LinkDamping | None = None) -> Losses:
-        """The losses of a joint of the robot."""
-        found = robot.joint(joint)
-        return cls(
-            prismatic=found.kind == "prismatic",
-            damping=found.damping,
-            friction=found.friction,
-            law=law,
-            effort=found.most_effort,
-            stops=found.stops,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,46 +100,91 @@ class InverseDynamics:
         return np.column_stack(columns)
 
 
-def invert(
-    model: DynamicModel,
-    drives: Sequence[Drive],
-    motion: DesiredMotion,
-    presets: Mapping[str, Array],
-    losses: Mapping[str, Losses],
-    external: Mapping[str, Array] | None = None,
-) -> InverseDynamics:
-    """The inputs of `drives` that move the model's joints along `motion` (columns in the model's order).
+@dataclass(frozen=True, kw_only=True)
+class SoftArm:
+    """A scenario's robot with the scenario's modes and parameters, and its rigid model. Raises RobotError for actuators with
+    more than two motors."""
 
-    By joint: presets: second references (n,); losses; external: torques (n,) in N m on the links.
-    """
-    rigid = model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
-    found, torques, demands = [], [], []
-    for drive in drives:
-        index = model.joints.index(drive.joint)
-        position, velocity = motion.positions[:, index], motion.velocities[:, index]
-        loss = losses.get(drive.joint, Losses())
-        torque = rigid[:, index] + loss.damping * velocity + loss.friction * np.tanh(velocity / SLOW)
-        if external is not None and drive.joint in external:
-            torque = torque - external[drive.joint]
-        preset = presets.get(drive.joint, np.zeros(len(position)))
-        item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
-        if loss.law is not None:
-            # The torque of the damping hardly changes the stiffness: one iteration is enough.
-            torque = torque + _law_damping(drive, loss.law, position, item) * velocity
+    scenario: Scenario
+    robot: Robot
+    model: EngineModel
+
+    def __post_init__(self) -> None:
+        check_two_motors(self.robot, "inverse dynamics")
+
+    @cached_property
+    def drives(self) -> dict[str, Drive]:
+        """Joint -> drive, for the joints whose first reference is a position."""
+        return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
+
+    def preset(self, joint: str, time: Array) -> Array:
+        """(n,) second reference; zeros in modes without one."""
+        names = self.drives[joint].mode.references
+        given = self.scenario.references_of(joint)
+        return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
+
+    def delay(self, joint: str) -> float:
+        """s, delay of the joint's commands."""
+        effects = for_joint(self.scenario.command_effects, joint)
+        return 0.0 if effects is None else effects.delay
+
+    def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
+        """The motion of all joints of the model when `joints` move along `positions` (n, joints) at `time` (n,).
+
+        Another driven joint follows its desired motion, else its reference. A joint without drive stays where it is.
+        """
+        grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
+        columns = []
+        for joint in self.model.joints:
+            if joint in joints:
+                columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
+                continue
+            resting = for_joint(self.scenario.initial_positions, joint, 0.0)
+            # With a learned input, the reference differs from the desired motion of the link.
+            signal = for_joint(self.scenario.desired, joint)
+            if signal is None and joint in self.drives:
+                signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
+            columns.append(np.full(len(grid), resting) if signal is None else signal.values(grid))
+        return smooth_motion(grid, np.column_stack(columns))
+
+    def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
+        """The inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
+
+        Raises ScenarioError for controllers without proportional gain.
+        """
+        chosen = [self.drives[joint] for joint in joints]
+        idle = [drive.joint for drive in chosen if any(gain <= 0.0 for gain in drive.proportional)]
+        if idle:
+            message = "its controller has no proportional gain: no reference can move the joint"
+            raise ScenarioError([Problem(message, key=f"parameters.{joint}", code="no-gain") for joint in idle])
+        motion = self.motion(time, joints, positions)
+        rigid = self.model.inverse_dynamics(motion.positions, motion.velocities, motion.accelerations)
+        found, torques, demands = [], [], []
+        for drive in chosen:
+            column, joint = self.model.joints.index(drive.joint), self.robot.joint(drive.joint)
+            position, velocity = motion.positions[:, column], motion.velocities[:, column]
+            torque = rigid[:, column] + joint.damping * velocity + joint.friction * np.tanh(velocity / SLOW)
+            external = for_joint(self.scenario.external_torques, drive.joint)
+            if external is not None:
+                torque = torque - external.values(motion.time)
+            preset = self.preset(drive.joint, motion.time)
             item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
-        found.append(item)
-        torques.append(torque)
-        demands += demands_of(drive, motion.time, position, torque, item, loss)
-    return InverseDynamics(
-        motion=motion,
-        joints=tuple(drive.joint for drive in drives),
-        torques=np.column_stack(torques),
-        drives=tuple(found),
-        demands=tuple(sorted(demands, key=lambda demand: -demand.score)),
-    )
+            law = for_joint(self.scenario.link_damping, drive.joint)
+            if law is not None:
+                # The torque of the damping hardly changes the stiffness: one iteration is enough.
+                torque = torque + _link_damping(drive, law, position, item) * velocity
+                item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
+            found.append(item)
+            torques.append(torque)
+            demands += demands_of(drive, motion.time, position, torque, item, joint)
+        return InverseDynamics(
+            motion=motion, joints=tuple(joints), torques=np.column_stack(torques), drives=tuple(found),
+            demands=tuple(sorted(demands, key=lambda demand: -demand.score)),
+        )  # fmt: skip
 
 
-def _law_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
+def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
+    """(n,) N m s/rad."""
     if not drive.mode.spring:
         return np.full(len(position), law.constant)
     stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.elastic)
@@ -173,24 +192,24 @@ def _law_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMot
 
 
 def demands_of(
-    drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, loss: Losses | None = None
+    drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint | None = None
 ) -> list[Demand]:
-    """The highest demand on each part of a joint over the motion."""
-    loss = loss or Losses()
+    """The highest demand on each part of a joint over the motion. joint: None: without effort limit and stops."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
+    slides = joint is not None and joint.kind == "prismatic"
     found: list[Demand] = []
 
     def add(what: str, needed: Array, limit: Array | float, unit: str, motor: int = 0) -> None:
         limits = np.broadcast_to(np.abs(limit), needed.shape)
         with np.errstate(all="ignore"):
             share = np.where(judged, np.nan_to_num(np.abs(needed) / limits, nan=0.0, posinf=np.inf), -1.0)
-        worst = int(np.argmax(share))
-        found.append(
-            Demand(joint=drive.joint, what=what, needed=float(needed[worst]), limit=float(limits[worst]),
-                   unit=linear_unit(unit) if loss.prismatic else unit,
-                   time=float(time[worst]), motor=motor)
-        )  # fmt: skip
+        add_at(int(np.argmax(share)), what, needed, limits, unit, motor)
+
+    def add_at(row: int, what: str, needed: Array, limits: Array, unit: str, motor: int = 0) -> None:
+        values = {"needed": float(needed[row]), "limit": float(limits[row]), "time": float(time[row])}
+        unit = linear_unit(unit) if slides else unit
+        found.append(Demand(joint=drive.joint, what=what, unit=unit, motor=motor, **values))
 
     for motor, limit in enumerate(drive.max_torque if drive.mode.motor else ()):
         add("motor torque", item.motor_torques[:, motor], limit, "N m", motor + 1)
@@ -201,15 +220,10 @@ def demands_of(
         # Of two springs, the one with the smaller deflection still yields when the other is at its limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
-    add("joint effort", torque, loss.effort, "N m")
-    lower, upper = loss.stops
-    above, below = position - upper, lower - position
-    worst = int(np.argmax(np.maximum(above, below)))
-    limit = upper if above[worst] >= below[worst] else lower
-    if max(above[worst], below[worst]) > 1e-3:
-        # Only the distance beyond the stop counts, not its sign.
-        found.append(
-            Demand(joint=drive.joint, what="joint stop", needed=float(position[worst]), limit=float(limit),
-                   unit="m" if loss.prismatic else "rad", time=float(time[worst]))
-        )  # fmt: skip
+    if joint is not None:
+        add("joint effort", torque, joint.most_effort, "N m")
+        within = np.clip(position, *joint.stops)
+        worst = int(np.argmax(np.abs(position - within)))
+        if abs(position[worst] - within[worst]) > 1e-3:
+            add_at(worst, "joint stop", position, within, "rad")
     return found

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem, ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
 from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
-from asrsim.kinematics.model import KinematicModel
+from asrsim.kinematics.engine_model import EngineModel
 from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
 from asrsim.samples import Array
@@ -33,10 +34,6 @@ class PlannedReferences:
     """Link positions that fulfil the task."""
     references: Mapping[str, Mapping[str, Array]]
     """Joint -> reference by the mode's name -> (n,) values at `path.time`."""
-    equilibria: Array
-    """(n, driven joints) rad, equilibrium positions with gravity compensation."""
-    joints: tuple[str, ...]
-    """The driven joints, in the order of `equilibria`."""
 
     @property
     def time(self) -> Array:
@@ -53,7 +50,7 @@ class PlannedReferences:
 
 def plan(
     task: CartesianTask,
-    model: KinematicModel,
+    model: EngineModel,
     drives: Sequence[Drive],
     initial: Mapping[str, float],
     duration: float,
@@ -87,25 +84,19 @@ def plan(
     )
     _check_path(task, model, trajectory, path, moving)
     loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None
-    columns, references = [], {}
+    references = {}
     for drive in drives:
         index = model.joints.index(drive.joint)
         preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
         if loads is not None and drive.mode.spring:
             equilibria = _compensated(task, drive, time, equilibria, loads[:, index], preset)
-        columns.append(equilibria)
         references[drive.joint] = _references(drive, equilibria, preset)
-    return PlannedReferences(
-        path=path,
-        references=references,
-        equilibria=np.column_stack(columns) if columns else np.empty((len(time), 0)),
-        joints=tuple(drive.joint for drive in drives),
-    )
+    return PlannedReferences(path=path, references=references)
 
 
 def _check_poses(
-    task: CartesianTask, model: KinematicModel, trajectory: PoseTrajectory, start: Array, moving: NDArrayBool
+    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, start: Array, moving: NDArrayBool
 ) -> None:
     problems = []
     for index, time in enumerate(trajectory.times):
@@ -131,7 +122,7 @@ def _check_poses(
 
 
 def _check_path(
-    task: CartesianTask, model: KinematicModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
+    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
 ) -> None:
     """Check the path between the poses too, after the time that the loop needs to converge to it."""
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
@@ -169,7 +160,7 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
 def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Array, loads: Array, preset: Array) -> Array:
     """(n,) equilibria that hold the loads. Raises ScenarioError."""
     try:
-        return equilibria_for_loads(drive, time, positions, loads, preset, droop=task.motor_droop)
+        return equilibria_for_loads(drive, positions, loads, preset, droop=task.motor_droop, time=time)
     except LoadError as error:
         problem = error.problems[0]
         message = f"gravity cannot be compensated {problem.message}"
@@ -190,10 +181,7 @@ def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Arr
         return {mode.references[0]: equilibria}
     if mode.mapped:
         return {mode.references[0]: equilibria, mode.references[1]: preset}
-    pairs = np.array(
-        [drive.actuator.motor_references(*pair) for pair in zip(equilibria.tolist(), preset.tolist(), strict=True)]
-    )
-    return {mode.references[0]: pairs[:, 0], mode.references[1]: pairs[:, 1]}
+    return dict(zip(mode.references, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
 
 
 def _text(point: Array) -> str:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asrsim.engines.base import Point
 from asrsim.kinematics.clik import NDArrayBool
-from asrsim.kinematics.model import KinematicModel, Point
-from asrsim.kinematics.rotations import rotation_between
+from asrsim.kinematics.engine_model import EngineModel
+from asrsim.kinematics.trajectory import rotation_between
 from asrsim.samples import Array
 
 STARTS = 12
@@ -36,7 +37,7 @@ class Reach:
 
 
 def closest(
-    model: KinematicModel,
+    model: EngineModel,
     link: str,
     point: Point,
     position: Array,
@@ -83,7 +84,7 @@ def closest(
     return min(tried, key=_cost)
 
 
-def _reach(model: KinematicModel, link: str, point: Point, positions: Array, position: Array, rotation: Array | None) -> Reach:
+def _reach(model: EngineModel, link: str, point: Point, positions: Array, position: Array, rotation: Array | None) -> Reach:
     reached, turned = model.pose(positions, link, point)
     return Reach(
         positions=positions,

@@ -51,7 +51,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
     """
     from asrsim.kinematics.engine_model import model_of
-    from asrsim.kinematics.soft_arm import INVERTED_MODES, SoftArm
+    from asrsim.kinematics.inverse import INVERTED_MODES, SoftArm
 
     chosen = [block for block in robot.actuators if for_joint(scenario.inverse_dynamics, block.joint, False)]
     problems = [

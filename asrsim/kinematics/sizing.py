@@ -1,4 +1,7 @@
-"""Whether springs and motors hold the arm's own weight, and parameters that would hold it."""
+"""Whether springs and motors hold the arm's own weight, and parameters with which it is held and comes to rest.
+
+Steps and swings are judged joint by joint, with the mass matrix of the zero pose.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,15 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.errors import Problem
-from asrsim.kinematics.holding import Holding, holdings
+from asrsim.kinematics.holding import Holding, goals_of, holdings
 from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.mounting import drive_of
 from asrsim.scenario.check import made_elsewhere
 from asrsim.scenario.data import for_joint
@@ -30,6 +36,15 @@ RESERVE = 0.5
 0.06 and 0.07 m off on average; at 0.5 one was for a third of the run, 0.02 m off.)"""
 TRIES = 40
 """Largest number of attempts to find parameters."""
+SLOW = 5.0
+"""rad/s, lowest natural frequency of a joint with proposed parameters: a slower joint has not arrived when a run of some
+seconds ends, even with good damping."""
+STEP_SHARE = 0.6
+"""Share of its largest torque that a motor with proposed parameters needs when its reference steps."""
+LONGEST_DECAY = 8.0
+"""s, longest time until 5 % of a swing is left with the damping of the robot file; above it a warning is given."""
+RATIO = 0.3
+"""Proposed damping ratio of a joint: an overdamped arm shows nothing of its springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +59,7 @@ class Sizing:
     @property
     def weak(self) -> tuple[Holding, ...]:
         """Joints that sag or fall."""
-        return self.beyond(SAG)
-
-    def beyond(self, sag: float) -> tuple[Holding, ...]:
-        """Joints that sag by more than `sag` (a share of their scale), or come to rest on a stop."""
-        return tuple(one for one in self.joints if one.on_stop or one.sag > sag * one.scale)
+        return _beyond(self.joints, SAG)
 
 
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
@@ -60,22 +71,18 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
     """
     blocks = [
         block
-        for block in robot.actuators
-        if MODES[block.mode].spring
-        and not MODES[block.mode].direct
-        and not made_elsewhere(scenario, block.joint)
-        and for_joint(scenario.desired, block.joint) is None
+        for block in _sprung(robot)
+        if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
     ]
     if not scenario.fixed_base or not any(scenario.gravity) or not blocks:
         return Sizing(joints=())
     joints = holdings(scenario, robot, blocks)
-    weak = Sizing(joints=joints).beyond(sag)
-    if not weak or not propose:
+    if not propose or not _beyond(joints, sag):
         return Sizing(joints=joints)
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     robot = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     changed = {block.joint: block for block in blocks}
-    weak = Sizing(joints=holdings(scenario, robot, blocks)).beyond(sag)
+    weak = _beyond(holdings(scenario, robot, blocks), sag)
     proposal: dict[str, dict[str, float]] = {}
     for _ in range(TRIES):
         for one in weak:
@@ -84,7 +91,7 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
                 return Sizing(joints=joints)
             proposal[one.joint] = proposal.get(one.joint, {}) | given
             changed[one.joint] = _with_values(changed[one.joint], given)
-        weak = Sizing(joints=holdings(scenario, robot, [_in_reserve(block) for block in changed.values()])).beyond(ENOUGH)
+        weak = _beyond(holdings(scenario, robot, [_in_reserve(block) for block in changed.values()]), ENOUGH)
         if not weak:
             return Sizing(joints=joints, proposal=proposal)
     return Sizing(joints=joints)
@@ -123,6 +130,63 @@ def problems_of_weight(
     return tuple(problems)
 
 
+def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
+    """Joint -> parameter -> value with which no joint is slow, and motors can follow the steps of the references."""
+    inertia, blocks = _carried(robot), _sprung(robot)
+    loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
+    found: dict[str, dict[str, float]] = {}
+    for block in blocks:
+        spring, step = _stiffness_and_step(scenario, block)
+        factor = max(SLOW**2 * inertia[block.joint] / max(spring, 1e-9), 1.0)
+        changes = dict.fromkeys(linear_parameters(ACTUATORS.get(block.actuator), block.values()), factor)
+        if 2.0 * factor * spring > sum(drive_of(block).proportional):
+            changes |= {name: factor for name in block.values() if name.endswith("_proportional")}
+        needed = factor * spring * step + loads.get(block.joint, 0.0)
+        lacking = needed / (STEP_SHARE * min(drive_of(block).max_torque, default=math.inf))
+        changes |= dict.fromkeys(motor_limits(block.values()), lacking)
+        values = {name: _rounded(part * block.values()[name]) for name, part in changes.items() if part > 1.0}
+        found |= {block.joint: values} if values else {}
+    return found
+
+
+def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
+    """s for which the arm swings with the damping of its file, and by joint the keys of `link_damping` that bring it to rest;
+    empty if it comes to rest soon anyway, or if its masses are unknown."""
+    inertia = _carried(robot)
+    lasts, keys = 0.0, {}
+    for block in _sprung(robot):
+        own, damping = inertia[block.joint], robot.joint(block.joint).damping
+        critical = 2.0 * math.sqrt(own * max(_stiffness_and_step(scenario, block)[0], 0.0))
+        if damping < RATIO * critical:
+            lasts = max(lasts, 6.0 * own / max(damping, 1e-9))
+            keys[block.joint] = {"ratio": RATIO, "inertia": _rounded(own)}
+    return (lasts, keys) if lasts > LONGEST_DECAY else (0.0, {})
+
+
+def _sprung(robot: Robot) -> list[ActuatorBlock]:
+    """Joints with a spring and a position as reference."""
+    return [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
+
+
+def _beyond(joints: tuple[Holding, ...], sag: float) -> tuple[Holding, ...]:
+    """Joints that sag by more than `sag` (a share of their scale), or come to rest on a stop."""
+    return tuple(one for one in joints if one.on_stop or one.sag > sag * one.scale)
+
+
+def _carried(robot: Robot) -> dict[str, float]:
+    """Joint -> kg m^2: inertia that its spring must bear, with the other joints accelerating as much as the joint itself."""
+    names = [joint.name for joint in robot.moving_joints]
+    return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
+
+
+def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float]:
+    """N m/rad of the joint's springs at the end of its references, and rad by which these change during the run."""
+    drive = drive_of(block)
+    motors, goal = goals_of(scenario, block, np.array([0.0, scenario.duration]))
+    law: Any = drive.actuator.stiffness
+    return float(law(float(goal[-1]), *(float(motor[-1]) for motor in motors), drive.elastic)), float(np.ptp(goal))
+
+
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
     """Stronger motors if a motor is at its limit, else stiffer controllers or springs; empty if no parameter would help."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
@@ -138,7 +202,7 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
         names = tuple(f"controller_{i}_proportional" for i in range(1, actuator.motors + 1))
     else:
         names = linear_parameters(actuator, values)
-    return {name: float(f"{factor * values[name]:.2g}") for name in names}
+    return {name: _rounded(factor * values[name]) for name in names}
 
 
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
@@ -171,3 +235,8 @@ def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
 def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBlock:
     parameters = {name: replace(one, value=given.get(name, one.value)) for name, one in block.parameters.items()}
     return replace(block, parameters=parameters)
+
+
+def _rounded(value: float) -> float:
+    """The value with two digits, as a person would write it."""
+    return float(f"{value:.2g}")

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.kinematics.rotations import exponential, rotation_between
 from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianPose
@@ -76,6 +75,16 @@ class PoseTrajectory:
         positions = self.positions[segment] + way[:, None] * (self.positions[ends] - self.positions[segment])
         if self.rotations is None:
             return positions, None
+        from scipy.spatial.transform import Rotation
+
         turns = np.array([rotation_between(a, b) for a, b in pairwise(self.rotations)]).reshape(-1, 3)
         turns = np.vstack([turns, np.zeros(3)])
-        return positions, exponential(way[:, None] * turns[segment]) @ self.rotations[segment]
+        turned = Rotation.from_rotvec(way[:, None] * turns[segment]).as_matrix()
+        return positions, turned @ self.rotations[segment]
+
+
+def rotation_between(start: Array, end: Array) -> Array:
+    """Rotation vector (3,) in rad of an angle up to pi, world frame, that turns `start` into `end` (both (3, 3))."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(end @ start.T).as_rotvec(), dtype=float)

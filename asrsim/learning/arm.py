@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators.drive import Drive
+from asrsim.actuators.rest import resting_motors
 from asrsim.kinematics.desired import DesiredMotion
-from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.kinematics.engine_model import model_of
-from asrsim.kinematics.inverse import InverseDynamics
-from asrsim.kinematics.soft_arm import SoftArm
+from asrsim.kinematics.inverse import InverseDynamics, SoftArm
 from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
@@ -60,12 +59,12 @@ class ArmModel:
         """The joints along a motion."""
         motion, positions = inverse.motion, inverse.motion.positions[:, self._columns]
         motors = [drive.motors for drive in inverse.drives]
-        motors += [self._motors(motion, j, positions[:, j], positions[:, j]) for j in range(len(motors), len(self.drives))]
+        motors += [self._motors(motion, j, positions[:, j]) for j in range(len(motors), len(self.drives))]
         springs = np.zeros((len(positions), len(self.drives), 2))
         for j, drive in enumerate(self.drives):
             if drive.mode.spring:
                 springs[:, j] = spring_slopes(drive, positions[:, j], motors[j])
-        damping = [self.arm.losses(drive.joint).damping for drive in self.drives]
+        damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
         return linearise_along(self.arm.model, self.drives, motion, springs, damping)
 
     def start_error(self, inverse: InverseDynamics, linear: Linearised) -> Array:
@@ -82,9 +81,17 @@ class ArmModel:
                 for values in (scenario.initial_positions, scenario.initial_velocities)
             )
             starts = zip(self.plant.joints, positions, strict=True)
-            states = [self.arm.motors_at_start(joint, position, 0.0, 0.0) for joint, position in starts]
-            motors_begun = (np.array([getattr(state, name) for state in states]) for name in ("positions", "velocities"))
-            begun = positions, velocities, *motors_begun
+            # With one motor the second number is not used.
+            states = [
+                (for_joint(scenario.initial_motor_positions, joint, (position,)),
+                 for_joint(scenario.initial_motor_velocities, joint, (0.0,)))
+                for joint, position in starts
+            ]  # fmt: skip
+            begun = (
+                positions,
+                velocities,
+                *(np.array([(one[0], one[-1]) for one in each]) for each in zip(*states, strict=True)),
+            )
         moved = linear.released(*(self._among(is_ - should) for is_, should in zip(begun, wanted, strict=True)))
         return self._learned(linear.time, moved)
 
@@ -101,12 +108,11 @@ class ArmModel:
         """(n, joints) at the plant's times, of values (k, drives) at `time` (k,)."""
         return np.column_stack([np.interp(self.plant.time, time, column) for column in values.T[: len(self.plant.joints)]])
 
-    def _motors(self, motion: DesiredMotion, j: int, position: Array, given: Array) -> Array:
-        """(n, 2) rad where the motors of drive `j` stand, its link at `position` (n,) and its first reference `given` (n,)."""
+    def _motors(self, motion: DesiredMotion, j: int, position: Array) -> Array:
+        """(n, 2) rad: positions of rest of the motors of drive `j`, whose link follows its first reference, `position` (n,)."""
         drive = self.drives[j]
-        preset = self.arm.preset(drive.joint, motion.time)
-        start = self.arm.motors_at_start(drive.joint, position[0], given[0], preset[0])
-        return motor_positions(drive, motion.time, position, given, preset, start)
+        goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
+        return resting_motors(drive, position, goals)[:2].T
 
 
 @contextmanager

@@ -39,7 +39,7 @@ def _files(plant: Plant) -> Iterator[tuple[str, Path]]:
 
     scenario = plant.scenario
     named = [*scenario.attachments.items(), *((item.name, item.mesh) for item in scenario.world.objects if item.mesh)]
-    text, _ = engine_urdf(plant.robot, visuals=False, package_paths=scenario.package_paths)
+    text, _ = engine_urdf(plant.robot, package_paths=scenario.package_paths)
     named += [(mesh, Path(mesh)) for mesh in sorted(set(re.findall(r'filename="([^"]*)"', text)))]
     for name, path in named:
         # A ROS 2 bag is a folder.

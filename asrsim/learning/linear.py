@@ -20,7 +20,7 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.kinematics.desired import DesiredMotion
 from asrsim.kinematics.drive_inverse import reference_map
-from asrsim.kinematics.model import DynamicModel
+from asrsim.kinematics.engine_model import EngineModel
 from asrsim.samples import Array
 
 POSTURES = 101
@@ -144,7 +144,7 @@ def _rho(drive: Drive) -> Array:
 
 
 def linearise_along(
-    model: DynamicModel,
+    model: EngineModel,
     drives: Sequence[Drive],
     motion: DesiredMotion,
     springs: Array,

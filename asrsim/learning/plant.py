@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.actuators.drive import Drive
 from asrsim.errors import DivergenceError, Problem, ScenarioError
-from asrsim.kinematics.soft_arm import INVERTED_MODES
+from asrsim.kinematics.inverse import INVERTED_MODES
 from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Learning, Scenario, for_joint

@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.base import MOST_MOTORS
-from asrsim.actuators.vectorised import equilibrium_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, JointInfo, Samples, picking
 
 _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and not mode.motor)
@@ -94,4 +94,4 @@ def _mapped(samples: Samples, actuator: str, quantity: str, rows: Any) -> Array:
         return np.full(_rows(samples, "link_position")[rows].shape, np.nan)
     kind = ACTUATORS.get(actuator)
     positions = [_rows(samples, quantity.format(i + 1))[rows] for i in range(kind.positions())]
-    return equilibrium_over_arrays(kind)(*positions)
+    return over_arrays(kind.equilibrium_position)(*positions)

@@ -74,13 +74,12 @@ def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure in inches with the Agg canvas; pyplot knows nothing of it."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """An empty figure, its size in inches."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
+    from asrsim.plots.ticks import Picture
+
+    figure = Picture(width, height)
     figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05, hspace=0.02, wspace=0.02))
     return figure
 

@@ -35,18 +35,14 @@ class Grid:
     gap_x: float = GAP_X
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
-        """The figure and its axes (rows, columns), with the legend of variants below; pyplot knows nothing of it."""
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-
-        from asrsim.plots.ticks import Plain
+        """The figure and its axes (rows, columns), with the legend of variants below."""
+        from asrsim.plots.ticks import Picture, Plain
 
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
         foot = BOTTOM + (0.12 + 0.18 * -(-len(labels) // variant_rows(labels, width)) if len(labels) > 1 else 0.0)
         inner = sum(self.heights) + (len(self.heights) - 1) * self.gap_y
         height = HEAD + self.title + inner + foot
-        figure = Figure(figsize=(width, height))
-        FigureCanvasAgg(figure)
+        figure = Picture(width, height)
         mean = sum(self.heights) / len(self.heights)
         axes = figure.subplots(
             len(self.heights), self.columns, squeeze=False, **more,

@@ -1,11 +1,14 @@
-"""Numbers along an axis."""
+"""Figures of ours, and the numbers along their axes; imports Matplotlib, so it is imported where pictures are drawn."""
 
 from __future__ import annotations
 
 import math
+from io import BytesIO
 from itertools import pairwise
 
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 SMALL, LARGE = 1e-3, 1e5
@@ -31,3 +34,17 @@ class Plain(ScalarFormatter):
         step = min((abs(b - a) for a, b in pairwise(self.axis.get_majorticklocs())), default=largest) or largest
         digits = max(0, power - math.floor(math.log10(step) + 1e-9)) if step else 0
         return str(self.fix_minus(f"{x / 10.0**power:.{digits}f}e{power:+03d}" if x else "0"))
+
+
+class Picture(Figure):
+    """A figure with the Agg canvas, which pyplot does not know, and which shows itself in a notebook."""
+
+    def __init__(self, width: float, height: float) -> None:
+        """width, height: inch."""
+        super().__init__(figsize=(width, height))
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        self.savefig(stream, format="png")
+        return stream.getvalue()

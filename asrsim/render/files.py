@@ -46,14 +46,10 @@ def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.0
         x, y = (number % columns) * (width + gap), top + (number // columns) * (height + line)
         touching = f"  touches {', '.join(frame.touching)}" if frame.touching else ""
         time = f"{frame.time:.3f}".rstrip("0")
-        time += "0" * (2 - len(time.partition(".")[2]))
-        pen.text((x + gap, y + 0.3 * size), f"{time} s", fill="#4a4a4a", font=_font(size))
-        pen.text(
-            (x + gap + pen.textlength(f"{time} s", font=_font(size)), y + 0.3 * size),
-            touching,
-            fill="#c33300",
-            font=_font(size),
-        )
+        time += "0" * (2 - len(time.partition(".")[2])) + " s"
+        pen.text((x + gap, y + 0.3 * size), time, fill="#4a4a4a", font=_font(size))
+        after = x + gap + pen.textlength(time, font=_font(size))
+        pen.text((after, y + 0.3 * size), touching, fill="#c33300", font=_font(size))
         strip.paste(Pictures.fromarray(frame.image), (x, y + line))
     return strip
 
@@ -69,17 +65,34 @@ def _font(size: int) -> FreeTypeFont:
     return ImageFont.truetype(str(Path((folders or ["."])[0]) / "mpl-data/fonts/ttf/DejaVuSans.ttf"), size)
 
 
-def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
-    """A film strip as PNG, its frames closer together where more happens. Raises OutputError."""
-    from PIL.PngImagePlugin import PngInfo
+def stamped(film: Film, time: float) -> Picture:
+    """The picture of a film at a time (s), with the time in a corner and a faint robot at its equilibrium."""
+    from PIL import Image as Pictures
+    from PIL import ImageDraw
 
+    frame = film.ghosted(time)
+    picture = Pictures.fromarray(frame.image)
+    size = max(11, round(0.045 * (film.width * film.height) ** 0.5))
+    ImageDraw.Draw(picture).text((0.5 * size, 0.3 * size), f"{frame.time:.2f} s", fill="#4a4a4a", font=_font(size))
+    return picture
+
+
+def strip_of(film: Film, *, count: int = ROW, progress: Progress | None = None) -> Picture:
+    """A film strip, its frames closer together where more happens."""
     frames = []
     for number, time in enumerate(telling_times([film], count), 1):
         frames.append(film.frame(time))
         if progress is not None:
             progress(number / count)
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
-    strip = film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
+    return film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
+
+
+def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
+    """The film strip as PNG. Raises OutputError."""
+    from PIL.PngImagePlugin import PngInfo
+
+    strip = strip_of(film, count=count, progress=progress)
     mark = PngInfo()
     mark.add_text("Software", "asrsim")
     with written(path, "picture") as stream:
@@ -94,7 +107,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     times = _times(film, speed, fps, most=GIF_FRAMES)
     pictures = []
     for number, time in enumerate(times, 1):
-        pictures.append(Pictures.fromarray(film.frame(time).image))
+        pictures.append(stamped(film, time))
         if progress is not None:
             progress(number / len(times))
     # One palette for all frames: colours do not flicker.
@@ -120,8 +133,8 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
         )  # fmt: skip
         try:
             writer.send(None)
-            for number, frame in enumerate(film.frames(times), 1):
-                writer.send(np.ascontiguousarray(frame.image))
+            for number, time in enumerate(times, 1):
+                writer.send(np.ascontiguousarray(stamped(film, time)))
                 if progress is not None:
                     progress(number / len(times))
         finally:

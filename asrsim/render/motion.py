@@ -14,6 +14,7 @@ import numpy as np
 
 from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint
 from asrsim.render.draw import Image, Painter
 from asrsim.render.scene import Scene
@@ -27,6 +28,8 @@ LOOKS = 40
 """Instants at which the camera looks where things are."""
 _KEYS = ("robot", "base", "world")
 """What a picture needs of a scenario."""
+GHOST = 0.28
+"""Opacity of the robot at its equilibrium."""
 _STEADY = 0.3
 """Share of a film strip's frames that go by time, the others by motion."""
 
@@ -67,13 +70,19 @@ class Film:
         count = reader.duration / (self.info.step * max(self.info.log_every, 1)) + 1
         if not any("link_position" in joint.quantities for joint in self.info.joints):
             raise LogError("the log holds no link positions", file=self.path, code="no-motion")
+        recorded = {name for joint in self.info.joints for name in joint.quantities}
+        names = ["link_position", *(name for name in DERIVED_SOURCES["equilibrium_position"] if name in recorded)]
         self.samples: Samples = reader.read(
-            quantities=["link_position"], stride=max(1, math.ceil(count / KEPT)), start=start, end=end
+            quantities=names, stride=max(1, math.ceil(count / KEPT)), start=start, end=end
         ).samples
         """Positions, poses and contacts, thinned where the log is long."""
         if not len(self.samples.time):
             what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
             raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")
+        positions = self.samples.values["link_position"]
+        rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
+        self._equilibria = np.where(np.isfinite(rest), rest, positions)
+        """(n, joints) where motors and springs without load would put the links; joints without springs as they are."""
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
         self.camera, self.width, self.height = common_view([self])
@@ -103,8 +112,18 @@ class Film:
         """Pictures at the times in s, one after the other."""
         return (self.frame(time) for time in times)
 
-    def _frames(self, row: int) -> dict[str, Array]:
-        values = self.samples.values["link_position"][row]
+    def ghosted(self, time: float) -> Frame:
+        """As :meth:`frame`, with a faint robot where its springs would be without load."""
+        found = self.frame(time)
+        row = int(np.argmin(np.abs(self.samples.time - time)))
+        rest = self._painter.image(
+            self._frames(row, self._equilibria[row]), self.camera, self.width, self.height, sharpness=self._sharpness
+        )
+        mixed = (1.0 - GHOST) * found.image.astype(np.float64) + GHOST * rest
+        return replace(found, image=np.asarray(mixed + 0.5, dtype=np.uint8))
+
+    def _frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
+        values = self.samples.values["link_position"][row] if values is None else values
         return self.scene.frames(
             {name: float(value) for name, value in zip(self.samples.joints, values, strict=True) if math.isfinite(value)},
             {name: poses[row] for name, poses in self.samples.bodies.items() if np.isfinite(poses[row]).all()},

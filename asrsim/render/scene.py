@@ -14,7 +14,6 @@ from asrsim.render.mesh_files import read_mesh
 from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
 from asrsim.robot import Robot
 from asrsim.robot.chain import Chain
-from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World
 
@@ -84,9 +83,8 @@ class Scene:
                 mesh = self._mesh(shape.kind, shape.scale if file else shape.size, file, f"the mesh of link '{link.name}'")
                 if mesh is None:
                     continue
-                colour = shape.colour or (mesh_colour(file) if file else None)
                 placed = _placed(mesh, rpy_frame(shape.origin, shape.rpy))
-                parts.append(Part(body=link.name, mesh=placed, colours=_coloured(placed, colour)))
+                parts.append(Part(body=link.name, mesh=placed, colours=_coloured(placed, shape.colour)))
         return parts
 
     def _object_parts(self, world: World) -> list[Part]:

@@ -256,7 +256,7 @@ def figures() -> dict[str, Figure]:
 
 
 def reproduce(
-    names: Sequence[str] = (), folder: Path = Path("out/reproduce"), *, processes: int = 2,
+    names: Sequence[str] = (), folder: Path = Path("out/reproduce"), *, workers: int = 2,
     on_figure: Callable[[Reproduction], None] | None = None,
 ) -> Outcome:  # fmt: skip
     """Run figures, judge them, and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
@@ -275,8 +275,8 @@ def reproduce(
     make_folder(folder / "runs")
     make_folder(folder / "pictures")
     found = []
-    with executor(min(processes, len(order))) as workers:
-        for number, one in chain.from_iterable(workers.results(partial(run_figure, folder=folder / "runs"), order)):
+    with executor(min(workers, len(order))) as pool:
+        for number, one in chain.from_iterable(pool.results(partial(run_figure, folder=folder / "runs"), order)):
             found.append(_about(order[number], error=one.reason) if isinstance(one, Lost) else one)
             if on_figure is not None:
                 on_figure(found[-1])

@@ -5,8 +5,7 @@ from __future__ import annotations
 from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
-from asrsim.robot.mounting import check_two_motors, drive_of, with_actuators
-from asrsim.robot.overrides import with_overrides
+from asrsim.robot.mounting import check_two_motors, drive_of, with_actuators, with_overrides
 from asrsim.robot.reader import load_robot, read_robot
 from asrsim.robot.step_checks import StepFigures, step_figures, step_findings
 

@@ -1,9 +1,9 @@
-"""Numbers of a URDF exchanged in its text: comments, layout and everything else stay as they are, to the byte."""
+"""Numbers of a URDF replaced in its text: comments, layout and everything else stay as they are, to the byte."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
@@ -13,43 +13,43 @@ from asrsim.robot.model import INERTIAS, Robot
 from asrsim.robot.tags import JOINT_TAGS, parameter_tags
 from asrsim.robot.vary import CENTRES, JOINT_NAMES
 
-_DYNAMICS = {"damping": "damping", "friction": "friction"}
-_PASSIVE = {name: JOINT_TAGS[field] for name, field in JOINT_NAMES.items() if field in JOINT_TAGS}
-"""Name of a joint -> tag of its `<gazebo reference>`."""
+_START_TAG = re.compile(rb"<(?:[^>\"']|\"[^\"]*\"|'[^']*')*>")
+_ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
+    name: ("inertia", name) for name in INERTIAS
+} | {"mass": ("mass", "value")}  # fmt: skip
+"""Name -> tag and attribute that hold it, in a joint or in the `<inertial>` of a link."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Element:
-    """An element and where it stands in the bytes."""
+    """An element and its place in the bytes."""
 
     name: str
     attributes: Mapping[str, str]
     start: int
-    parent: _Element | None
+    opened: int
+    """First byte after the start tag."""
+    end: int = 0
+    """First byte of the end tag; of an empty-element tag: that after it."""
     children: list[_Element] = field(default_factory=list)
-    inside: int = -1
-    """Where its content begins; where a tag that is empty would have it: -1."""
-    end: int = -1
-    """Where its end tag begins."""
 
-    def child(self, name: str) -> _Element | None:
-        """The first child of that name."""
-        return next((one for one in self.children if one.name == name), None)
+    def child(self, tag: str, /, **attributes: str) -> _Element | None:
+        """The first child of that tag with these attributes."""
+        return next((one for one in self.children if one.name == tag and attributes.items() <= one.attributes.items()), None)
 
 
 def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> bytes:
-    """The file with joint or link -> name -> value, as :func:`asrsim.robot.vary.varied_robot` takes them, in the place of what
-    it had; a number that it left to a default gets a tag. Raises RobotError where the text has no place for one.
+    """The file with joint or link -> name -> value, as :func:`asrsim.robot.vary.varied_robot` takes them, in the place of its
+    own numbers; a number that the file leaves to a default gets a tag. Raises RobotError where the text has no place for one.
     """
     lacking: list[Problem] = []
     for owner, values in changes.items():
         for name, value in values.items():
-            # One after the other: what one of them puts in, the next finds there.
-            edits = sorted(_edits(data, _parse(data), robot, owner, name, f"{value:.9g}"), reverse=True)
-            for start, end, text in edits:
-                data = data[:start] + text + data[end:]
-            if not edits:
-                lacking.append(Problem("the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place"))
+            edited = _edited(data, robot, owner, name, f"{value:.9g}")
+            if edited is None:
+                problem = "the file has no place for it"
+                lacking.append(Problem(problem, file=robot.path, key=f"{owner}.{name}", code="no-place"))
+            data = edited or data
     if lacking:
         raise RobotError(lacking)
     return data
@@ -57,139 +57,89 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
 
 def _parse(data: bytes) -> _Element:
     parser = expat.ParserCreate()
-    top = _Element("", {}, 0, None)
-    open_ones = [top]
+    path = [_Element(name="", attributes={}, start=0, opened=0)]
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        one = _Element(name.rpartition(":")[2], attributes, parser.CurrentByteIndex, open_ones[-1])
-        open_ones[-1].children.append(one)
-        open_ones.append(one)
+        tag = _START_TAG.match(data, parser.CurrentByteIndex)
+        opened = tag.end() if tag else len(data)
+        one = _Element(name=name.rpartition(":")[2], attributes=attributes, start=parser.CurrentByteIndex, opened=opened)
+        path[-1].children.append(one)
+        path.append(one)
 
-    def end(name: str) -> None:
-        one = open_ones.pop()
-        one.end = parser.CurrentByteIndex
-        close = _tag_end(data, one.start)
-        one.inside = -1 if data[close - 2 : close] == b"/>" else close
+    def end(_name: str) -> None:
+        path.pop().end = parser.CurrentByteIndex
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise RobotError(f"is no XML: {error}", code="xml") from None
-    return top.children[0]
+    return path[0].children[0]
 
 
-def _tag_end(data: bytes, start: int) -> int:
-    """Just after the `>` of a start tag; a `>` may stand in an attribute."""
-    quote = 0
-    for i in range(start, len(data)):
-        byte = data[i]
-        if quote:
-            quote = 0 if byte == quote else quote
-        elif byte in b"\"'":
-            quote = byte
-        elif byte == ord(">"):
-            return i + 1
-    return len(data)
+def _edited(data: bytes, robot: Robot, owner: str, name: str, value: str) -> bytes | None:
+    """The text with one number replaced; None: it has no place for it."""
+    root = _parse(data)
+    joint, link = root.child("joint", name=owner), root.child("link", name=owner)
+    inertial = link.child("inertial") if link is not None else None
+    block = next((block for block in robot.actuators if block.joint == owner), None)
+    if block is not None and name in block.parameters:
+        tag = block.parameters[name].tag or parameter_tags(ACTUATORS.get(block.actuator))[name]
+        plugin = _plugin(data, root, owner)
+        return None if plugin is None else _put(data, plugin, tag, None, value)
+    if joint is not None and JOINT_NAMES.get(name) in JOINT_TAGS:
+        tag = JOINT_TAGS[JOINT_NAMES[name]]
+        gazebos = [one for one in root.children if one.name == "gazebo" and one.attributes.get("reference") == owner]
+        gazebo = next((one for one in gazebos if one.child(tag) is not None), None)
+        if gazebo is None:
+            return _inserted(data, root, f'<gazebo reference="{owner}"><{tag}>{value}</{tag}></gazebo>')
+        return _put(data, gazebo, tag, None, value)
+    parent = joint if name in JOINT_NAMES else inertial
+    if parent is None:
+        return None
+    if name in CENTRES:
+        origin = parent.child("origin")
+        numbers = (origin.attributes.get("xyz", "") if origin is not None else "").split() or ["0", "0", "0"]
+        numbers[CENTRES.index(name)] = value
+        return _put(data, parent, "origin", "xyz", " ".join(numbers))
+    return _put(data, parent, *_ATTRIBUTES[name], value) if name in _ATTRIBUTES else None
 
 
-def _edits(data: bytes, root: _Element, robot: Robot, owner: str, name: str, value: str) -> Iterator[tuple[int, int, bytes]]:
-    """(start, end, text) of what has to change."""
-    joint = next((one for one in root.children if one.name == "joint" and one.attributes.get("name") == owner), None)
-    link = next((one for one in root.children if one.name == "link" and one.attributes.get("name") == owner), None)
-    block = next((one for one in robot.actuators if one.joint == owner), None)
-    if joint is not None and name in _DYNAMICS:
-        dynamics = joint.child("dynamics")
-        if dynamics is None:
-            yield _inserted(data, joint, f'<dynamics {name}="{value}"/>')
-        else:
-            yield _attribute(data, dynamics, name, value)
-    elif name in _PASSIVE:
-        yield from _passive(root, data, owner, name, value)
-    elif block is not None and name in block.parameters:
-        yield from _parameter(data, root, robot, owner, name, value)
-    elif link is not None and (inertial := link.child("inertial")) is not None:
-        if name == "mass" and (mass := inertial.child("mass")) is not None:
-            yield _attribute(data, mass, "value", value)
-        elif name in INERTIAS and (inertia := inertial.child("inertia")) is not None:
-            yield _attribute(data, inertia, name, value)
-        elif name in CENTRES:
-            centre = next(one for one in robot.links if one.name == owner).centre_of_mass
-            origin = inertial.child("origin")
-            if origin is None:
-                numbers = [value if axis == name else f"{part:.9g}" for axis, part in zip(CENTRES, centre, strict=True)]
-                yield _inserted(data, inertial, f'<origin xyz="{" ".join(numbers)}"/>')
-            else:
-                yield from _part(data, origin, CENTRES.index(name), value)
-
-
-def _passive(root: _Element, data: bytes, owner: str, name: str, value: str) -> Iterator[tuple[int, int, bytes]]:
-    for one in root.children:
-        tag = one.child(_PASSIVE[name]) if one.name == "gazebo" and one.attributes.get("reference") == owner else None
-        if tag is not None and tag.inside >= 0:
-            yield tag.inside, tag.end, value.encode()
-            return
-    text = f'<gazebo reference="{owner}"><{_PASSIVE[name]}>{value}</{_PASSIVE[name]}></gazebo>'
-    yield _inserted(data, root, text)
-
-
-def _parameter(
-    data: bytes, root: _Element, robot: Robot, owner: str, name: str, value: str
-) -> Iterator[tuple[int, int, bytes]]:
-    block = next(one for one in robot.actuators if one.joint == owner)
-    given = block.parameters[name]
-    tag = given.tag or parameter_tags(ACTUATORS.get(block.actuator))[name]
+def _plugin(data: bytes, root: _Element, joint: str) -> _Element | None:
     for gazebo in root.children:
         for plugin in gazebo.children if gazebo.name == "gazebo" else ():
-            place = plugin.child("joint")
-            if plugin.name != "plugin" or place is None or data[place.inside : place.end].strip().decode() != owner:
-                continue
-            there = plugin.child(tag)
-            if there is None:
-                yield _inserted(data, plugin, f"<{tag}>{value}</{tag}>")
-            elif there.inside >= 0:
-                yield there.inside, there.end, value.encode()
+            named = plugin.child("joint")
+            if named is not None and data[named.opened : named.end].strip().decode() == joint:
+                return plugin
+    return None
 
 
-def _attribute(data: bytes, element: _Element, name: str, value: str) -> tuple[int, int, bytes]:
-    """The attribute's value, or the attribute where it is missing."""
-    close = _tag_end(data, element.start)
-    match = re.search(rb"\s" + name.encode() + rb"\s*=\s*(?:\"([^\"]*)\"|'([^']*)')", data[element.start : close])
-    if match is not None:
-        group = 1 if match.group(1) is not None else 2
-        return element.start + match.start(group), element.start + match.end(group), value.encode()
-    place = element.start + 1 + len(element.name)
-    return place, place, f' {name}="{value}"'.encode()
+def _put(data: bytes, parent: _Element, tag: str, attribute: str | None, value: str) -> bytes:
+    """The text with a value in the place of an attribute of a child, or of its text; what is missing is added."""
+    child = parent.child(tag)
+    if child is None:
+        return _inserted(data, parent, f'<{tag} {attribute}="{value}"/>' if attribute else f"<{tag}>{value}</{tag}>")
+    if attribute is None:
+        if data[child.opened - 2 : child.opened] == b"/>":
+            return data[: child.opened - 2] + f">{value}</{tag}>".encode() + data[child.opened :]
+        return data[: child.opened] + value.encode() + data[child.end :]
+    place = re.compile(rb"\s" + attribute.encode() + rb"\s*=\s*[\"']([^\"']*)[\"']").search(data, child.start, child.opened)
+    if place is not None:
+        return data[: place.start(1)] + value.encode() + data[place.end(1) :]
+    after = child.start + 1 + len(tag)
+    return data[:after] + f' {attribute}="{value}"'.encode() + data[after:]
 
 
-def _part(data: bytes, element: _Element, index: int, value: str) -> Iterator[tuple[int, int, bytes]]:
-    """One number of `xyz`."""
-    close = _tag_end(data, element.start)
-    match = re.search(rb"\sxyz\s*=\s*[\"']([^\"']*)[\"']", data[element.start : close])
-    if match is None:
-        numbers = ["0", "0", "0"]
-        numbers[index] = value
-        yield _attribute(data, element, "xyz", " ".join(numbers))
-        return
-    first = element.start + match.start(1)
-    parts = list(re.finditer(rb"\S+", match.group(1)))
-    if len(parts) == 3:
-        yield first + parts[index].start(), first + parts[index].end(), value.encode()
-
-
-def _inserted(data: bytes, parent: _Element, text: str) -> tuple[int, int, bytes]:
-    """A new last child, on a line of its own where the others have one."""
-    if parent.inside < 0:
-        close = _tag_end(data, parent.start)
-        return close - 2, close, f">{text}</{parent.name}>".encode()
-    last = parent.children[-1] if parent.children else None
-    if last is None:
-        return parent.end, parent.end, text.encode()
-    line = data.rfind(b"\n", 0, last.start) + 1
-    indent = data[line : last.start]
-    if indent.strip():
-        # Several tags share a line: take the indent of that line.
-        indent = indent[: len(indent) - len(indent.lstrip())]
-    end = data.rfind(b"\n", 0, parent.end)
-    place = end if end > last.start else parent.end
-    return place, place, b"\n" + indent + text.encode()
+def _inserted(data: bytes, parent: _Element, text: str) -> bytes:
+    """The text with a new last child, on a line of its own where the other children have one."""
+    if data[parent.opened - 2 : parent.opened] == b"/>":
+        return data[: parent.opened - 2] + f">{text}</{parent.name}>".encode() + data[parent.opened :]
+    place = parent.end
+    if parent.children:
+        last = parent.children[-1].start
+        indent = data[data.rfind(b"\n", 0, last) + 1 : last]
+        # Several tags may share a line: the new line takes the indent of that line.
+        text = f"\n{indent[: len(indent) - len(indent.lstrip())].decode()}{text}"
+        before = data.rfind(b"\n", 0, place)
+        place = before if before > last else place
+    return data[:place] + text.encode() + data[place:]

@@ -11,7 +11,6 @@ from lxml import etree
 
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import principal_axes
-from asrsim.robot.mesh_colours import mesh_colour
 from asrsim.robot.meshes import MESH_FORMATS, mesh_fault
 from asrsim.robot.model import Joint, Link, Robot, Shape
 from asrsim.robot.packages import Packages, package_name, packages_of
@@ -61,14 +60,6 @@ def usable_shapes(
     return replace(robot, links=tuple(links)), tuple(warnings)
 
 
-def collision_meshes(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> dict[str, Path]:
-    """Meshes that links collide with, as the robot's file names them -> their files; none that cannot be used."""
-    packages = packages_of(robot.path, package_paths)
-    shapes = [shape for link in robot.links for shape in link.collisions if shape.kind == "mesh"]
-    found = {shape.mesh: _mesh_file(shape, packages) for shape in shapes}
-    return {name: place for name, place in found.items() if isinstance(place, Path)}
-
-
 def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
     """The file of a mesh, or why it cannot be used."""
     if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
@@ -77,10 +68,8 @@ def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
     return found if isinstance(found, str) else mesh_fault(found) or found
 
 
-def engine_urdf(
-    robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
-) -> tuple[str, tuple[Problem, ...]]:
-    """The robot as PyBullet may load it, and the warnings of :func:`usable_shapes`.
+def engine_urdf(robot: Robot, *, package_paths: Mapping[str, Path | str] | None = None) -> tuple[str, tuple[Problem, ...]]:
+    """The robot as PyBullet may load it, without visuals, and the warnings of :func:`usable_shapes`.
 
     Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
     links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
@@ -90,16 +79,15 @@ def engine_urdf(
 
     Each element has a line of its own. Raises RobotError for an element too long for an engine.
     """
-    robot, warnings = usable_shapes(robot, visuals=visuals, package_paths=package_paths)
+    robot, warnings = usable_shapes(robot, package_paths=package_paths)
     root = etree.Element("robot", name=robot.name)
     children = {joint.child for joint in robot.joints}
     for link in robot.links:
         element = etree.SubElement(root, "link", name=link.name)
         if link.mass is not None or link.inertia is not None or link.name in children:
             _inertial(element, link)
-        for tag, shapes in (("collision", link.collisions), ("visual", link.visuals)):
-            for shape in shapes:
-                _shape(element, tag, shape)
+        for shape in link.collisions:
+            _collision(element, shape)
     for joint in robot.joints:
         _joint(root, joint)
     return _in_short_lines(root, robot), warnings
@@ -122,23 +110,16 @@ def _inertial(parent: Any, link: Link) -> None:
     etree.SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
 
 
-def _shape(parent: Any, tag: str, shape: Shape) -> None:
-    """Write a collision or visual."""
+def _collision(parent: Any, shape: Shape) -> None:
     if shape.kind == "mesh":
         attributes = {"filename": shape.mesh, "scale": _numbers(shape.scale)}
     elif shape.kind == "box":
         attributes = {"size": _numbers(shape.size)}
     else:
         attributes = dict(zip(SIZES[shape.kind], map(repr, shape.size), strict=True))
-    element = etree.SubElement(parent, tag)
+    element = etree.SubElement(parent, "collision")
     _origin(element, shape.origin, shape.rpy)
     etree.SubElement(etree.SubElement(element, "geometry"), shape.kind, attributes)
-    if tag == "visual":
-        colour = shape.colour or (mesh_colour(Path(attributes["filename"])) if shape.kind == "mesh" else None)
-        if colour is not None:
-            # A material's name is its colour: PyBullet gives all materials of one name the first one's.
-            rgba = _numbers(colour)
-            etree.SubElement(etree.SubElement(element, "material", name=rgba), "color", rgba=rgba)
 
 
 def _joint(parent: Any, joint: Joint) -> None:

@@ -1,48 +1,109 @@
-"""Collects the errors and warnings of one file while its elements are read."""
+"""Collects the errors and warnings of one file while its elements are read, and reads their attributes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Unpack
 
-from asrsim.errors import Details, Place, Problem
+from asrsim.errors import Details, Problem
+from asrsim.robot.model import Vector
+from asrsim.robot.numbers import plain_number
+from asrsim.robot.xmlfile import BLANKS, elements
 
-Line = Callable[[Any], int | None]
-"""An element's line in the user's file, None if unknown."""
+LARGEST = 1e12
+"""In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
+SMALLEST = 1e-30
+"""In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
+ZERO = (0.0, 0.0, 0.0)
 
-EMPTY_LIMIT = "Exporters write 0 for what was left empty: give the joint's limits, or make it continuous, which needs none"
-"""What to do about limits of 0."""
+
+def words(text: str) -> list[str]:
+    """The words of an attribute, separated by XML's own white space."""
+    return [word for word in re.split(f"[{BLANKS}]+", text) if word]
+
+
+def beyond_a_turn(angles: Sequence[float]) -> bool:
+    """Whether the angles of an orientation, read in rad, are probably degrees."""
+    return max(map(abs, angles)) > math.tau + 1e-3
 
 
 class Findings:
-    """Errors and warnings of one file."""
+    """Reads the attributes of one file's elements and collects its errors and warnings, each with its line.
 
-    def __init__(self, file: Path) -> None:
+    `at` is an element, a line, or None.
+    """
+
+    def __init__(self, file: Path, *, expanded: bool = False) -> None:
         self.file = file
         self.errors: list[Problem] = []
         self.warnings: list[Problem] = []
+        self.expanded = expanded
+        """The elements come from an expanded xacro file: their lines are not those of the user's file."""
 
-    def error(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
+    def line(self, at: Any) -> int | None:
+        """The line of an element in the user's file, None if unknown."""
+        if at is None or isinstance(at, int):
+            return at
+        return None if self.expanded else at.sourceline
+
+    def error(self, message: str, at: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
         """Add an error: the file cannot be simulated."""
-        self.errors.append(Problem(message, code=code, file=self.file, **place))
+        self.errors.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
-    def warn(self, message: str, *, code: str, **place: Unpack[Place]) -> None:
-        """Add a warning: something to know. Messages leave the name to `key`, so that equal ones can be shown as one."""
-        self.warnings.append(Problem(message, code=code, file=self.file, **place))
+    def warn(self, message: str, at: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
+        """Add a warning. The message does not repeat the name in `key`, so that equal messages can be shown as one."""
+        self.warnings.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
+    def origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
+        """Position in m and roll, pitch, yaw in rad of an `<origin>`, zero where it is absent."""
+        tags = elements(element, "origin")
+        if not tags:
+            return ZERO, ZERO
+        key = f"{name}.origin"
+        position, angles = self.vector(tags[0], "xyz", key, default=ZERO), self.vector(tags[0], "rpy", key, default=ZERO)
+        if beyond_a_turn(angles):
+            self.warn(
+                "turns by more than one revolution; angles are in rad", tags[0], key, code="rpy-in-degrees",
+                value=tags[0].get("rpy"), hint="90 degrees are 1.5708 rad",
+            )  # fmt: skip
+        return position, angles
 
-class Reader:
-    """Reads elements of a file; problems go to `findings`, each with its element's line."""
+    def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
+        """The attribute as a number; 0 if it is absent or wrong. A wrong one is an error, and so is a missing required one."""
+        text = element.get(key)
+        if text is None:
+            if required:
+                self.error(f"attribute '{key}' is missing", element, place, code="missing-attribute")
+            return 0.0
+        return self.value(text, text, element, place, finite=finite)
 
-    def __init__(self, findings: Findings, line: Line) -> None:
-        self.findings = findings
-        self.line = line
+    def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
+        """The attribute as three numbers; the default if it is absent or wrong."""
+        text = element.get(key)
+        if text is None:
+            return default
+        parts = words(text)
+        if len(parts) != 3:
+            self.error(f"'{key}' must be three numbers", element, place, code="not-a-number", value=text)
+            return default
+        x, y, z = (self.value(part, text, element, place) for part in parts)
+        return x, y, z
 
-    def error(self, message: str, element: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
-        """Add an error of an element."""
-        self.findings.error(message, code=code, line=self.line(element), key=key, **details)
-
-    def warn(self, message: str, element: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
-        """Add a warning of an element."""
-        self.findings.warn(message, code=code, line=self.line(element), key=key, **details)
+    def value(self, text: str, shown: str, at: Any, place: str, *, finite: bool = True) -> float:
+        """The number that a text is; 0 and an error if it is none, is infinite where it must not be, or is absurdly large."""
+        fault, code = "", "not-a-number"
+        try:
+            number = plain_number(text)
+        except ValueError:
+            fault = "is not a number"
+        else:
+            if math.isnan(number) or (finite and math.isinf(number)):
+                fault, code = "must be finite", "not-finite"
+            elif finite and abs(number) > LARGEST:
+                fault, code = f"is larger than {LARGEST:g}, which no robot has", "out-of-range"
+        if fault:
+            self.error(fault, at, place, code=code, value=shown)
+        return 0.0 if fault else number

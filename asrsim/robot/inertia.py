@@ -2,67 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from asrsim.robot.model import Link, Robot, Vector
 from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
 
 
-@dataclass(frozen=True, kw_only=True)
-class ZeroPoseInertia:
-    """Inertia of the moving joints at the zero pose, base fixed."""
+def zero_pose_matrix(robot: Robot) -> np.ndarray:
+    """(n, n) mass matrix of the moving joints, kg m^2 (kg for prismatic joints), at the zero pose with a fixed base.
 
-    names: tuple[str, ...]
-    """Moving joints, in file order."""
-    matrix: np.ndarray
-    """(n, n) mass matrix, kg m^2 (kg for prismatic joints)."""
-
-    @property
-    def diagonal(self) -> dict[str, float]:
-        """Inertia of everything behind each joint about its axis, the other joints locked."""
-        return {name: float(self.matrix[i, i]) for i, name in enumerate(self.names)}
-
-    @property
-    def effective(self) -> dict[str, float]:
-        """Inertia that a torque on one joint meets while all other joints are free: 1 / (M^-1)_ii, at most the diagonal.
-
-        Joints whose row makes the matrix singular (massless ends of chains) have 0.
-        """
-        scale = np.sqrt(np.diag(self.matrix))
-        result = dict.fromkeys(self.names, 0.0)
-        alive = [i for i in range(len(self.names)) if scale[i] > 0.0]
-        if not alive:
-            return result
-        normalised = self.matrix[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive])
-        values, vectors = np.linalg.eigh(normalised)
-        # 1e-12: below it a direction carries no mass to double precision.
-        inverse = (vectors**2) @ (1.0 / np.maximum(values, 1e-12))
-        result.update({self.names[i]: float(scale[i] ** 2 / inverse[k]) for k, i in enumerate(alive)})
-        return result
-
-
-def zero_pose_inertia(robot: Robot) -> ZeroPoseInertia:
-    """Mass matrix at the zero pose with a fixed base; links without inertia count as massless."""
-    moving = robot.moving_joints
-    index = {joint.name: i for i, joint in enumerate(moving)}
+    Links without inertia count as massless.
+    """
+    columns = {joint.name: i for i, joint in enumerate(robot.moving_joints)}
     parents = {joint.child: joint for joint in robot.joints}
     poses = link_poses(robot)
-    matrix = np.zeros((len(moving), len(moving)))
+    matrix = np.zeros((len(columns), len(columns)))
     for link in robot.links:
         if not link.mass and link.inertia is None:
             continue
         pose = poses[link.name]
         centre = pose.position + pose.rotation @ link.centre_of_mass
-        linear = np.zeros((3, len(moving)))
-        angular = np.zeros((3, len(moving)))
+        linear, angular = np.zeros((3, len(columns))), np.zeros((3, len(columns)))
         name = link.name
         while name in parents:
             joint = parents[name]
-            if joint.name in index:
+            if joint.moves:
                 axis = poses[name].rotation @ joint.axis
-                column = index[joint.name]
+                column = columns[joint.name]
                 if joint.kind == "prismatic":
                     linear[:, column] = axis
                 else:
@@ -71,7 +37,21 @@ def zero_pose_inertia(robot: Robot) -> ZeroPoseInertia:
             name = joint.parent
         tensor = pose.rotation @ inertia_tensor(link) @ pose.rotation.T
         matrix += (link.mass or 0.0) * linear.T @ linear + angular.T @ tensor @ angular
-    return ZeroPoseInertia(names=tuple(joint.name for joint in moving), matrix=matrix)
+    return matrix
+
+
+def effective_inertia(matrix: np.ndarray) -> np.ndarray:
+    """(n,) inertia that a torque on one joint meets while all other joints are free: 1 / (M^-1)_ii, at most the diagonal.
+
+    Joints whose row makes the matrix singular (massless ends of chains) have 0.
+    """
+    scale = np.sqrt(np.diag(matrix))
+    alive = np.flatnonzero(scale > 0.0)
+    result = np.zeros(len(scale))
+    values, vectors = np.linalg.eigh(matrix[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive]))
+    # 1e-12: below it a direction carries no mass to double precision.
+    result[alive] = scale[alive] ** 2 / ((vectors**2) @ (1.0 / np.maximum(values, 1e-12)))
+    return result
 
 
 def inertia_tensor(link: Link) -> np.ndarray:

@@ -47,8 +47,6 @@ class ActuatorBlock:
     joint: str
     mode: int
     namespace: str = ""
-    publish_elastic_torques: bool = True
-    publish_state: bool = True
     subscribe_external_torque: bool = False
     sample_time: float | None = None
     """s, the later dialect's `<t_sample>`; kept as data, the simulation runs at the scenario's step."""

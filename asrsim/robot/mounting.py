@@ -1,21 +1,20 @@
-"""Actuators put on joints without plugin blocks: a plain URDF becomes a soft robot."""
+"""Actuators, modes and parameters that a scenario sets on a robot's joints."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
-from asrsim.robot.advice import advise
-from asrsim.robot.blocks import default_parameter
-from asrsim.robot.findings import Findings
-from asrsim.robot.model import ActuatorBlock, Robot
-from asrsim.robot.overrides import overridden
-from asrsim.robot.tags import REQUIRED_TAGS, parameter_tags
+from asrsim.robot.blocks import MODE_CHOICES, default_parameter, default_value
+from asrsim.robot.doubts import robot_doubts
+from asrsim.robot.model import UNREAD, ActuatorBlock, ParameterValue, Robot
+from asrsim.robot.tags import REQUIRED_TAGS, parameter_name, parameter_tags, tag_parameters
+from asrsim.robot.values import parameter_fault, together_faults
 
 
 def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
@@ -99,19 +98,19 @@ def mounted(
         elif name in present:
             blocks.append(present[name])
     known = {joint: values for joint, values in parameters.items() if joint == "*" or joint in moving}
-    changed, faults = overridden(replace(robot, actuators=tuple(blocks), unread=frozenset(unread)), {}, known)
+    changed, faults = overridden(replace(_with_blocks(robot, blocks), unread=frozenset(unread)), {}, known)
     problems += [replace(fault, key=_key(fault.key or "")) for fault in faults]
-    findings = Findings(robot.path)
-    driven = {block.joint for block in blocks}
-    known_warnings = [
-        problem
-        for problem in robot.warnings
-        if not (problem.code == "no-actuators" and driven) and not (problem.code == "mimic-joint" and problem.key in driven)
-    ]
-    for block in changed.actuators:
-        if present.get(block.joint) != block:
-            advise(ACTUATORS.get(block.actuator), block, moving[block.joint], findings)
-    return replace(changed, warnings=(*known_warnings, *findings.warnings)), problems
+    return changed, problems
+
+
+def _with_blocks(robot: Robot, blocks: Sequence[ActuatorBlock]) -> Robot:
+    """The robot with other actuator blocks, without the warnings that no longer apply."""
+    changed = replace(robot, actuators=tuple(blocks))
+    if robot.faults or changed.actuators == robot.actuators:
+        return changed
+    doubts = list(robot_doubts(changed))
+    resolved = [doubt for doubt in robot_doubts(robot) if doubt not in doubts]
+    return replace(changed, warnings=tuple(warning for warning in robot.warnings if warning not in resolved))
 
 
 def _key(key: str) -> str:
@@ -141,3 +140,135 @@ def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references_of(actuator.motors)
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
+
+
+def with_overrides(
+    robot: Robot,
+    *,
+    modes: Mapping[str, int] | None = None,
+    parameters: Mapping[str, Mapping[str, float]] | None = None,
+) -> Robot:
+    """The robot with modes and parameters replaced, per joint or for all joints by `"*"` (a joint's own entry wins).
+
+    Parameters are named by our names or the toolbox's tags; under `"*"` those that an actuator does not have are passed
+    over, if some actuator has them. Controller defaults follow a mode that changes to or from 1.
+    Raises ScenarioError with every problem: unknown joints, modes, parameters, values out of range or that do not go together.
+    """
+    changed, problems = overridden(robot, modes or {}, parameters or {})
+    problems += block_faults(changed, robot)
+    if problems:
+        raise ScenarioError(problems)
+    return changed
+
+
+def overridden(
+    robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]]
+) -> tuple[Robot, list[Problem]]:
+    """As :func:`with_overrides`, as far as it goes, and what is wrong with each mode and parameter.
+
+    A parameter that cannot be used becomes `UNREAD`, as one does that is it; whether the values of a block go together is left
+    to :func:`block_faults`.
+    """
+    problems: list[Problem] = []
+    joints = tuple(block.joint for block in robot.actuators)
+    for section, keys in (("modes", modes), ("parameters", parameters)):
+        problems.extend(
+            Problem(
+                "no actuator is on this joint",
+                key=f"{section}.{joint}",
+                choices=joints,
+                meant=joint,
+                code="unknown-joint",
+            )
+            for joint in keys
+            if joint != "*" and joint not in joints and joint not in robot.unread
+        )
+    problems.extend(
+        Problem(
+            "there is no such operation mode",
+            key=f"modes.{joint}",
+            value=mode,
+            choices=MODE_CHOICES,
+            code="operation-mode",
+        )
+        for joint, mode in modes.items()
+        if mode not in MODES
+    )
+    everyone = {name for block in robot.actuators for name in _names(block)}
+    if not robot.unread:
+        common = parameters.get("*", {})
+        problems.extend(_unknown(f"parameters.*.{key}", key, everyone) for key in common if key not in everyone)
+    blocks = []
+    for block in robot.actuators:
+        mode = modes.get(block.joint, modes.get("*", block.mode))
+        changed = _with_mode(block, mode) if mode in MODES else block
+        for scope in ("*", block.joint):
+            changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
+        blocks.append(changed)
+    return _with_blocks(robot, blocks), problems
+
+
+def block_faults(robot: Robot, before: Robot) -> list[Problem]:
+    """What is wrong with the values of each block together. A fault that the joint's block has `before` too is the file's."""
+    earlier = {block.joint: block for block in before.actuators}
+    found = []
+    for block in robot.actuators:
+        if block.joint in robot.unread:
+            continue
+        old = earlier.get(block.joint)
+        for fault in together_faults(block):
+            if old is not None and old.actuator == block.actuator and fault in together_faults(old):
+                fault = replace(fault, file=robot.path, line=fault.line or old.line, key=old.plugin_name or block.joint)
+            found.append(fault)
+    return found
+
+
+def _with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
+    if mode == block.mode:
+        return block
+    values = dict(block.parameters)
+    for parameter in ACTUATORS.get(block.actuator).all_parameters():
+        old = values[parameter.name]
+        if old.origin in ("default", "mode default"):
+            number, origin = default_value(parameter, mode)
+            values[parameter.name] = replace(old, value=number, origin=origin)
+    return replace(block, mode=mode, parameters=values)
+
+
+def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float], problems: list[Problem]) -> ActuatorBlock:
+    actuator = ACTUATORS.get(block.actuator)
+    declared = {parameter.name: parameter for parameter in actuator.all_parameters()}
+    values: dict[str, ParameterValue] = dict(block.parameters)
+    seen: dict[str, str] = {}
+    for key, number in given.items():
+        place = f"parameters.{scope}.{key}"
+        name = parameter_name(actuator, key)
+        if name in seen:
+            twice = Problem(
+                f"is the same parameter as {seen[name]}", key=place, hint=f"Give {seen[name]}", code="duplicate-parameter"
+            )
+            if twice not in problems:
+                problems.append(twice)
+            continue
+        if name is None:
+            if scope != "*":
+                problems.append(_unknown(place, key, _names(block)))
+            continue
+        seen[name] = key
+        fault = None if number is UNREAD else parameter_fault(declared[name], float(number))
+        if fault:
+            problem = Problem(fault, key=place, value=number, code="out-of-range")
+            if problem not in problems:
+                problems.append(problem)
+            number = UNREAD
+        values[name] = replace(values[name], value=float(number), origin="scenario", line=None, text="")
+    return replace(block, parameters=values)
+
+
+def _names(block: ActuatorBlock) -> set[str]:
+    return {*block.parameters, *tag_parameters(ACTUATORS.get(block.actuator))}
+
+
+def _unknown(place: str, key: str, known: set[str]) -> Problem:
+    names = tuple(sorted(known))
+    return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import RobotError
 from asrsim.robot.blocks import read_blocks
-from asrsim.robot.findings import Findings, Line
-from asrsim.robot.model import Joint, Robot
+from asrsim.robot.doubts import robot_doubts
+from asrsim.robot.findings import Findings
+from asrsim.robot.model import Robot
 from asrsim.robot.packages import packages_of
-from asrsim.robot.passive import PassiveReader
-from asrsim.robot.sanity import check_sanity
-from asrsim.robot.structure import StructureReader
-from asrsim.robot.tree import check_masses, check_movable, check_tree, without_floating_root
+from asrsim.robot.structure import read_joints, read_links
+from asrsim.robot.tree import check_movable, check_tree, without_floating_root
 from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
@@ -59,42 +58,40 @@ def read_robot(
     path = Path(path)
     data = read_bytes(path)
     root = parse_xml(data, path)
-    warnings: tuple[Problem, ...] = ()
-    line: Line = _line
+    findings = Findings(path)
     if path.suffix == ".xacro" or _uses_xacro(root):
         from asrsim.robot.expansion import expand_xacro
 
         data, warnings = expand_xacro(path, xacro_arguments or {}, packages_of(path, package_paths))
+        findings.warnings += warnings
+        findings.expanded = True
         root = parse_xml(data, path)
-        line = _no_line
-    return _read(root, data, path, line, warnings)
+    return _read(root, data, findings)
 
 
-def _read(root: Any, data: bytes, path: Path, line: Line, earlier: tuple[Problem, ...]) -> Robot:
-    findings = Findings(path)
-    findings.warnings.extend(earlier)
+def _read(root: Any, data: bytes, findings: Findings) -> Robot:
+    path = findings.file
     if root.tag != "robot":
         what = " (an SDF file is not a URDF)" if root.tag == "sdf" else ""
-        raise RobotError(f"the root element is <{root.tag}>, not <robot>{what}", file=path, line=line(root), code="not-a-urdf")
+        message = f"the root element is <{root.tag}>, not <robot>{what}"
+        raise RobotError(message, file=path, line=findings.line(root), code="not-a-urdf")
     count = len(elements(root, "link"))
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
-    structure = StructureReader(findings, line)
-    check_words(structure, root)
-    links = structure.links(root)
-    joints = structure.joints(root, links)
-    _check_size(findings, joints)
+    check_words(findings, root)
+    links = read_links(findings, root)
+    joints = read_joints(findings, root, links)
+    moving = sum(joint.moves for joint in joints)
+    if moving > MAX_MOVING:
+        message = f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}"
+        findings.error(message, None, "robot", code="too-many-joints", hint="Remove joints that do not matter to the motion")
     driven = {(element.text or "").strip() for element in root.iter("joint")}
     links, joints = without_floating_root(findings, links, joints, driven)
     # A joint that could not be read would make its links look like roots.
     if not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
-    check_masses(findings, links, joints)
-    passive = PassiveReader(findings, line)
-    joints = passive.frictions(root, passive.springs(root, joints))
-    blocks, unread = read_blocks(root, joints, findings, line)
-    passive.judge(joints, blocks)
+    blocks, unread = read_blocks(root, joints, findings)
     robot = Robot(
         name=root.get("name") or path.stem, path=path, text=_text(data, root), links=links, joints=joints, actuators=blocks,
         unread=unread,
@@ -104,26 +101,11 @@ def _read(root: Any, data: bytes, path: Path, line: Line, earlier: tuple[Problem
     if findings.errors:
         faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))
         return replace(robot, warnings=tuple(findings.warnings), faults=faults)
-    check_sanity(findings, robot)
-    if not blocks and robot.moving_joints:
-        findings.warn(
-            "no actuator of the toolbox is in this file: no joint is driven", code="no-actuators", key=robot.name,
-            hint="`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint",
-        )  # fmt: skip
-    return replace(robot, warnings=tuple(findings.warnings))
-
-
-def _check_size(findings: Findings, joints: Sequence[Joint]) -> None:
-    moving = sum(joint.moves for joint in joints)
-    if moving > MAX_MOVING:
-        findings.error(
-            f"the robot has {moving} moving joints; PyBullet simulates at most {MAX_MOVING}",
-            code="too-many-joints", key="robot", hint="Take out what does not matter to the motion",
-        )  # fmt: skip
+    return replace(robot, warnings=(*findings.warnings, *robot_doubts(robot)))
 
 
 def _text(data: bytes, root: Any) -> str:
-    """The document as text that says no encoding other than its own."""
+    """The document as text that states no encoding other than its own."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()
@@ -135,12 +117,3 @@ def _text(data: bytes, root: Any) -> str:
 
 def _uses_xacro(root: Any) -> bool:
     return any(isinstance(element.tag, str) and element.tag.startswith(XACRO) for element in root.iter())
-
-
-def _line(element: Any) -> int | None:
-    line: int | None = element.sourceline
-    return line
-
-
-def _no_line(_element: Any) -> int | None:
-    return None

@@ -1,4 +1,4 @@
-"""Shapes of collisions and visuals: read, or refused for the reason that they have."""
+"""Shapes of collisions and visuals: read, or refused with the reason."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any, get_args
 
 from asrsim.errors import did_you_mean
-from asrsim.robot.attributes import words
-from asrsim.robot.model import Shape, ShapeKind, Vector
+from asrsim.robot.findings import ZERO, words
+from asrsim.robot.model import Shape, ShapeKind
 from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -19,7 +19,7 @@ Colour = tuple[float, float, float, float]
 
 
 class ShapeError(ValueError):
-    """What is wrong with a shape, a phrase to stand behind its name."""
+    """What is wrong with a shape, a phrase that follows its name."""
 
 
 def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) -> Shape:
@@ -37,23 +37,24 @@ def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) ->
         raise ShapeError(f"has a shape <{shape.tag}> that is not known, only {', '.join(known)}{f'. {hint}' if hint else ''}")
     size: list[float] = []
     for key in SIZES[shape.tag]:
-        if shape.get(key) is None:
-            raise ShapeError(f"has a {shape.tag} without {key}")
-        size += _numbers(shape, key, 3 if key == "size" else 1, f"has a {shape.tag} whose")
+        size += _numbers(shape, key, 3 if key == "size" else 1)
         if min(size) <= 0.0:
-            sign = "negative" if min(size) < 0.0 else "zero"
-            raise ShapeError(f"has a {shape.tag} whose {key} is {sign}, '{shape.get(key)}'")
-    mesh, scale = "", (1.0, 1.0, 1.0)
+            raise ShapeError(f"has a {shape.tag} whose {key} is not larger than 0, '{shape.get(key)}'")
+    mesh, scale = "", [1.0, 1.0, 1.0]
     if shape.tag == "mesh":
         mesh = name_of(shape, "filename")
         if not mesh:
             raise ShapeError("has a mesh without filename")
-        scale = _scale(shape)
+        # One number for all three axes is a common slip that every reader of URDFs understands.
+        single = len(words(shape.get("scale", ""))) == 1
+        scale = _numbers(shape, "scale", 1, scale) * 3 if single else _numbers(shape, "scale", 3, scale)
+        if 0.0 in scale:
+            raise ShapeError(f"has a mesh whose scale is zero, '{shape.get('scale')}'")
     origins = elements(element, "origin")
-    origin, rpy = (_vector(origins[0], key) if origins else (0.0, 0.0, 0.0) for key in ("xyz", "rpy"))
+    (x, y, z), (roll, pitch, yaw) = (_numbers(origins[0], key, 3, ZERO) if origins else ZERO for key in ("xyz", "rpy"))
     return Shape(
-        kind=shape.tag, size=tuple(size), origin=origin, rpy=rpy, mesh=mesh, scale=scale,
-        colour=_colour_of(element, colours), line=line,
+        kind=shape.tag, size=tuple(size), origin=(x, y, z), rpy=(roll, pitch, yaw), mesh=mesh,
+        scale=(scale[0], scale[1], scale[2]), colour=_colour_of(element, colours), line=line,
     )  # fmt: skip
 
 
@@ -67,36 +68,22 @@ def read_colours(root: Any) -> dict[str, Colour]:
     return colours
 
 
-def _numbers(element: Any, key: str, count: int, whose: str) -> list[float]:
-    text = element.get(key) or ""
+def _numbers(element: Any, key: str, count: int, default: Any = None) -> list[float]:
+    text = element.get(key)
+    if text is None and default is not None:
+        return list(default)
+    if text is None:
+        raise ShapeError(f"has a {element.tag} without {key}")
     try:
         numbers = [plain_number(word) for word in words(text)]
+        fault = "" if len(numbers) == count else f"is not {count} number{'s' if count > 1 else ''}"
     except ValueError:
-        raise ShapeError(f"{whose} {key} is not made of numbers, '{text}'") from None
-    if len(numbers) != count:
-        raise ShapeError(f"{whose} {key} is not {count} number{'s' if count > 1 else ''}, '{text}'")
+        numbers, fault = [], "is not made of numbers"
     if not all(abs(number) <= LARGEST for number in numbers):
-        raise ShapeError(f"{whose} {key} is not finite or beyond {LARGEST:g} m, '{text}'")
+        fault = f"is not finite or beyond {LARGEST:g} m"
+    if fault:
+        raise ShapeError(f"has a {element.tag} whose {key} {fault}, '{text}'")
     return numbers
-
-
-def _vector(origin: Any, key: str) -> Vector:
-    if origin.get(key) is None:
-        return (0.0, 0.0, 0.0)
-    x, y, z = _numbers(origin, key, 3, "has an <origin> whose")
-    return x, y, z
-
-
-def _scale(mesh: Any) -> Vector:
-    text = mesh.get("scale")
-    if text is None:
-        return (1.0, 1.0, 1.0)
-    # One number for all three axes is a common slip that every reader of URDFs understands.
-    numbers = _numbers(mesh, "scale", 1 if len(words(text)) == 1 else 3, "has a mesh whose")
-    x, y, z = numbers * 3 if len(numbers) == 1 else numbers
-    if not x * y * z:
-        raise ShapeError(f"has a mesh whose scale is zero, '{text}'")
-    return x, y, z
 
 
 def _colour_of(element: Any, colours: Mapping[str, Colour]) -> Colour | None:
@@ -106,18 +93,12 @@ def _colour_of(element: Any, colours: Mapping[str, Colour]) -> Colour | None:
 
 
 def _colour(material: Any) -> Colour | None:
-    """Red, green, blue, opacity; None if it says none that can be used: a colour moves nothing."""
+    """Red, green, blue, opacity, each limited to 0 to 1; None if it states none that can be used: a colour moves nothing."""
     for colour in elements(material, "color"):
-        numbers = colour_numbers(colour.get("rgba") or "")
+        try:
+            numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.get("rgba") or "")]
+        except ValueError:
+            continue
         if len(numbers) == 4:
-            red, green, blue, opacity = numbers
-            return red, green, blue, opacity
+            return numbers[0], numbers[1], numbers[2], numbers[3]
     return None
-
-
-def colour_numbers(text: str) -> list[float]:
-    """The numbers of a colour, each brought into 0 to 1; none where the text is not made of numbers."""
-    try:
-        return [min(max(plain_number(word), 0.0), 1.0) for word in words(text)]
-    except ValueError:
-        return []

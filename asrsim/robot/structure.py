@@ -3,213 +3,312 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from asrsim.errors import did_you_mean
-from asrsim.robot.findings import EMPTY_LIMIT
-from asrsim.robot.inertials import InertialReader, largest_moment
-from asrsim.robot.model import Joint, Link, Mimic, Shape, Vector
+from asrsim.robot.findings import SMALLEST, Findings
+from asrsim.robot.model import INERTIAS, Joint, Link, Mimic, Shape, Vector
 from asrsim.robot.shapes import Colour, ShapeError, read_colours, read_shape
-from asrsim.robot.xmlfile import elements, name_of
+from asrsim.robot.tags import JOINT_TAGS
+from asrsim.robot.xmlfile import elements, name_of, text_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 UNIT = 2e-4
-"""How far an axis may be from length 1 without a word: 0.707 and 0.7071, as people write them, pass."""
+"""Deviation of an axis from length 1 that gets no warning: 0.707 and 0.7071, as people write them, pass."""
 LONGEST_NAME = 255
 """Characters; PyBullet crashes at 1024 bytes."""
+EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"
+"""Hint for limits of 0."""
+ROUNDING = 1e-15
+"""kg m^2: the inertia of a link whose entries are all smaller is the rounding error of the program that wrote it."""
+ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
+"""A negative principal moment is a slip of digits if it is at most this share of the link's own largest moment of inertia, or
+of the robot's."""
+X_AXIS: Vector = (1.0, 0.0, 0.0)
 
 
-class StructureReader(InertialReader):
-    """Reads `<link>` and `<joint>`; problems go to `findings`."""
+def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
+    """All links with a name, in file order; of two links with one name the first."""
+    colours, largest = read_colours(root), _largest_moment(root)
+    if not elements(root, "link"):
+        findings.error("has no link", None, "robot", code="no-links")
+    return tuple(_link(findings, element, name, colours, largest) for element, name in _named(findings, root, "link"))
 
-    def links(self, root: Any) -> tuple[Link, ...]:
-        """All links with a name, in file order; the first of two equal names."""
-        colours = read_colours(root)
-        self.largest = largest_moment(root)
-        found = [self._link(element, name, colours) for element, name in self._named(root, "link")]
-        if not elements(root, "link"):
-            self.findings.error("has no link", code="no-links", key="robot")
-        return tuple(found)
 
-    def joints(self, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
-        """All joints with a name, in file order; what has a fault has a default in its place."""
-        names = tuple(link.name for link in links)
-        return tuple(self._joint(element, name, names) for element, name in self._named(root, "joint"))
+def read_joints(findings: Findings, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
+    """All joints with a name, in file order; a value with a fault is replaced by its default."""
+    names = tuple(link.name for link in links)
+    joints = [_joint(findings, element, name, names) for element, name in _named(findings, root, "joint")]
+    return _with_passive(findings, root, joints)
 
-    # -- parts -----------------------------------------------------------------------------------------------------
 
-    def _named(self, root: Any, tag: str) -> list[tuple[Any, str]]:
-        seen: dict[str, int | None] = {}
-        found = []
-        for element in elements(root, tag):
-            name = name_of(element)
-            if not name:
-                self.error(f"a {tag} has no name", element, tag, code="missing-name")
-            elif len(name) > LONGEST_NAME:
-                self.error(
-                    f"the name of a {tag} is longer than {LONGEST_NAME} characters", element, f"{name[:20]}...",
-                    code="long-name",
-                )  # fmt: skip
-            elif name in seen:
-                first = f" (the first is on line {seen[name]})" if seen[name] else ""
-                self.error(f"two {tag}s have this name{first}", element, name, code=f"duplicate-{tag}")
-            else:
-                seen[name] = self.line(element)
-                found.append((element, name))
-        return found
+def _named(findings: Findings, root: Any, tag: str) -> list[tuple[Any, str]]:
+    seen: dict[str, Any] = {}
+    for element in elements(root, tag):
+        name = name_of(element)
+        if not name:
+            findings.error(f"a {tag} has no name", element, tag, code="missing-name")
+        elif len(name) > LONGEST_NAME:
+            message = f"the name of a {tag} is longer than {LONGEST_NAME} characters"
+            findings.error(message, element, f"{name[:20]}...", code="long-name")
+        elif name in seen:
+            line = findings.line(seen[name])
+            first = f" (the first is on line {line})" if line else ""
+            findings.error(f"two {tag}s have this name{first}", element, name, code=f"duplicate-{tag}")
+        else:
+            seen[name] = element
+    return [(element, name) for name, element in seen.items()]
 
-    def _link(self, element: Any, name: str, colours: Mapping[str, Colour]) -> Link:
-        link = Link(
-            name=name, mass=None, inertia=None, line=self.line(element),
-            collisions=self._shapes(element, "collision", name, colours),
-            visuals=self._shapes(element, "visual", name, colours),
-        )  # fmt: skip
-        inertials = elements(element, "inertial")
-        if len(inertials) > 1:
-            self.error("has more than one <inertial>", inertials[1], name, code="duplicate-tag")
-        if not inertials:
-            return link
-        inertial = inertials[0]
-        centre, rpy = self.origin(inertial, name)
-        mass = self.mass(inertial, name)
-        inertia = self.inertia(inertial, name, mass)
-        return replace(link, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy)
 
-    def _shapes(self, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
-        """A collision that cannot be made is an error, since contacts would go missing; a visual is left out."""
-        shapes = []
-        for shape in elements(element, tag):
-            line = self.line(shape)
-            try:
-                shapes.append(read_shape(shape, colours, line))
-            except ShapeError as fault:
-                if tag == "collision":
-                    self.findings.error(f"a collision {fault}", code="collision-shape", line=line, key=name)
-                else:
-                    self.findings.warn(f"a visual {fault}; it is not drawn", code="visual-shape", line=line, key=name)
-        return tuple(shapes)
+# -- links -------------------------------------------------------------------------------------------------------------
 
-    def _joint(self, element: Any, name: str, links: tuple[str, ...]) -> Joint:
-        line = self.line(element)
-        kind = name_of(element, "type")
-        if kind not in JOINT_KINDS:
-            self.findings.error(
-                "joint type is unknown" if kind else "joint has no type",
-                code="joint-type", line=line, key=name, value=kind or None, choices=JOINT_KINDS,
-                meant=kind,
-            )  # fmt: skip
-            kind = "continuous"
-        parent = self._end(element, "parent", name, links)
-        child = self._end(element, "child", name, links)
-        origin, rpy = self.origin(element, name)
-        moves = kind in ("revolute", "continuous", "prismatic")
-        axis = self._axis(element, name) if moves else (1.0, 0.0, 0.0)
-        limits = self._limits(element, name, kind)
-        damping, friction = self._dynamics(element, name)
-        mimic = self._mimic(element, name)
-        lower, upper, effort, velocity = limits
-        return Joint(
-            name=name, kind=kind, parent=parent, child=child, axis=axis, origin=origin, rpy=rpy, lower=lower, upper=upper,
-            effort=effort, velocity=velocity, damping=damping, friction=friction, mimic=mimic, line=line,
-        )  # fmt: skip
 
-    def _end(self, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str:
-        """The link's name; empty: there is no such link."""
-        tags = elements(element, tag)
-        if len(tags) != 1:
-            count = "no" if not tags else "more than one"
-            self.error(f"joint has {count} <{tag}>", element, name, code="missing-tag")
-            return ""
-        link = name_of(tags[0], "link")
-        if link not in links:
-            self.error(
-                f"the {tag} link does not exist", tags[0], name, code="unknown-link", value=link,
-                hint=did_you_mean(link, links),
-            )  # fmt: skip
-            return ""
+def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Colour], largest: float) -> Link:
+    link = Link(
+        name=name, mass=None, inertia=None, line=findings.line(element),
+        collisions=_shapes(findings, element, "collision", name, colours),
+        visuals=_shapes(findings, element, "visual", name, colours),
+    )  # fmt: skip
+    inertials = elements(element, "inertial")
+    if len(inertials) > 1:
+        findings.error("has more than one <inertial>", inertials[1], name, code="duplicate-tag")
+    if not inertials:
         return link
+    centre, rpy = findings.origin(inertials[0], name)
+    mass = _mass(findings, inertials[0], name)
+    inertia = _inertia(findings, inertials[0], name, mass, largest)
+    return replace(link, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy)
 
-    def _axis(self, element: Any, name: str) -> Vector:
-        tags = elements(element, "axis")
-        if not tags:
-            return (1.0, 0.0, 0.0)
-        if tags[0].get("xyz") is None:
-            self.error("attribute 'xyz' is missing", tags[0], f"{name}.axis", code="missing-attribute")
-            return (1.0, 0.0, 0.0)
-        x, y, z = self.vector(tags[0], "xyz", f"{name}.axis", default=(1.0, 0.0, 0.0))
-        length = math.hypot(x, y, z)
-        if length == 0.0:
-            self.error("the axis of a moving joint is zero", tags[0], name, code="zero-axis")
-            return (1.0, 0.0, 0.0)
-        if abs(length - 1.0) > UNIT:
-            self.warn(
-                "the axis is not of length 1; its direction is used", tags[0], name, code="axis-length", value=f"{length:.9g}"
-            )
-        # A length that is 1 to rounding stays as it is, so that a written robot reads back to the bit.
-        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
-    def _limits(self, element: Any, name: str, kind: str) -> tuple[float | None, float | None, float | None, float | None]:
-        tags = elements(element, "limit")
-        if not tags:
-            if kind in ("revolute", "prismatic"):
-                self.warn(
-                    "has no <limit>, which the URDF format asks for; taken as unlimited", element, name, code="missing-limit"
-                )
-            return None, None, None, None
-        tag, line = tags[0], self.line(tags[0])
+def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
+    """A collision that cannot be made is an error, since contacts would go missing; a visual is left out."""
+    shapes = []
+    for shape in elements(element, tag):
+        try:
+            shapes.append(read_shape(shape, colours, findings.line(shape)))
+        except ShapeError as fault:
+            if tag == "collision":
+                findings.error(f"a collision {fault}", shape, name, code="collision-shape")
+            else:
+                findings.warn(f"a visual {fault}; it is not drawn", shape, name, code="visual-shape")
+    return tuple(shapes)
 
-        def optional(key: str) -> float | None:
-            if tag.get(key) is None:
-                return None
-            return self.number(tag, key, f"{name}.limit.{key}", required=True, finite=False)
 
-        lower, upper, effort, velocity = (optional(key) for key in ("lower", "upper", "effort", "velocity"))
-        for key, value in (("effort", effort), ("velocity", velocity)):
-            if value is not None and value < 0.0:
-                self.findings.error(
-                    f"limit {key} must not be negative", code="negative-limit", line=line, key=name, value=f"{value:g}"
-                )
-        if kind not in ("revolute", "prismatic"):
-            return None, None, effort, velocity
-        if (lower is None) != (upper is None):
-            # The format's default for a missing one is 0.
-            lower, upper = lower or 0.0, upper or 0.0
-        if lower is not None and upper is not None and lower > upper:
-            self.findings.error(
-                "lower limit is above the upper limit", code="limits-crossed", line=line, key=name,
-                value=f"{lower:g} > {upper:g}",
-            )  # fmt: skip
-            return None, None, effort, velocity
-        if lower is not None and lower == upper:
-            self.findings.warn(
-                "lower and upper limit are equal: the joint cannot move", code="locked-joint", line=line, key=name,
-                hint=EMPTY_LIMIT if lower == 0.0 else None,
-            )  # fmt: skip
-        lower = None if lower is not None and math.isinf(lower) else lower
-        upper = None if upper is not None and math.isinf(upper) else upper
-        return lower, upper, effort, velocity
+def _only_tag(findings: Findings, inertial: Any, tag: str, name: str) -> Any:
+    tags = elements(inertial, tag)
+    if not tags:
+        findings.error(f"<inertial> has no <{tag}>", inertial, name, code="missing-tag")
+        return None
+    return tags[0]
 
-    def _mimic(self, element: Any, name: str) -> Mimic | None:
-        tags = elements(element, "mimic")
-        if not tags:
-            return None
-        place = f"{name}.mimic"
-        multiplier, offset = (
-            self.number(tags[0], key, place, required=True) if tags[0].get(key) is not None else default
-            for key, default in (("multiplier", 1.0), ("offset", 0.0))
-        )
-        return Mimic(joint=name_of(tags[0], "joint"), multiplier=multiplier, offset=offset)
 
-    def _dynamics(self, element: Any, name: str) -> tuple[float, float]:
-        tags = elements(element, "dynamics")
-        if not tags:
-            return 0.0, 0.0
-        values = []
-        for key in ("damping", "friction"):
-            value = self.number(tags[0], key, f"{name}.{key}", required=False)
-            if value < 0.0:
-                self.error(f"{key} must not be negative", tags[0], name, code=f"negative-{key}", value=f"{value:g}")
-            values.append(value)
-        return values[0], values[1]
+def _mass(findings: Findings, inertial: Any, name: str) -> float:
+    tag = _only_tag(findings, inertial, "mass", name)
+    if tag is None:
+        return 0.0
+    before = len(findings.errors)
+    mass = findings.number(tag, "value", f"{name}.mass", required=True)
+    if mass < 0.0:
+        findings.error("mass must not be negative", tag, name, code="negative-mass", value=f"{mass:g}")
+    elif 0.0 < mass < SMALLEST:
+        _too_small(findings, tag, f"{name}.mass", mass)
+    elif mass == 0.0 and len(findings.errors) == before:
+        findings.warn("mass is zero", tag, name, code="massless-link")
+    return mass
+
+
+def _inertia(
+    findings: Findings, inertial: Any, name: str, mass: float, largest: float
+) -> tuple[float, float, float, float, float, float]:
+    """kg m^2; largest: of all moments of inertia in the file."""
+    tag = _only_tag(findings, inertial, "inertia", name)
+    if tag is None:
+        return (0.0,) * 6
+    before = len(findings.errors)
+    # Every URDF reader takes a missing product of inertia as zero; a missing moment is a mistake.
+    values = [findings.number(tag, key, f"{name}.{key}", required=key[1] == key[2]) for key in INERTIAS]
+    for moment in (values[0], values[3], values[5]):
+        if 0.0 < abs(moment) < SMALLEST:
+            _too_small(findings, tag, f"{name}.inertia", moment)
+    if max(map(abs, values)) < ROUNDING:
+        values = [0.0] * 6
+    xx, xy, xz, yy, yz, zz = values
+    tensor = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    if len(findings.errors) == before:
+        tensor = _physical(findings, tag, name, mass, tensor, largest)
+    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
+    return xx, xy, xz, yy, yz, zz
+
+
+def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
+    message = f"is closer to 0 than {SMALLEST:g}, which no body is"
+    findings.error(message, tag, place, code="out-of-range", value=f"{value:g}")
+
+
+def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
+    """The tensor; where a slip of digits made it impossible, the nearest one that a body can have."""
+    moments, axes = np.linalg.eigh(matrix)
+    scale = float(np.abs(matrix).max())
+    shown = f"{', '.join(f'{moment:.4g}' for moment in moments)} kg m^2"
+    if scale == 0.0:
+        if mass > 0.0:
+            findings.warn("inertia is zero", tag, name, code="zero-inertia")
+    elif -1e-9 * scale > moments[0] >= -max(ROUNDED * scale, NEGLIGIBLE * largest):
+        message = "inertia has a negative principal moment, too small to matter: taken as the nearest that a body can have"
+        findings.warn(message, tag, name, code="rounded-inertia", value=shown)
+        nearest: np.ndarray = axes * np.maximum(moments, 0.0) @ axes.T
+        return nearest
+    elif moments[0] < -1e-9 * scale:
+        message = "inertia has a negative principal moment, which no body has"
+        findings.error(message, tag, name, code="negative-inertia", value=shown)
+    elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
+        message = "inertia breaks the triangle inequality: its largest principal moment is above the sum of the others"
+        findings.warn(message, tag, name, code="triangle-inequality", value=shown)
+    return matrix
+
+
+def _largest_moment(root: Any) -> float:
+    """kg m^2, of all moments of inertia in the file that are numbers; 0 without any."""
+    found = [0.0]
+    for value in (tag.get(key, "0") for tag in root.iter("inertia") for key in ("ixx", "iyy", "izz")):
+        try:
+            found.append(float(value))
+        except ValueError:
+            continue
+    return max(found)
+
+
+# -- joints ------------------------------------------------------------------------------------------------------------
+
+
+def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) -> Joint:
+    kind = name_of(element, "type")
+    if kind not in JOINT_KINDS:
+        message = "joint type is unknown" if kind else "joint has no type"
+        findings.error(message, element, name, code="joint-type", value=kind or None, choices=JOINT_KINDS, meant=kind)
+        kind = "continuous"
+    parent, child = (_end(findings, element, tag, name, links) for tag in ("parent", "child"))
+    origin, rpy = findings.origin(element, name)
+    joint = Joint(name=name, kind=kind, parent=parent, child=child, origin=origin, rpy=rpy, line=findings.line(element))
+    changes: dict[str, Any] = {}
+    if joint.moves:
+        changes["axis"] = _axis(findings, element, name)
+    for tag, read in TAGS.items():
+        tags = elements(element, tag)
+        changes |= read(findings, tags[0], name, joint) if tags else {}
+    if kind in ("revolute", "prismatic") and not elements(element, "limit"):
+        message = "has no <limit>, which the URDF format requires; taken as unlimited"
+        findings.warn(message, element, name, code="missing-limit")
+    return replace(joint, **changes)
+
+
+def _end(findings: Findings, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str:
+    """The link's name; empty: there is no such link."""
+    tags = elements(element, tag)
+    if len(tags) != 1:
+        count = "no" if not tags else "more than one"
+        findings.error(f"joint has {count} <{tag}>", element, name, code="missing-tag")
+        return ""
+    link = name_of(tags[0], "link")
+    if link in links:
+        return link
+    hint = did_you_mean(link, links)
+    findings.error(f"the {tag} link does not exist", tags[0], name, code="unknown-link", value=link, hint=hint)
+    return ""
+
+
+def _axis(findings: Findings, element: Any, name: str) -> Vector:
+    tags = elements(element, "axis")
+    if not tags:
+        return X_AXIS
+    if tags[0].get("xyz") is None:
+        findings.error("attribute 'xyz' is missing", tags[0], f"{name}.axis", code="missing-attribute")
+        return X_AXIS
+    x, y, z = findings.vector(tags[0], "xyz", f"{name}.axis", default=X_AXIS)
+    length = math.hypot(x, y, z)
+    if length == 0.0:
+        findings.error("the axis of a moving joint is zero", tags[0], name, code="zero-axis")
+        return X_AXIS
+    if abs(length - 1.0) > UNIT:
+        message = "the axis is not of length 1; its direction is used"
+        findings.warn(message, tags[0], name, code="axis-length", value=f"{length:.9g}")
+    # A length that is 1 to rounding stays as it is, so that a written robot reads back to the bit.
+    return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
+
+
+def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, float | None]:
+    limits = {
+        key: None if tag.get(key) is None else findings.number(tag, key, f"{name}.limit.{key}", required=True, finite=False)
+        for key in ("lower", "upper", "effort", "velocity")
+    }
+    for key in ("effort", "velocity"):
+        if (limits[key] or 0.0) < 0.0:
+            message = f"limit {key} must not be negative"
+            findings.error(message, tag, name, code="negative-limit", value=f"{limits[key]:g}")
+    lower, upper = limits.pop("lower"), limits.pop("upper")
+    if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
+        return limits
+    # The format's default for a missing one is 0.
+    lower, upper = lower or 0.0, upper or 0.0
+    if lower > upper:
+        value = f"{lower:g} > {upper:g}"
+        findings.error("lower limit is above the upper limit", tag, name, code="limits-crossed", value=value)
+        return limits
+    if lower == upper:
+        hint = EMPTY_LIMIT if lower == 0.0 else None
+        findings.warn("lower and upper limit are equal: the joint cannot move", tag, name, code="locked-joint", hint=hint)
+    return limits | {"lower": lower if math.isfinite(lower) else None, "upper": upper if math.isfinite(upper) else None}
+
+
+def _dynamics(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, float]:
+    values = {key: findings.number(tag, key, f"{name}.{key}", required=False) for key in ("damping", "friction")}
+    for key, value in values.items():
+        if value < 0.0:
+            findings.error(f"{key} must not be negative", tag, name, code=f"negative-{key}", value=f"{value:g}")
+    return values
+
+
+def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, Mimic]:
+    multiplier, offset = (
+        default if tag.get(key) is None else findings.number(tag, key, f"{name}.mimic", required=True)
+        for key, default in (("multiplier", 1.0), ("offset", 0.0))
+    )
+    return {"mimic": Mimic(joint=name_of(tag, "joint"), multiplier=multiplier, offset=offset)}
+
+
+TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
+    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
+}  # fmt: skip
+"""Tag of a joint -> reader of the joint's fields that it gives."""
+
+_PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}
+_SIGNED = ("spring_stiffness", "spring_reference")
+
+
+def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """The joints with their passive springs and friction. The last of two equal tags counts, as in Gazebo."""
+    found = {joint.name: joint for joint in joints}
+    for gazebo in elements(root, "gazebo"):
+        name = name_of(gazebo, "reference")
+        for tag in elements(gazebo):
+            field = _PASSIVE.get(tag.tag)
+            key = f"{name}.{tag.tag}"
+            if field is None:
+                continue
+            if name not in found or not found[name].moves:
+                why = f"a {found[name].kind} joint does not move" if name in found else "the robot has no such joint"
+                hint = None if name in found else did_you_mean(name, tuple(found))
+                findings.warn(f"has no effect: {why}", tag, key, code="misplaced-tag", hint=hint)
+                continue
+            value = findings.value(text_of(tag), text_of(tag), tag, key)
+            if field not in _SIGNED and (value < 0.0 or (value == 0.0 and field == "stribeck_velocity")):
+                bound = "larger than" if field == "stribeck_velocity" else "at least"
+                findings.error(f"must be {bound} 0", tag, key, code="out-of-range", value=f"{value:g}")
+                continue
+            changed: dict[str, Any] = {field: value}
+            found[name] = replace(found[name], **changed)
+    return tuple(found[joint.name] for joint in joints)

@@ -17,9 +17,10 @@ FREEDOMS = {
 def without_floating_root(
     findings: Findings, links: tuple[Link, ...], joints: tuple[Joint, ...], driven: Collection[str]
 ) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links and joints but for a root of neither mass nor shape with the floating joint under it, which say no more than that
-    the robot may float: the scenario decides that. Errors for other joints of several degrees of freedom. driven: joints that
-    plugins name."""
+    """Links and joints without a root that has neither mass nor shape and the floating joint under it: these say only that the
+    robot may float, which the scenario decides. Errors for other joints of several degrees of freedom. driven: joints that
+    plugins name.
+    """
     children = {joint.child for joint in joints}
     bodies = {link.name: link for link in links if link.name not in children}
     for joint in joints:
@@ -27,16 +28,13 @@ def without_floating_root(
         empty = above is not None and not (above.mass or above.collisions or above.visuals)
         alone = sum(other.parent == joint.parent for other in joints) == 1
         if joint.kind == "floating" and above is not None and empty and alone and joint.name not in driven:
-            findings.warn(
-                f"the robot floats on this joint: it is left out, with link '{above.name}'", code="floating-root",
-                line=joint.line, key=joint.name, hint="`base: {fixed: false}` in the scenario lets the robot float",
-            )  # fmt: skip
+            message = f"the robot floats on this joint: it is left out, with link '{above.name}'"
+            hint = "`base: {fixed: false}` in the scenario lets the robot float"
+            findings.warn(message, joint.line, joint.name, code="floating-root", hint=hint)
             links, joints = tuple(link for link in links if link is not above), tuple(one for one in joints if one is not joint)
         elif joint.kind in FREEDOMS:
-            findings.error(
-                f"{joint.kind} joints cannot be simulated", code="joint-type", line=joint.line, key=joint.name,
-                hint=FREEDOMS[joint.kind],
-            )  # fmt: skip
+            message = f"{joint.kind} joints cannot be simulated"
+            findings.error(message, joint.line, joint.name, code="joint-type", hint=FREEDOMS[joint.kind])
     return links, joints
 
 
@@ -45,18 +43,15 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
     parents: dict[str, Joint] = {}
     for joint in joints:
         if joint.child in parents:
-            findings.error(
-                f"link '{joint.child}' is the child of joint '{parents[joint.child].name}' already: a link has one parent",
-                code="two-parents", line=joint.line, key=joint.name,
-            )  # fmt: skip
+            message = f"link '{joint.child}' is the child of joint '{parents[joint.child].name}' already: a link has one parent"
+            findings.error(message, joint.line, joint.name, code="two-parents")
         else:
             parents[joint.child] = joint
     roots = [link.name for link in links if link.name not in parents]
     if len(roots) > 1:
-        findings.error(
-            f"the robot has {len(roots)} root links; a URDF is one tree",
-            code="several-roots", key="robot", value=", ".join(roots[:10]), hint="Join them by fixed joints",
-        )  # fmt: skip
+        message = f"the robot has {len(roots)} root links; a URDF is one tree"
+        hint = "Join them by fixed joints"
+        findings.error(message, None, "robot", code="several-roots", value=", ".join(roots[:10]), hint=hint)
     for link in links:
         seen: set[str] = set()
         name = link.name
@@ -64,22 +59,9 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
             seen.add(name)
             name = parents[name].parent
         if name in seen and name == link.name:
-            findings.error(
-                "joints form a loop; a URDF is a tree", code="loop", line=parents[name].line, key=parents[name].name,
-                value=" -> ".join(sorted(seen)[:10]),
-            )  # fmt: skip
+            joint, value = parents[name], " -> ".join(sorted(seen)[:10])
+            findings.error("joints form a loop; a URDF is a tree", joint.line, joint.name, code="loop", value=value)
             return
-
-
-def check_masses(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
-    """Warn of links without `<inertial>` other than the root: an engine would make up 1 kg for them."""
-    children = {joint.child for joint in joints}
-    for link in links:
-        if link.mass is None and link.name in children:
-            findings.warn(
-                "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)",
-                code="no-inertial", line=link.line, key=link.name,
-            )  # fmt: skip
 
 
 def check_movable(findings: Findings, robot: Robot) -> None:
@@ -93,7 +75,6 @@ def check_movable(findings: Findings, robot: Robot) -> None:
             heavy = bool(link.mass) or any(link.inertia or ())
             behind += [carried.child for carried in robot.carried.get(link.name, ())]
         if not heavy:
-            findings.error(
-                "nothing behind this joint has mass or inertia, so its motion is not defined",
-                code="massless-joint", line=joint.line, key=joint.name, hint=f"Give link '{joint.child}' an <inertial>",
-            )  # fmt: skip
+            message = "nothing behind this joint has mass or inertia, so its motion is not defined"
+            hint = f"Give link '{joint.child}' an <inertial>"
+            findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)

@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem
-from asrsim.robot.attributes import LARGEST, SMALLEST
+from asrsim.robot.findings import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
 DEFLECTION = 1e-3

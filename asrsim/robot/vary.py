@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, Parameter
-from asrsim.errors import Problem, RobotError, did_you_mean
-from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.errors import Problem, RobotError
+from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
 JOINT_NAMES = {
@@ -40,35 +40,40 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
     joints = {joint.name: joint for joint in robot.joints}
     links = {link.name: link for link in robot.links}
     for owner, values in parameters.items():
-        numbers: dict[str, ParameterValue] = {}
         if owner not in joints and owner not in links:
             known = (*joints, *links)
-            hint = did_you_mean(owner, known)
             problems.append(
-                Problem("no joint or link has this name", key=owner, hint=hint, choices=known, code="unknown-joint")
+                Problem("no joint or link has this name", key=owner, meant=owner, choices=known, code="unknown-joint")
             )
+            continue
         for name, value in values.items():
-            key = f"{owner}.{name}"
+            fault: str | None = None
             if owner in joints and name in JOINT_NAMES:
-                _check(value >= 0.0 or name == "passive_reference", key, value, "must be at least 0", problems)
-                _check(value != 0.0 or name != "stribeck_velocity", key, value, "must be larger than 0", problems)
                 changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
                 joints[owner] = replace(joints[owner], **changed)
+                if value < 0.0 and name != "passive_reference":
+                    fault = "must be at least 0"
+                elif value == 0.0 and name == "stribeck_velocity":
+                    fault = "must be larger than 0"
             elif owner in blocks and name in blocks[owner].parameters:
-                numbers[name] = _parameter(blocks[owner], name, value, key, problems)
+                block = blocks[owner]
+                number = replace(block.parameters[name], value=float(value), origin="scenario")
+                blocks[owner] = replace(block, parameters={**block.parameters, name: number})
+                actuator: Any = ACTUATORS.get(block.actuator)
+                fault = parameter_fault(_declared(actuator)[name], value)
             elif owner in links and name in LINK_NAMES:
-                links[owner] = _with_inertial(links[owner], name, value, key, problems)
-            elif owner in joints or owner in links:
+                links[owner] = _with_inertial(links[owner], name, float(value))
+                if value < 0.0 and name in ("mass", "ixx", "iyy", "izz"):
+                    fault = "must be at least 0"
+            else:
                 known = names_of(owner, blocks, joints, links)
-                hint = did_you_mean(name, known)
-                problems.append(
-                    Problem("no parameter has this name", key=key, hint=hint, choices=known, code="unknown-parameter")
-                )
-        if numbers:
-            blocks[owner] = replace(blocks[owner], parameters={**blocks[owner].parameters, **numbers})
+                message, key = "no parameter has this name", f"{owner}.{name}"
+                problems.append(Problem(message, key=key, meant=name, choices=known, code="unknown-parameter"))
+            if fault:
+                problems.append(Problem(fault, key=f"{owner}.{name}", value=f"{value:g}", code="parameter-range"))
     if not problems:
-        problems += (fault for block in robot.actuators if blocks[block.joint] is not block
-                     for fault in together_faults(blocks[block.joint]))  # fmt: skip
+        changed_blocks = (blocks[block.joint] for block in robot.actuators if blocks[block.joint] is not block)
+        problems += (fault for block in changed_blocks for fault in together_faults(block))
     if problems:
         raise RobotError(problems)
     return replace(
@@ -91,36 +96,20 @@ def names_of(
     return names
 
 
-def _check(fine: bool, key: str, value: Any, message: str, problems: list[Problem]) -> None:
-    if not fine:
-        problems.append(Problem(message, key=key, value=f"{value:g}", code="parameter-range"))
-
-
 @cache
 def _declared(actuator: Any) -> dict[str, Parameter]:
-    """Asked for every number of every evaluation of a fit."""
+    """Needed for every number of every evaluation of a fit."""
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 
-def _parameter(block: ActuatorBlock, name: str, value: float, key: str, problems: list[Problem]) -> ParameterValue:
-    actuator: Any = ACTUATORS.get(block.actuator)
-    fault = parameter_fault(_declared(actuator)[name], value)
-    _check(fault is None, key, value, fault or "", problems)
-    return replace(block.parameters[name], value=float(value), origin="scenario")
-
-
-def _with_inertial(link: Link, name: str, value: float, key: str, problems: list[Problem]) -> Link:
-    value = float(value)
+def _with_inertial(link: Link, name: str, value: float) -> Link:
     if name == "mass":
-        _check(value >= 0.0, key, value, "must be at least 0 kg", problems)
         return replace(link, mass=value)
     if name in CENTRES:
-        centre = list(link.centre_of_mass)
-        centre[CENTRES.index(name)] = value
-        return replace(link, centre_of_mass=(centre[0], centre[1], centre[2]))
+        x, y, z = (value if axis == name else old for axis, old in zip(CENTRES, link.centre_of_mass, strict=True))
+        return replace(link, centre_of_mass=(x, y, z))
     inertia = list(link.inertia or (0.0,) * 6)
     inertia[INERTIAS.index(name)] = value
-    _check(name[1] != name[2] or value >= 0.0, key, value, "must be at least 0 kg m^2", problems)
     return replace(link, inertia=(inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))
 
 
@@ -143,10 +132,8 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
             full = {**old, **values}
-            matrix = np.array(
-                [[full["ix" + b] if a == "x" else full["".join(("i", *sorted(a + b)))] for b in "xyz"] for a in "xyz"]
-            )
-            moments = np.linalg.eigvalsh(matrix)
+            xx, xy, xz, yy, yz, zz = (full[name] for name in INERTIAS)
+            moments = np.linalg.eigvalsh(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
             lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
             if lack <= 1e-12 * abs(float(moments[2])):
                 break

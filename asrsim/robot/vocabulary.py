@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.errors import nearest
-from asrsim.robot.attributes import AttributeReader
+from asrsim.robot.findings import Findings
 from asrsim.robot.model import INERTIAS
 from asrsim.robot.xmlfile import elements, name_of
 
@@ -60,36 +60,36 @@ FOREIGN = {
 """Element -> children and attributes that other programs have added to it; they have no effect here, and are no slips."""
 
 
-def check_words(reader: AttributeReader, root: Any) -> None:
+def check_words(findings: Findings, root: Any) -> None:
     """Warn of every unknown attribute and element in the robot's own part of the file; names of other name spaces pass."""
-    _check(reader, root, "robot", "")
+    _check(findings, root, "robot", "")
 
 
-def _check(reader: AttributeReader, element: Any, kind: str, place: str) -> None:
+def _check(findings: Findings, element: Any, kind: str, place: str) -> None:
     attributes, children = VOCABULARY[kind]
     foreign = FOREIGN.get(kind, ())
     for name in map(str, element.attrib):
         if name not in attributes and name not in foreign and not _namespaced(name):
-            _warn(reader, element, "attribute", name, attributes, f"{place}.{name}" if place else name, "'{}'")
+            _warn(findings, element, "attribute", name, attributes, f"{place}.{name}" if place else name, "'{}'")
     seen = set()
     for child in elements(element):
         name = child.tag
         inner = name_of(child) or name if kind == "robot" else f"{place}.{name}"
         if name in seen:
             message = f"a second <{name}> of one <{kind}>; only the first has an effect"
-            reader.warn(message, child, place, code="repeated-element")
+            findings.warn(message, child, place, code="repeated-element")
         if name in children:
             seen |= {name} - SEVERAL
             if name not in OPAQUE:
-                _check(reader, child, name, inner)
+                _check(findings, child, name, inner)
         elif name not in foreign and not _namespaced(name) and kind != "geometry":
-            _warn(reader, child, "element", name, children, f"{place}.{name}" if place else name, "<{}>")
+            _warn(findings, child, "element", name, children, f"{place}.{name}" if place else name, "<{}>")
 
 
-def _warn(reader: AttributeReader, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
+def _warn(findings: Findings, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
     short = [word for word in known if word.startswith(name.lower())]
     close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
-    reader.warn(
+    findings.warn(
         f"unknown {what} {form.format(name)}; it has no effect", element, place, code=f"unknown-{what}",
         hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,
     )  # fmt: skip

@@ -7,8 +7,7 @@ from dataclasses import replace
 from asrsim.errors import Problem, ScenarioError
 from asrsim.robot import Robot
 from asrsim.robot.model import UNREAD
-from asrsim.robot.mounting import mounted
-from asrsim.robot.overrides import block_faults, overridden
+from asrsim.robot.mounting import block_faults, mounted, overridden
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.places import placed
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import Problem
 from asrsim.robot import Robot
-from asrsim.robot.attributes import beyond_a_turn
-from asrsim.robot.sanity import block_doubts
+from asrsim.robot.doubts import block_doubts
+from asrsim.robot.findings import beyond_a_turn
 from asrsim.scenario.choices import released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.shadowed import shadowed_entries
@@ -31,10 +31,15 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
     yield from _step(scenario)
     yield from _without_effect(scenario, changed)
     yield from world_doubts(scenario, changed)
+    earlier = {
+        (block.joint, doubt.message) for block in robot.actuators for doubt in block_doubts(block, robot.joint(block.joint))
+    }
     for block in changed.actuators:
-        for doubt in block_doubts(block, changed.joint(block.joint)) if block not in robot.actuators else ():
-            if doubt.parameter is None or doubt.parameter.origin == "scenario":
-                yield Problem(doubt.message, key=f"parameters.{block.joint}", value=doubt.value, code=doubt.code)
+        for doubt in block_doubts(block, changed.joint(block.joint)):
+            if (block.joint, doubt.message) not in earlier:
+                names = ", ".join(parameter.name for parameter in doubt.parameters)
+                key = f"parameters.{block.joint}{'.' if names else ''}{names}"
+                yield Problem(doubt.message, key=key, value=doubt.value, hint=doubt.hint, code=doubt.code)
     yield from _not_released(scenario, changed)
 
 

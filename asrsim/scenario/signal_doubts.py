@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Robot
-from asrsim.robot.attributes import LARGEST
+from asrsim.robot.findings import LARGEST
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals.base import Signal

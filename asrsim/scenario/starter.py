@@ -355,8 +355,7 @@ def write_starter(
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
     file is in the way or cannot be written.
     """
-    from asrsim.kinematics.sizing import problems_of_weight, sizing
-    from asrsim.kinematics.swing import calming, steadying
+    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, steadying
 
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}

@@ -12,7 +12,6 @@ from asrsim.robot import Robot
 from asrsim.robot.poses import link_poses, rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.overlaps import overlap_doubts
 from asrsim.scenario.world_keys import WorldObject
 
 SUNK = 0.1
@@ -34,7 +33,6 @@ def world_doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if below > SUNK * height:
                 message = f"begins {below:.3g} m deep in the ground, which throws it out"
                 yield Problem(message, key=f"world.objects.{one.name}.position", value=_shown(one.position), code="in-ground")
-    yield from overlap_doubts(scenario, robot)
 
 
 def _reach_down(one: WorldObject) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -60,22 +59,6 @@ class Curve:
     def _pieces_of(self, time: Array) -> tuple[NDArray[np.intp], Array]:
         place = np.maximum(np.searchsorted(self.time, time, side="right") - 1, 0)
         return place, time - self.time[place]
-
-    def earlier(self, moves: Mapping[int, float]) -> Curve:
-        """With large jumps (their numbers, from 0) by so many s before their samples: a series tells only that they came
-        between two. Both sides go on as they are beside the jump.
-        """
-        moved = sorted(number for number, move in moves.items() if move > 0.0)
-        if not moved:
-            return self
-        places, early = self.large[moved], np.array([moves[number] for number in moved])
-        a, b, c, _ = self.cubics[places].T
-        pieces = np.stack([a - b * early + c * early**2, b - 2.0 * c * early, c, np.zeros_like(a)], axis=1)
-        return Curve(
-            np.insert(self.time, places, self.time[places] - early),
-            np.insert(self.cubics, places, pieces, axis=0),
-            np.asarray(self.large + np.searchsorted(places, self.large), dtype=np.intp),
-        )
 
 
 def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:

@@ -71,10 +71,13 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
         if not free:
             break
         slopes = np.empty((len(free), len(free)))
+        here = weight(q)
         for column, j in enumerate(free):
             moved = q.copy()
             moved[j] += NUDGE
-            slopes[:, column] = (balance(moved) - left)[free] / NUDGE
+            slopes[:, column] = (here - weight(moved))[free] / NUDGE
+            own = [link_torque(drives[j], float(place), goals[j]) for place in (q[j], moved[j])]
+            slopes[column, column] += (own[1] - own[0]) / NUDGE
         stiffness, ways = np.linalg.eigh(-0.5 * (slopes + slopes.T))
         if np.abs(left[free]).max() < BALANCED:
             if stiffness[0] > -FLAT:
@@ -101,8 +104,10 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
     integrals: tuple[float, ...] = ()
     if drive.drive and drive.drive.mode.controller:
         if drive.dynamic_motors:
-            positions = resting = resting_motors(drive.drive, q, goals)
-            integrals = resting_integrals(drive.drive, q, resting)
+            place = np.array([q])
+            resting = resting_motors(drive.drive, place, np.array(goals)[:, None])
+            positions = tuple(resting[:, 0].tolist())
+            integrals = tuple(resting_integrals(drive.drive, place, resting)[:, 0].tolist())
         elif _holds(drive):
             integrals = (_limited(drive, load - link_torque(drive, q, goals)),)
     return replace(drive, initial_position=q, motor_positions=positions, integrals=integrals)
@@ -113,7 +118,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
     spring."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
-        motors = resting_motors(drive.drive, q, goals)
+        motors = resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[:, 0].tolist()
         law: Any = drive.drive.actuator.elastic_torques
         torque = float(sum(law(q, *motors, drive.elastic)))
     elif drive.drive and drive.drive.mode.controller:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators import Actuator
-from asrsim.actuators.vectorised import references_over_arrays
+from asrsim.actuators.vectorised import over_arrays
 from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
@@ -106,7 +106,7 @@ class Inputs:
         for index, drive in enumerate(drives):
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
-        self._maps = [(picking(rows), references_over_arrays(actuator)) for actuator, rows in mapped.items()]
+        self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
         self._shape = shape_of(drives, sensors or [None] * len(drives))
         self._signals: list[list[Signal]] = [[for_joint(scenario.external_torques, drive.name, REST) for drive in drives]]
         for slot in range(self._shape.motors):

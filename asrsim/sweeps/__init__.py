@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.sweeps.read import make_study, read_study
 from asrsim.sweeps.run import sweep
-from asrsim.sweeps.study import Study
+from asrsim.sweeps.study import Study, make_study, read_study
 from asrsim.sweeps.table import Table
 
 __all__ = ["Study", "Table", "make_study", "read_study", "sweep"]

@@ -1,11 +1,9 @@
-"""Numbers drawn together, as a fit knows them: its keys, their covariance, and what goes with them."""
+"""Parameters drawn together from the result of a fit: mean, covariance, bounds and ties."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,116 +12,110 @@ import numpy as np
 from asrsim.document.mistaken import mistaken
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
+from asrsim.plain import misfit
 from asrsim.samples import Array
+
+SHAPE = {
+    "keys": [str], "mean": [float], "covariance": [[float]], "logarithmic?": (bool, [bool]), "bounds?": [[(float, None)]],
+    "ties?": [{"key": str, "to": str, "factor": float, "*": object}], "fits?": bool,
+    "estimates?": [{"key": str, "verdict": str, "*": object}], "*": object,
+}  # fmt: skip
+"""Shape of the data, see :func:`asrsim.plain.misfit`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """Keys drawn together from a multivariate normal distribution: the result of a fit."""
+    """A multivariate normal distribution of keys."""
 
     keys: tuple[str, ...]
-    mean: tuple[float, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    logarithmic: tuple[bool, ...]
-    """Whether mean and covariance are those of the key's logarithm."""
-    bounds: tuple[tuple[float, float], ...] = ()
-    """Least and largest value of each key; a draw beyond is taken at the bound. Empty: none."""
-    ties: tuple[tuple[str, str, float], ...] = ()
-    """(key, one of `keys`, factor): what follows a drawn key."""
-    left_out: tuple[str, ...] = ()
-    """What the fit says nothing of, or no sweep varies, with the verdict."""
-    fixed: tuple[str, ...] = ()
-    """What is the same in every draw, with the verdict."""
-    fits: bool = True
+    mean: Array
+    """(n,), of the logarithm for logarithmic keys."""
+    root: Array
+    """(n, n), with root root' = covariance."""
+    logarithmic: Array
+    """(n,) whether mean and covariance are those of the key's logarithm."""
+    low: Array
+    high: Array
+    """(n,) bounds; a draw beyond a bound is moved to the bound."""
+    ties: tuple[tuple[str, str, float], ...]
+    """(key, drawn key, factor) of keys that follow a drawn key."""
+    fits: bool
     """Whether the fit says that its model fits."""
+    warnings: tuple[str, ...]
 
-    @cached_property
+    @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Each drawn key with those that follow it."""
+        """Each drawn key with the keys that follow it."""
         return tuple((key, *(name for name, to, _ in self.ties if to == key)) for key in self.keys)
 
-    @cached_property
-    def root(self) -> Array:
-        """(n, n) with root root' = covariance; semi-definite ones serve too."""
-        values, vectors = np.linalg.eigh(np.array(self.covariance))
-        return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
-
     def from_scores(self, scores: Array) -> Array:
-        """Values (n, keys) at independent standard normal scores (n, keys)."""
-        drawn = np.array(self.mean) + scores @ self.root.T
-        flags = np.array(self.logarithmic)
-        drawn[:, flags] = np.exp(drawn[:, flags])
-        return np.clip(drawn, *np.array(self.bounds).T) if self.bounds else drawn
+        """Values (m, n) of the drawn keys at independent standard normal scores (m, n)."""
+        drawn = self.mean + scores @ self.root.T
+        drawn[:, self.logarithmic] = np.exp(drawn[:, self.logarithmic])
+        return np.clip(drawn, self.low, self.high)
 
     def assign(self, row: Array) -> dict[str, float]:
-        """Key -> value of a draw (keys,)."""
+        """Key -> value of a draw (n,), ties included."""
         values = dict(zip(self.keys, map(float, row), strict=True))
         return values | {key: factor * values[to] for key, to, factor in self.ties}
 
 
-def read_fit(fit: str | Path | Mapping[str, Any]) -> Joint:
-    """A multivariate normal distribution from a file or plain data. Raises InputError."""
-    file = None if isinstance(fit, Mapping) else Path(fit)
-    data = fit if file is None else read_yaml(file)[0].plain()
-    if isinstance(data, Mapping) and isinstance(data.get("parameters"), Mapping) and "keys" not in data:
-        data = {"keys": list(data["parameters"]), "mean": list(data["parameters"].values()), **data}
+def load_fit(path: Path) -> Any:
+    """The plain data of a file such as fit.json. Raises InputError for another kind of file."""
+    data = read_yaml(path)[0].plain()
+    other = mistaken(path, "fit.json of asrsim identify")
+    if other is not None and not (isinstance(data, Mapping) and "keys" in data):
+        raise InputError([other])
+    return data
+
+
+def joint_of(data: Any, file: Path | None = None) -> Joint:
+    """The distribution that plain data describe, as `asrsim identify` writes them. Raises InputError."""
 
     def wrong(message: str) -> InputError:
         hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
         return InputError(message, file=file, key="fit", hint=hint, code="sweep-fit")
 
-    if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
-        other = mistaken(file, "fit.json of asrsim identify") if file is not None else None
-        raise InputError([other]) if other is not None else wrong("lacks keys, mean or covariance")
-    if not isinstance(data["keys"], list | tuple) or not data["keys"]:
-        raise wrong(f"keys must be a list of names, not {ascii(data['keys'])[:40]}")
-    keys = tuple(map(str, data["keys"]))
-    try:
-        mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)
-    except (TypeError, ValueError):
-        raise wrong("mean and covariance must be numbers") from None
-    n = len(keys)
-    if mean.shape != (n,) or covariance.shape != (n, n):
-        raise wrong(f"{n} keys need {n} means and {n} x {n} covariances")
-    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-        raise wrong("mean and covariance must be finite")
-    scale = float(np.abs(covariance).max(initial=0.0))
-    if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or np.linalg.eigvalsh(covariance)[0] < -1e-9 * scale:
+    if fault := misfit(data, SHAPE):
+        raise wrong(fault)
+    keys, n = tuple(data["keys"]), len(data["keys"])
+    flags, pairs = data.get("logarithmic", False), data.get("bounds") or [[None, None]] * n
+    flags = [flags] * n if isinstance(flags, bool) else flags
+    rows = data["covariance"]
+    if not n or {len(row) for row in (data["mean"], rows, *rows, flags, pairs)} != {n} or {len(pair) for pair in pairs} != {2}:
+        raise wrong(f"{n} keys need {n} means, {n} x {n} covariances, and {n} entries of `logarithmic` and `bounds`")
+    mean, covariance = np.array(data["mean"], float), np.array(rows, float)
+    low = np.array([-np.inf if pair[0] is None else pair[0] for pair in pairs])
+    high = np.array([np.inf if pair[1] is None else pair[1] for pair in pairs])
+    scale = float(np.abs(covariance).max())
+    if not (np.isfinite(mean).all() and np.isfinite(scale) and (low <= high).all()):
+        raise wrong("mean and covariance must be finite, and bounds have the least first")
+    values, vectors = np.linalg.eigh(covariance)
+    if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or values[0] < -1e-9 * scale:
         raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
-    logarithmic = data.get("logarithmic", False)
-    flags = [logarithmic] * n if isinstance(logarithmic, bool) else logarithmic
-    if not isinstance(flags, list) or len(flags) != n or not all(isinstance(flag, bool) for flag in flags):
-        raise wrong(f"logarithmic must be true, false, or a list of {n} of these")
-    try:
-        bounds = tuple((_number(low, -math.inf), _number(high, math.inf)) for low, high in data.get("bounds") or ())
-        ties = {str(one["key"]): (str(one["to"]), float(one["factor"])) for one in data.get("ties") or ()}
-    except (TypeError, ValueError, KeyError):
-        raise wrong("bounds must be pairs of numbers or null, ties must have key, to and factor") from None
-    if len(bounds) not in (0, n) or any(not low <= high for low, high in bounds):
-        raise wrong(f"bounds must be {n} pairs, the least first")
-    estimates = data.get("estimates")
-    listed = estimates if isinstance(estimates, list | tuple) else ()
-    told = {str(one.get("key")): one.get("verdict") for one in listed if isinstance(one, Mapping)}
-    sure = [key for key, variance in zip(keys, np.diag(covariance), strict=True) if variance == 0.0]
+    ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
     return Joint(
-        keys=keys,
-        mean=tuple(map(float, mean)),
-        covariance=tuple(tuple(map(float, row)) for row in covariance),
-        logarithmic=tuple(flags),
-        bounds=bounds,
-        ties=tuple(_followers(keys, ties)),
-        left_out=tuple(f"{key} ({verdict})" for key, verdict in told.items() if key not in keys),
-        fixed=tuple(f"{key} ({verdict})" for key, verdict in told.items() if key in sure),
-        fits=data.get("fits") is not False,
-    )
+        keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
+        low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)),
+        warnings=tuple(_warnings(data, keys, covariance)),
+    )  # fmt: skip
 
 
-def _number(value: Any, default: float) -> float:
-    return default if value is None else float(value)
+def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array) -> Iterator[str]:
+    if data.get("fits") is False:
+        yield "the model of the fit does not fit its recordings: the intervals of the draws are too narrow"
+    verdicts = {one["key"]: one["verdict"] for one in data.get("estimates") or ()}
+    fixed = {key for key, variance in zip(keys, np.diag(covariance), strict=True) if variance == 0.0}
+    kept = [f"{key} ({verdict})" for key, verdict in verdicts.items() if key not in keys]
+    constant = [f"{key} ({verdict})" for key, verdict in verdicts.items() if key in fixed]
+    if kept:
+        yield f"the fit has no distribution of {', '.join(kept)}: every run takes the scenario's value"
+    if constant:
+        yield f"the fit has no interval of {', '.join(constant)}: every run takes the fitted value"
 
 
-def _followers(keys: Sequence[str], ties: Mapping[str, tuple[str, float]]) -> Iterator[tuple[str, str, float]]:
-    """(key, drawn key, factor) of what follows a drawn key, straight or through others."""
+def _followers(keys: tuple[str, ...], ties: Mapping[str, tuple[str, float]]) -> Iterator[tuple[str, str, float]]:
+    """(key, drawn key, factor) of keys that follow a drawn key, directly or through other keys."""
     for key, (to, factor) in ties.items():
         for _ in ties:
             if to in ties:

@@ -1,4 +1,4 @@
-"""What becomes of a varied key: numbers that a prepared scenario takes as it stands, or keys for which it is read again."""
+"""What each varied key needs: a number that a prepared scenario takes as it stands, or a scenario that is read again."""
 
 from __future__ import annotations
 
@@ -18,123 +18,112 @@ from asrsim.scenario.overrides import split_path
 from asrsim.scenario.shadowed import shadowed
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
-"""Keys of the scenario under which every run finds its own substeps, by its own numbers."""
+"""Keys of the scenario under which every run chooses its own substeps."""
+Places = tuple[tuple[str, str], ...]
+"""Pairs of (joint or link, name of its number or reference)."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The keys of one variant, by what they need."""
+    """The varied keys of one variant, sorted by what they need."""
 
-    parameters: Mapping[str, tuple[tuple[str, str], ...]]
-    """Key -> (joint or link, name) pairs that :meth:`asrsim.simulation.prepare.Prepared.vary` takes."""
-    references: Mapping[str, tuple[tuple[str, str], ...]]
-    """Key -> (joint, reference) pairs that are constant in every run."""
+    numbers: Mapping[str, Places]
+    """Key -> numbers of the robot that :class:`asrsim.Start` takes as `parameters`."""
+    references: Mapping[str, Places]
+    """Key -> references that are constant in every run."""
     signals: frozenset[str]
-    """Keys of numbers inside references and external torques."""
-    inertials: Mapping[str, tuple[tuple[str, str], ...]]
-    """Key -> (joint or link, name) of the robot itself, which no key of a scenario sets."""
+    """Keys inside the signals of references and external torques."""
     texts: Mapping[str, str]
-    """Key -> the key that `--set` takes; keys of a robot are not here."""
+    """Key -> the key that `--set` takes. Numbers that only the robot's file sets are missing here."""
     own_resolution: bool
-    """Whether every run finds its own substeps."""
+    """Every run chooses its own substeps."""
     still: bool
-    """Whether nothing that is prepared follows from the numbers: no start at equilibrium, planned references or substeps."""
+    """A prepared scenario takes other numbers: it has no start at equilibrium, no planned references, no own substeps."""
 
     @property
     def in_place(self) -> frozenset[str]:
         """Keys that a prepared scenario takes as it stands."""
-        return frozenset((*self.parameters, *self.references, *self.signals, *self.inertials))
+        return frozenset((*self.numbers, *self.references, *self.signals))
 
     @property
     def reads_robot(self) -> bool:
-        """Whether another robot's file is read."""
+        """Another robot file is read for each run."""
         return any(text.partition(".")[0] == "robot" for text in self.texts.values())
 
     @property
     def varies_in_place(self) -> bool:
-        """Whether a prepared scenario takes some of the numbers as it stands."""
+        """A prepared scenario takes some of the values as it stands."""
         return bool(self.in_place) and self.still and not self.reads_robot
 
-    def changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-        """What `vary` takes for a point; a joint's own entry wins over one for all."""
-        return _table({**self.parameters, **self.inertials}, values)
+    def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
+        """Joint or link -> name -> value at a point. A joint's own entry replaces an entry for all joints (`*`).
 
-    def robot_changes(self, values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-        """The same, of keys of the robot only."""
-        return _table(self.inertials, values)
+        robot_only: without the numbers that `--set` takes.
+        """
+        found: dict[str, dict[str, float]] = {}
+        for key in sorted(self.numbers, key=lambda key: "*" not in key):
+            for owner, name in self.numbers[key] if not (robot_only and key in self.texts) else ():
+                found.setdefault(owner, {})[name] = float(values[key])
+        return found
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value of those for which the scenario is read again."""
+        """`--set` key -> value, of the keys for which the scenario is read again."""
         return {text: values[key] for key, text in self.texts.items() if key not in self.in_place}
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value of all."""
+        """`--set` key -> value, of all keys that `--set` takes."""
         return {text: values[key] for key, text in self.texts.items()}
 
 
-def _table(pairs: Mapping[str, Sequence[tuple[str, str]]], values: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    found: dict[str, dict[str, float]] = {}
-    for key in sorted(pairs, key=lambda key: "*" not in key):
-        for owner, name in pairs[key]:
-            found.setdefault(owner, {})[name] = float(values[key])
-    return found
-
-
 def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> Plan:
-    """How each key is varied. `robot`: the scenario's, with its actuators on it. Raises InputError naming unknown keys.
+    """Plan how each key is varied. Raises InputError with every unknown key, and every key without effect.
 
-    numeric: whether all of a key's values are numbers.
+    numeric: whether all values of a key are numbers; robot: the scenario's robot with its actuators.
     """
     problems: list[Problem] = []
     texts: dict[str, str] = {}
-    inertials: dict[str, tuple[tuple[str, str], ...]] = {}
+    numbers: dict[str, Places] = {}
     for key in keys:
         try:
-            pairs, text = _robot_key(key, robot)
+            places, text = _robot_key(key, robot)
         except InputError as error:
             problems += error.problems
             continue
         if text is not None:
             texts[key] = text
-        elif not numeric[key]:
-            problems.append(Problem("takes numbers only", key=key, code="sweep-values"))
+        elif numeric[key]:
+            numbers[key] = places
         else:
-            inertials[key] = pairs
-    if problems:
-        raise InputError(problems)
-    parameters: dict[str, tuple[tuple[str, str], ...]] = {}
-    references: dict[str, tuple[tuple[str, str], ...]] = {}
-    signals: set[str] = set()
-    planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
+            problems.append(Problem("takes numbers only", key=key, code="sweep-values"))
     own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for text in texts.values())
-    # A start at equilibrium, planned references and substeps follow from all numbers: the scenario is prepared anew.
+    # The equilibrium, planned references and substeps follow from all numbers: such a scenario is prepared for each run.
+    planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
+    references: dict[str, Places] = {}
+    signals: set[str] = set()
     for key, text in texts.items():
         parts = split_path(text)
         if "*" in parts[:-1] and shadowed(parts, scenario, robot):
-            problems.append(_moves_nothing(key, "*"))
-            continue
-        if not (still and numeric[key]):
-            continue
-        if (parts[0] == "references" and len(parts) > 3) or (parts[0] == "external_torques" and len(parts) > 1):
-            signals.add(key)
-        if len(parts) != 3:
-            continue
-        if parts[0] == "parameters" and _known_parameter(parts[2], robot):
-            parameters[key] = tuple(_parameter_places(parts[1], parts[2], scenario, robot))
-        elif parts[0] == "references":
-            found = _reference_places(parts[1], parts[2], scenario, robot)
-            if found is not None:
-                references[key] = tuple(found)
-        if not parameters.get(key, True) or not references.get(key, True):
-            problems.append(_moves_nothing(key, parts[1]))
+            problems.append(_no_effect(key, "*"))
+        elif still and numeric[key]:
+            table, found = numbers, None
+            if len(parts) == 3 and parts[0] == "parameters":
+                found = _parameter_places(parts[1], parts[2], scenario, robot)
+            elif parts[0] in ("references", "external_torques") and len(parts) > 1:
+                if parts[0] == "references" and len(parts) == 3:
+                    table, found = references, _reference_places(parts[1], parts[2], scenario, robot)
+                signals |= {key} if found is None else set()
+            if found:
+                table[key] = found
+            elif found is not None:
+                problems.append(_no_effect(key, parts[1]))
     if problems:
         raise InputError(problems)
-    return Plan(parameters, references, frozenset(signals), inertials, texts, own_resolution, still)
+    return Plan(numbers, references, frozenset(signals), texts, own_resolution, still)
 
 
-def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str | None]:
-    """(joint or link, name) pairs of a key of the robot, or the key that `--set` takes."""
+def _robot_key(key: str, robot: Robot) -> tuple[Places, str | None]:
+    """The numbers that a key of the robot means, or the key that `--set` takes."""
     parts = split_path(key)
     blocks = {block.joint: block for block in robot.actuators}
     joints = {joint.name: joint for joint in robot.joints}
@@ -143,54 +132,46 @@ def _robot_key(key: str, robot: Robot) -> tuple[tuple[tuple[str, str], ...], str
     if len(parts) == 2 and owners:
         if parts[0] in blocks and parameter_name(ACTUATORS.get(blocks[parts[0]].actuator), parts[1]) is not None:
             return (), f'parameters."{parts[0]}".{parts[1]}' if "." in parts[0] else f"parameters.{parts[0]}.{parts[1]}"
-        pairs = tuple((owner, parts[1]) for owner in owners if parts[1] in names_of(owner, {}, joints, links))
-        if pairs:
-            return pairs, None
-    if parts[0] in {known.name for known in SCENARIO.keys}:
+        places = tuple((owner, parts[1]) for owner in owners if parts[1] in names_of(owner, {}, joints, links))
+        if places:
+            return places, None
+    scenario_keys = tuple(known.name for known in SCENARIO.keys)
+    if parts[0] in scenario_keys:
         return (), key
     if owners:
         known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
-        problem = Problem("has no such number", key=key, choices=known, meant=name, code="key")
-        raise InputError(problem)
-    names = (*(known.name for known in SCENARIO.keys), *joints, *links)
+        raise InputError(Problem("has no such number", key=key, choices=known, meant=name, code="key"))
     message = f"there is no key, joint or link '{parts[0]}'"
-    raise InputError(message, key=key, hint=did_you_mean(parts[0], names), code="unknown-key")
+    raise InputError(message, key=key, hint=did_you_mean(parts[0], (*scenario_keys, *joints, *links)), code="unknown-key")
 
 
-def _moves_nothing(key: str, joint: str) -> Problem:
-    message = "changes nothing: no joint has it, or each has an entry of its own, which wins over '*'"
-    if joint != "*":
-        message = "changes nothing: the joint has no such number in its mode"
+def _no_effect(key: str, joint: str) -> Problem:
+    message = "changes nothing: the joint has no such number in its mode"
+    if joint == "*":
+        message = "changes nothing: no joint has it, or each joint has its own entry, which replaces that of '*'"
     return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
 
 
-def _known_parameter(key: str, robot: Robot) -> bool:
-    """Others are told by the scenario's own check, with the choices."""
-    return any(parameter_name(ACTUATORS.get(block.actuator), key) is not None for block in robot.actuators)
-
-
-def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]]:
+def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
+    """The parameters that a key sets; None for a name that no actuator has, which the scenario's own check reports."""
+    names = {block.joint: parameter_name(ACTUATORS.get(block.actuator), key) for block in robot.actuators}
+    if not any(names.values()):
+        return None
     places = []
     for block in robot.actuators:
-        actuator = ACTUATORS.get(block.actuator)
-        name = parameter_name(actuator, key)
-        if name is None or joint not in ("*", block.joint):
-            continue
-        own = {parameter_name(actuator, given) for given in scenario.parameters.get(block.joint, {})}
-        if joint == block.joint or name not in own:
+        own = {parameter_name(ACTUATORS.get(block.actuator), given) for given in scenario.parameters.get(block.joint, {})}
+        name = names[block.joint]
+        if name is not None and (joint == block.joint or (joint == "*" and name not in own)):
             places.append((block.joint, name))
-    return places
+    return tuple(places)
 
 
-def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> list[tuple[str, str]] | None:
-    """Joints whose reference the key sets; None where effects stand between the key and the joint."""
-    places = []
-    for block in robot.actuators:
-        if joint not in ("*", block.joint) or name not in MODES[block.mode].references:
-            continue
-        if joint == "*" and name in scenario.references.get(block.joint, {}):
-            continue
-        if for_joint(scenario.command_effects, block.joint) is not None:
-            return None
-        places.append((block.joint, name))
-    return places
+def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> Places | None:
+    """The references that a key sets; None where effects on commands change them on their way to the joint."""
+    places = tuple(
+        (block.joint, name)
+        for block in robot.actuators
+        if name in MODES[block.mode].references
+        and (joint == block.joint or (joint == "*" and name not in scenario.references.get(block.joint, {})))
+    )
+    return None if any(for_joint(scenario.command_effects, owner) is not None for owner, _ in places) else places

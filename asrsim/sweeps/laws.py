@@ -1,4 +1,4 @@
-"""What a varied key takes: a list of values, or a distribution, which turns numbers of (0, 1) into its own (inverse CDF)."""
+"""The values that a varied key takes: a list of values, or a distribution with its inverse cumulative distribution."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DISTRIBUTIONS = {
     "normal": ("mean", "deviation"),
     "lognormal": ("median", "sigma"),
 }
-"""Names and arguments. lognormal: sigma is the standard deviation of the logarithm."""
+"""Names and arguments of distributions. lognormal: sigma is the standard deviation of the logarithm."""
 FORMS = (
     "[A, B, ...]",
     "LOW:HIGH:COUNT",
@@ -28,12 +28,12 @@ FORMS = (
 )
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
 MOST_VALUES = 10_000_000
-"""Values of one range."""
+"""Largest count of a range."""
 
 
 @dataclass(frozen=True)
 class Values:
-    """Values one after the other: of a list, or of a range."""
+    """A list of values, or a range."""
 
     values: tuple[Any, ...]
 
@@ -43,14 +43,14 @@ class Values:
 
 @dataclass(frozen=True)
 class Distribution:
-    """A law of chance with its two numbers, named as in :data:`DISTRIBUTIONS`."""
+    """A distribution and its two arguments, in the order of :data:`DISTRIBUTIONS`."""
 
     name: str
     first: float
     second: float
 
     def quantile(self, share: Array) -> Array:
-        """Values (n,) at shares (n,) of (0, 1)."""
+        """Values (n,) at cumulative probabilities (n,) between 0 and 1."""
         from scipy.special import ndtri
 
         if self.name == "uniform":
@@ -63,7 +63,7 @@ class Distribution:
 
 
 def law_of(value: Any, key: str) -> Values | Distribution:
-    """The law that a text (`--over`) or a value of a study file asks for. Raises InputError."""
+    """The values or the distribution that a text (`--over`) or a value of a study file describes. Raises InputError."""
     if isinstance(value, Values | Distribution):
         return value
     if isinstance(value, list | tuple):
@@ -98,7 +98,7 @@ def _from_text(text: str, key: str) -> Values | Distribution:
         raise _wrong(key, f"cannot be read: {error.problems[0].message}", text) from None
     if isinstance(read, list | dict):
         return law_of(read, key)
-    raise _wrong(key, "says neither which values nor which distribution", text)
+    raise _wrong(key, "describes neither values nor a distribution", text)
 
 
 def _range(key: str, text: str, parts: Sequence[str], *, logarithmic: bool) -> Values:

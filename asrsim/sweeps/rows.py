@@ -1,21 +1,280 @@
-"""The cells of a row: what a study's point, and the summary of its run, say in plain numbers and texts."""
+"""Runs of a study as rows: worlds of one scenario that differ in numbers run together, other runs alone."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+import time as clock
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from asrsim.errors import AsrsimError, DivergenceError
+from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.plain import finite_or_none
 from asrsim.quantities import LIMITS
-from asrsim.summary import RunSummary
-from asrsim.sweeps.cases import MEASURES, TIP, Payload
+from asrsim.samples import Samples, grid
+from asrsim.scenario.data import for_joint
+from asrsim.simulation.chunks import LONGEST_NUMBERS
+from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
+from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.worlds import Start, Worlds
+from asrsim.summary import Collector, RunSummary, make_summary
+from asrsim.summary.claims import Claims, check_claims, needs_of
+from asrsim.sweeps.cases import MEASURES, TIP, Case, Payload
+from asrsim.sweeps.study import Study
 
 Row = tuple[Any, ...]
+KINDS = 8
+"""Prepared scenarios that a worker keeps."""
+LONGEST_RUN = 20 * LONGEST_NUMBERS
+"""Numbers of a run's series above which the run is streamed, and not kept whole."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A run that is to be done."""
+
+    number: int
+    """Number of the worker's item."""
+    run: int
+    case: Case
+    values: Mapping[str, Any]
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """Equal for runs of one prepared scenario."""
+        return self.case.variant, repr(self.case.plan.read_again(self.values))
+
+
+class Runner:
+    """A task for :mod:`asrsim.workers`: rows of the runs of a study. Rows do not depend on their order."""
+
+    def __init__(self, payload: Payload, share: int = 1) -> None:
+        """share: number of runners that share the study's runs."""
+        self.payload, self._share = payload, share
+        self._kinds: OrderedDict[tuple[str, str], _Kind | None] = OrderedDict()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Runner, (self.payload, self._share)
+
+    def __call__(self, run: int) -> Row:
+        """The row of a run, in the payload's columns."""
+        return next(self.several([(run, run)]))[1]
+
+    def several(self, items: Iterable[tuple[int, int]]) -> Iterator[tuple[int, Row]]:
+        """Rows of (number, run) pairs with their numbers; short runs of one prepared scenario are done together."""
+        waiting: dict[tuple[str, str], list[_Point]] = {}
+        for number, run in items:
+            variant, values = self.payload.study.point(run)
+            point = _Point(number, run, self.payload.cases[variant], values)
+            group = waiting.setdefault(point.kind, [])
+            group.append(point)
+            kind = self._kind(point)
+            if kind is None or len(group) >= kind.size:
+                yield from self._rows(waiting.pop(point.kind))
+        for points in waiting.values():
+            yield from self._rows(points)
+
+    def close(self) -> None:
+        """Release the engines."""
+        while self._kinds:
+            self._drop(self._kinds.popitem()[1])
+
+    def _drop(self, kind: _Kind | None) -> None:
+        if kind is not None:
+            kind.worlds.close()
+
+    def _kind(self, point: _Point) -> _Kind | None:
+        """The worlds for a run; None for a run that is done alone."""
+        if point.kind not in self._kinds:
+            try:
+                self._kinds[point.kind] = _make_kind(self.payload.study, point, self._share)
+            except Exception:
+                # The run alone finds the reason.
+                self._kinds[point.kind] = None
+            if len(self._kinds) > KINDS:
+                self._drop(self._kinds.popitem(last=False)[1])
+        self._kinds.move_to_end(point.kind)
+        return self._kinds[point.kind]
+
+    def _rows(self, points: Sequence[_Point]) -> Iterator[tuple[int, Row]]:
+        """Rows of runs of one prepared scenario. A run that the worlds cannot do is done alone."""
+        began = clock.perf_counter()
+        kind = self._kind(points[0])
+        found: dict[int, dict[str, Any]] = {}
+        try:
+            if kind is not None:
+                found = kind.run([point.values for point in points])
+        except Exception:
+            # A user's law may raise on the numbers of one run; the worlds are then in an unknown state.
+            self._drop(self._kinds.pop(points[0].kind))
+        each = (clock.perf_counter() - began) / len(points)
+        for place, point in enumerate(points):
+            began = clock.perf_counter()
+            cells: dict[str, Any] = {
+                "run": point.run,
+                "variant": point.case.variant,
+                **varied_cells(point.values, self.payload),
+            }
+            try:
+                cells |= found[place] if place in found else alone(self.payload.study, point.case, point.values)
+            except Exception as error:
+                # Laws and measures may be a user's.
+                name = "" if isinstance(error, AsrsimError) else f"{type(error).__name__}: "
+                cells |= {"status": "failed", "reason": name + _one_line(error), "ok": False}
+            cells["seconds"] = each + clock.perf_counter() - began
+            yield point.number, tuple(map(cells.get, self.payload.kinds))
+
+
+class _Kind:
+    """Worlds for runs of one prepared scenario."""
+
+    def __init__(self, study: Study, case: Case, prepared: Prepared, size: int, expected_substeps: int) -> None:
+        self._study, self._case, self.size = study, case, size
+        self._claims = claims_of(prepared, checked=True)
+        names = RowCollector(prepared, study, self._claims).quantities
+        self.worlds = Worlds(prepared, size, names=tuple(names), expected_substeps=expected_substeps)
+
+    def run(self, points: Sequence[Mapping[str, Any]]) -> dict[int, dict[str, Any]]:
+        """Place of a run -> its cells, of at most `size` runs; runs that cannot be set or are not sane are missing."""
+        worlds, began = self.worlds, clock.perf_counter()
+        ready = [world for world, values in enumerate(points) if self._is_set(world, values)]
+        if not ready:
+            return {}
+        scenario = worlds.prepared.scenario
+        record = worlds.record(worlds.selection.names, worlds=ready)
+        time = grid(0, scenario.steps + 1, scenario.step)
+        cells = {}
+        for place, world in enumerate(ready):
+            if not worlds.sane(world):
+                continue
+            prepared = worlds.prepared_of(world)
+            collector = RowCollector(prepared, self._study, self._claims)
+            values = {name: table[place] for name, table in record.items()}
+            collector.write(Samples(time=time, joints=tuple(worlds.joints), values=values))
+            run = make_run(
+                prepared, worlds.counts(world), "complete", wall_time=(clock.perf_counter() - began) / len(points),
+                simulated_time=prepared.last_substep(None) * prepared.substep, compiled=worlds.compiled,
+            )  # fmt: skip
+            # A claim that cannot be judged has its reason in the row of the run alone.
+            with suppress(AsrsimError):
+                cells[world] = collector.cells(run)
+        return cells
+
+    def _is_set(self, world: int, values: Mapping[str, Any]) -> bool:
+        """Put a world at the start of a run; False where a value is refused, or a reference is out of its range."""
+        plan, worlds = self._case.plan, self.worlds
+        references: dict[str, dict[str, Any]] = {}
+        try:
+            if plan.signals:
+                scenario = self._case.scenario(plan.settings(values))
+                for joint in worlds.joints:
+                    references[joint] = dict(scenario.references_of(joint))
+                    torque = for_joint(scenario.external_torques, joint)
+                    if torque is not None:
+                        references[joint][EXTERNAL_TORQUE] = torque
+            worlds.reset(Start(parameters=plan.changes(values), references=references), worlds=[world])
+            return all(
+                worlds.set_reference(joint, reference, float(values[name]), worlds=[world])[0] == float(values[name])
+                for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0])
+                for joint, reference in places
+            )
+        except AsrsimError:
+            return False
+
+
+def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
+    """Worlds for the runs of a point's kind; None where these are done alone. Raises AsrsimError."""
+    case, plan = point.case, point.case.plan
+    if not plan.varies_in_place:
+        return None
+    # Numbers of the study's first point: the same whichever run comes first.
+    first = study.point(0)[1]
+    prepared = case.prepared({name: (first if name in plan.in_place else point.values)[name] for name in point.values})
+    scenario = prepared.scenario
+    check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
+    numbers = scenario.steps * len(prepared.drives)
+    # Poses and contacts are read from the engine during a run.
+    if scenario.task is not None or not (scenario.world.empty and scenario.fixed_base) or numbers > LONGEST_RUN:
+        return None
+    runs = 1 if plan.read_again(point.values) else math.prod(study.grid) * study.draws
+    # The record of so many worlds fits into the processor's cache.
+    size = min(runs, max(1, LONGEST_NUMBERS // numbers))
+    substeps = scenario.steps * prepared.resolution.substeps
+    return _Kind(study, case, prepared, size, max(substeps, substeps * runs // share) // size)
+
+
+def alone(study: Study, case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Cells of a run that is prepared for itself. Raises AsrsimError."""
+    with blame_laws():
+        prepared = case.prepared(values)
+        collector = RowCollector(prepared, study, claims_of(prepared, checked=False))
+        with Simulation(prepared, sinks=[collector]) as simulation:
+            try:
+                run = run_to_end(simulation)
+            except DivergenceError as error:
+                if not isinstance(error.run, Run):
+                    raise
+                run = error.run
+        return collector.cells(run)
+
+
+def claims_of(prepared: Prepared, *, checked: bool) -> Claims:
+    """The claims of a scenario; checked: :func:`check_claims` has passed them."""
+    scenario = prepared.scenario
+    return Claims(scenario.expect, prepared.info.joints, file=scenario.path, checked=checked)
+
+
+class RowCollector:
+    """A sink that takes from a run's samples what its row needs: measures, claims and kept signals."""
+
+    full_rate = True
+
+    def __init__(self, prepared: Prepared, study: Study, claims: Claims) -> None:
+        scenario = prepared.scenario
+        self._joints, self._claims, self._scenario = prepared.info.joints, claims, scenario
+        needs = needs_of(scenario.expect, self._joints)
+        self._summary = Collector(self._joints, samples=scenario.steps + 1, needs=needs)
+        self.bodies = self._summary.bodies
+        self._signals: dict[tuple[str, str], list[float]] = {}
+        for signal in study.signals:
+            joint, _, name = signal.rpartition(".")
+            self._signals[joint, name] = []
+        self._every = max(1, round(1.0 / (study.rate * scenario.step)))
+        self._rows = 0
+
+    @property
+    def quantities(self) -> frozenset[str]:
+        """Quantities that it takes from samples."""
+        sources = (source for _, name in self._signals for source in DERIVED_SOURCES.get(name, (name,)))
+        return self._summary.quantities | frozenset(sources)
+
+    def write(self, samples: Samples) -> None:
+        """The next chunk."""
+        self._summary.write(samples)
+        rows = slice((-self._rows) % self._every, None, self._every)
+        self._rows += len(samples.time)
+        for (joint, name), kept in self._signals.items():
+            if joint in samples.joints:
+                table = samples.values[name] if name in samples.values else DERIVED_FUNCTIONS[name](samples, self._joints)
+                kept += table[rows, samples.joints.index(joint)].astype(np.float32).tolist()
+
+    def cells(self, run: Run) -> dict[str, Any]:
+        """Cells of the run's row. Raises ScenarioError for claims that cannot be judged."""
+        claims = self._claims.results(self._summary.read) if run.status == "complete" else ()
+        seen = self._summary.seen(self._scenario.desired, balanced=self._scenario.initial_equilibrium)
+        signals = {f"signal:{joint}.{name}": kept for (joint, name), kept in self._signals.items() if kept}
+        return {**summary_cells(make_summary(run, seen, samples=0, claims=claims)), **signals}
 
 
 def summary_cells(summary: RunSummary) -> dict[str, Any]:
-    """What came out of a run."""
+    """Cells of the results of a run."""
     cells: dict[str, Any] = {
         "status": summary.status,
         "reason": summary.message or None,
@@ -36,8 +295,8 @@ def summary_cells(summary: RunSummary) -> dict[str, Any]:
     return cells
 
 
-def plain_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
-    """What was varied."""
+def varied_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
+    """Cells of the varied keys: numbers, words, and other values as JSON."""
     kinds = payload.kinds
     return {
         key: float(value) if kinds[key] == "float" else (value if isinstance(value, str) else json.dumps(value))
@@ -45,15 +304,14 @@ def plain_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
     }
 
 
-def one_line(error: BaseException) -> str:
-    """An error as the reason of a row."""
+def crashed_row(payload: Payload, run: int, reason: str) -> Row:
+    """The row of a run whose workers died."""
+    variant, values = payload.study.point(run)
+    cells = {"run": run, "variant": variant, **varied_cells(values, payload)}
+    cells |= {"status": "crashed", "reason": reason, "ok": False}
+    return tuple(map(cells.get, payload.kinds))
+
+
+def _one_line(error: BaseException) -> str:
     lines = [" ".join(line.split()) for line in str(error).splitlines()]
     return "; ".join(line for line in lines if line)[:500]
-
-
-def lost(payload: Payload, run: int, reason: str) -> Row:
-    """The row of a run that gave none."""
-    variant, values = payload.study.point(run)
-    cells = {"run": run, "variant": variant, **plain_cells(values, payload)}
-    cells |= {"status": "crashed", "reason": reason, "ok": False}
-    return tuple(cells.get(name) for name in payload.names)

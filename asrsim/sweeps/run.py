@@ -1,30 +1,34 @@
-"""A study from beginning to end: read, shared out among workers, rows kept, put together."""
+"""A study from beginning to end: prepared, shared out among workers, written. A run of it again, with its log."""
 
 from __future__ import annotations
 
-import math
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import Problem, SimulationError
+from asrsim import __version__
+from asrsim.actuators.user import check_named
+from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.extras import library
+from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
-from asrsim.sweeps.cases import Case, Payload, make_payload
-from asrsim.sweeps.read import is_study, make_study, read_study
-from asrsim.sweeps.rows import lost
-from asrsim.sweeps.runner import Runner
-from asrsim.sweeps.shipping import Shipped
+from asrsim.summary import RunSummary
+from asrsim.sweeps.cases import Payload, make_payload
+from asrsim.sweeps.rows import Runner, crashed_row
 from asrsim.sweeps.store import Store, open_store
-from asrsim.sweeps.study import Study
+from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
-from asrsim.sweeps.units import units_of
 from asrsim.versions import numeric_versions
-from asrsim.workers import Executor, Here, Lost, Task, cores
+from asrsim.workers import Executor, Here, Lost, cores
+from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes
+
+THREADS = 8
+"""Threads of a cluster that are assumed where runs decide whether compiling is worth its time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,17 +42,12 @@ class Progress:
     here: int
     """Runs of this session."""
     statuses: Mapping[str, int]
-    """Of this session's rows."""
+    """Status -> rows of this session."""
 
     @property
     def rate(self) -> float:
         """Runs a second."""
         return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
-
-    @property
-    def remaining(self) -> float:
-        """s."""
-        return (self.total - self.done) / self.rate if self.rate else math.inf
 
 
 def sweep(
@@ -56,7 +55,7 @@ def sweep(
     over: Mapping[str, Any] | Sequence[str] = (),
     *,
     workers: int | None = None,
-    cluster: str | Path | None = None,
+    cluster: str | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -64,7 +63,7 @@ def sweep(
     stop: Callable[[], bool] | None = None,
     **options: Any,
 ) -> Table:
-    """Run a study: everything that `asrsim sweep` does but the pictures.
+    """Run a study: everything that `asrsim sweep` does without the pictures.
 
         table = asrsim.sweep("arm.yaml", {"parameters.*.spring_stiffness": "10:200:20"}, workers=2)
         table.to_pandas()
@@ -73,31 +72,39 @@ def sweep(
         scenario: Scenario file, or a study: a file with the key `scenario`, or one made by :func:`make_study`.
         over: Key -> list, range as text, or distribution; see docs/sweep.md.
         workers: Processes; None: one a core.
-        cluster: Address of a Dask scheduler, or a file for dask-jobqueue, in place of processes here.
+        cluster: Address of a Dask scheduler, in place of processes here.
         out: Folder for the rows; None: a temporary one, which goes with the table.
-        resume: Go on with what is in `out`; overwrite: begin anew.
-        progress: Told as rows come. stop: asked; True ends the study with the rows that there are.
+        resume: Go on with the rows in `out`; overwrite: begin anew.
+        progress: Called as rows come. stop: called often; True ends the study with the rows that there are.
         options: Of a study: variants, overrides, design, samples, seed, fit, signals, rate, plugins.
 
     Raises:
-        InputError: Nothing of the study can run: unknown keys, values out of range; or `out` holds another study.
+        InputError: No run of the study can succeed: unknown keys, values out of range; or `out` holds another study.
         SimulationError: Workers cannot start, or the cluster cannot be used.
         OutputError: Rows cannot be written; those before are kept.
     """
-    library("pyarrow", "sweep")  # told before the study is prepared, which takes seconds
-    study = _study(scenario, over, options)
-    payload = make_payload(study)
+    # A missing library is reported before the study is prepared, which takes seconds.
+    library("pyarrow", "sweep")
+    if workers is not None and workers < 1:
+        raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
+    payload = make_payload(_study(scenario, over, options))
     temporary = None
     if out is None:
-        from tempfile import TemporaryDirectory
-
         temporary = TemporaryDirectory(prefix="asrsim-sweep-")
         out = temporary.name
-    folder = Path(out)
+    folder, plugins = Path(out), payload.study.plugins
     with owned(folder):
-        study = payload.study
-        store = open_store(folder, payload.columns, len(study), manifest(payload), resume=resume, overwrite=overwrite)
-        _run(payload, store, *executor_of(payload, store, workers, cluster), progress, stop)
+        store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
+        executor: Executor
+        if not store.missing:
+            executor, share = Here(), 1
+        elif cluster is None:
+            # One worker is a process too: a run that kills its process is a row.
+            share = workers or cores()
+            executor = Processes(share, plugins)
+        else:
+            executor, share = Cluster(cluster, plugins), THREADS
+        _run(payload, store, executor, share, progress, stop)
     return Table(folder, keep=temporary, checked=True)
 
 
@@ -115,92 +122,70 @@ def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) 
     return study
 
 
-def executor_of(payload: Payload, store: Store, workers: int | None, cluster: str | Path | None) -> tuple[Executor, Task]:
-    """Where the missing runs are done, and by what. Raises SimulationError."""
-    if workers is not None and workers < 1:
-        raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
-    if not len(store.missing):
-        return Here(), Runner(payload)
-    plugins = payload.study.plugins
-    if cluster is None:
-        count = workers or cores()
-        # Even one: runs that kill their process are rows, too.
-        return Processes(count, plugins), Runner(payload, count)
-    from asrsim.workers.cluster import Cluster
-
-    return Cluster(cluster, plugins), Shipped(payload, share=8)
-
-
 def _run(
-    payload: Payload,
-    store: Store,
-    workers: Executor,
-    task: Task,
-    progress: Callable[[Progress], None] | None,
+    payload: Payload, store: Store, workers: Executor, share: int, progress: Callable[[Progress], None] | None,
     stop: Callable[[], bool] | None,
-) -> None:
+) -> None:  # fmt: skip
     began, here, statuses = clock.monotonic(), 0, dict.fromkeys(("complete", "diverged", "failed", "crashed"), 0)
-    status, missing = payload.names.index("status"), store.missing.tolist()
+    status, missing = list(payload.kinds).index("status"), store.missing
     try:
         with workers:
-            for found in workers.results(task, missing, stop=stop):
-                new = store.add([lost(payload, missing[n], row.reason) if isinstance(row, Lost) else row for n, row in found])
+            for found in workers.results(Runner(payload, share), missing, stop=stop):
+                rows = [crashed_row(payload, missing[n], row.reason) if isinstance(row, Lost) else row for n, row in found]
+                for row in (new := store.add(rows)):
+                    statuses[row[status]] += 1
                 here += len(new)
-                for row in new:
-                    statuses[row[status]] = statuses.get(row[status], 0) + 1
                 if progress is not None:
-                    done = int(store.done.sum())
                     elapsed = clock.monotonic() - began
+                    done = int(store.done.sum())
                     progress(Progress(done=done, total=store.total, elapsed=elapsed, here=here, statuses=statuses))
     finally:
-        # Whatever ended it, rows that have come are kept.
+        # Rows that have come are kept, whatever ended the study.
         store.finish()
 
 
 def manifest(payload: Payload) -> dict[str, Any]:
-    """What `study.json` says: what the rows follow from, and what their columns are."""
-    from asrsim import __version__
-
+    """The content of `study.json`: all from which the rows follow, and their columns."""
     study = payload.study
+    left = ("scenario", "plugins")
     return {
         "generator": f"asrsim {__version__}",
-        "format": 1,
-        "scenario": str((study.scenario or Path()).absolute()),
-        "name": study.name,
-        "digest": study.digest,
-        "inputs": inputs_digest(payload),
+        "format": 2,
+        "scenario": str(study.scenario.absolute()),
+        "plugins": [str(path.absolute()) for path in study.plugins],
+        "study": {field.name: getattr(study, field.name) for field in fields(study) if field.name not in left},
+        "inputs": _inputs_digest(payload),
         "versions": numeric_versions(),
         "runs": len(study),
-        "variants": list(study.variants),
-        "keys": list(study.keys),
-        "design": study.design if study.dimensions else "grid",
-        "samples": study.samples,
-        "seed": study.seed,
-        "grid": list(study.grid),
-        "listed": [list(axis.keys) for axis in study.listed],
-        "drawn": [list(group) for group in study.groups],
-        "overrides": list(study.overrides),
-        "plugins": [str(path.absolute()) for path in study.plugins],
-        "columns": [list(column) for column in payload.columns],
-        "units": units_of(payload),
-        "joints": list(dict.fromkeys(joint for case in payload.cases.values() for joint in case.joints)),
-        "claims": {name: list(case.claims) for name, case in payload.cases.items()},
+        "columns": payload.columns,
+        "claims": {name: case.claims for name, case in payload.cases.items()},
         "substeps": {name: dict(case.substeps) for name, case in payload.cases.items()},
-        "rate": study.rate,
     }
 
 
-def inputs_digest(payload: Payload) -> str:
-    """Of scenarios, robots and the files that they name: what rows follow from, besides the study."""
+def _inputs_digest(payload: Payload) -> str:
+    """Digest of scenarios, robots, the files that they name, and plugins."""
     digest = sha256()
     for case in payload.cases.values():
-        for part in (repr(case.resolved).encode(), case.robot.text.encode(), *_files(case)):
-            digest.update(part)
+        digest.update(repr(case.resolved).encode() + case.robot.text.encode())
+        for name in sorted(case.files):
+            digest.update(case.files[name].read_bytes())
     for plugin in payload.study.plugins:
         digest.update(plugin.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def _files(case: Case) -> Iterator[bytes]:
-    for name in sorted(case.files):
-        yield case.files[name].read_bytes()
+def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str] = ()) -> RunSummary:
+    """Do a run of a study again, with log and summary in `folder`; plugins: files of users' actuators that it may run.
+    Raises InputError where there is no such row.
+    """
+    study = table.study
+    check_named(study.plugins, plugins, file=table.folder)
+    if run not in table["run"]:
+        raise InputError(f"there is no row of run {run}", file=table.folder, code="no-run")
+    variant, values = study.point(run)
+    payload = make_payload(replace(study, variants=(variant,)))
+    case = replace(payload.cases[variant], substeps=table.manifest["substeps"][variant])
+    with owned(folder):
+        executed = execute(case.scenario(case.plan.settings(values)), folder, robot=case.robot_of(values), overwrite=True)
+        return write_summary(executed).summary

@@ -1,11 +1,11 @@
-"""What moves a result: ranks and swings from any study, Sobol indices from one that is designed for them."""
+"""Which keys change a result: rank correlations and swings for any study, Sobol indices for a Saltelli design."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,15 +14,15 @@ from asrsim.samples import Array
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
-"""Runs below which nothing is said."""
+"""Runs that a correlation needs."""
 RESAMPLES = 200
-"""Of a bootstrap."""
+"""Resamples of the bootstrap."""
 FEWEST_SAMPLES = 16
-"""Base samples below which Sobol indices say nothing."""
+"""Complete base samples that Sobol indices need."""
 
 
 class Index(NamedTuple):
-    """Sobol's indices of a key, each with half the width of its 95 % interval by bootstrap over the base samples."""
+    """Sobol indices of a key, each with half the width of its 95 % interval by bootstrap over the base samples."""
 
     first: float
     """Share of the variance that the key has alone."""
@@ -37,7 +37,7 @@ class Index(NamedTuple):
 
 @dataclass(frozen=True)
 class Influence:
-    """Of one key on one result."""
+    """Influence of one key on one result."""
 
     key: str
     rank: float
@@ -47,56 +47,47 @@ class Influence:
     high: float
     """Over the fifth in which it is largest."""
     sobol: Index | None = None
-    """None where the design is not for it."""
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Keys with numbers that differ; of tied keys the first."""
-    groups = [*table.manifest["listed"], *table.manifest["drawn"]]
-    tied = {key for group in groups for key in group[1:]}
-    kinds = table.kinds
-    return [key for key in table.keys if kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
+    """Keys with numbers that differ. Of tied keys only the first is named."""
+    study = table.study
+    tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
+    return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
 
 
 def influences(table: Table, result: str) -> list[Influence]:
-    """Of every key on a result, the largest swing first; nothing where too few runs have it."""
+    """Influence of every key on a result, the largest swing first; empty where too few runs have the result."""
     from scipy.stats import rankdata
 
-    values = table[result]
-    there = np.isfinite(values)
-    if there.sum() < FEWEST or np.ptp(values[there]) == 0.0:
+    there = np.isfinite(table[result])
+    values = table[result][there]
+    if len(values) < FEWEST or np.ptp(values) == 0.0:
         return []
-    ranks = rankdata(values[there])
-    sobol_indices = sobol(table, result)
-    indices = sobol_indices.indices if sobol_indices else {}
-    found = []
+    ranks = rankdata(values)
+    found = sobol(table, result)
+    indices = found.indices if found else {}
+    result_influences = []
     for key in numeric_keys(table):
         numbers = table[key][there]
-        if np.ptp(numbers) == 0.0:
-            continue
-        low, high = np.quantile(numbers, (0.2, 0.8))
-        found.append(
-            Influence(
-                key=key,
-                rank=float(np.corrcoef(rankdata(numbers), ranks)[0, 1]),
-                low=float(values[there][numbers <= low].mean()),
-                high=float(values[there][numbers >= high].mean()),
-                sobol=indices.get(key),
-            )
-        )
-    return sorted(found, key=lambda one: -abs(one.high - one.low))
+        if np.ptp(numbers):
+            low, high = np.quantile(numbers, (0.2, 0.8))
+            rank = float(np.corrcoef(rankdata(numbers), ranks)[0, 1])
+            ends = float(values[numbers <= low].mean()), float(values[numbers >= high].mean())
+            result_influences.append(Influence(key, rank, *ends, indices.get(key)))
+    return sorted(result_influences, key=lambda one: -abs(one.high - one.low))
 
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Of all drawn keys on one result."""
+    """Sobol indices of all drawn keys on one result."""
 
     indices: dict[str, Index]
-    """By key; of several variants the mean of theirs."""
+    """By key; the mean over several variants."""
     samples: int
     """Base samples of all variants."""
     left_out: int
-    """Base samples in which some run has no value: none of their runs counts."""
+    """Base samples left out, because a run of them has no value."""
     reason: str = ""
     """Why there are no indices."""
 
@@ -108,21 +99,19 @@ class SobolIndices:
 
 @lru_cache(maxsize=16)
 def sobol(table: Table, result: str) -> SobolIndices | None:
-    """Sobol indices of a result; None where the design is not for them.
+    """Sobol indices of a result; None for another design.
 
     First order as in Saltelli et al. (2010), total as in Jansen (1999).
     """
-    if table.manifest["design"] != "saltelli":
+    study = table.study
+    if study.design != "saltelli" or not study.groups:
         return None
-    keys = [group[0] for group in table.manifest["drawn"]]
-    n, d = int(table.manifest["samples"]), len(keys)
-    values = np.full(int(table.manifest["runs"]), np.nan)
-    values[table["run"].astype(int)] = table[result]
+    n, d = study.base_samples, len(study.groups)
+    values = np.full(table.manifest["runs"], np.nan)
+    values[table["run"]] = table[result]
     blocks = values.reshape(-1, d + 2, n)
-    there = np.isfinite(blocks).all(axis=1)
-    counts = {"samples": there.size, "left_out": int(np.sum(~there))}
-    if table.manifest["grid"]:
-        return SobolIndices({}, **counts, reason="listed keys vary beside those that are drawn")
+    there: Any = np.isfinite(blocks).all(axis=1)
+    counts: Any = {"samples": there.size, "left_out": int(np.sum(~there))}
     found = []
     for block, complete in zip(blocks, there, strict=True):
         if complete.sum() < FEWEST_SAMPLES:
@@ -132,12 +121,14 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
         if not np.ptp(used[:2]):
             return SobolIndices({}, **counts, reason="the result is the same in all runs")
         drawn = np.random.default_rng(0).integers(used.shape[1], size=(RESAMPLES, used.shape[1]))
-        spread = np.std([_estimates(used[:, places]) for places in drawn], axis=0)
+        spread = np.std([_estimates(used[:, places]) for places in drawn], axis=0, ddof=1)
         found.append(np.concatenate([_estimates(used), 1.96 * spread]))
     indices = np.mean(found, axis=0)
     # The errors of several variants are independent.
     indices[2:] /= np.sqrt(len(found))
-    return SobolIndices({key: Index(*column) for key, column in zip(keys, indices.T.tolist(), strict=True)}, **counts)
+    return SobolIndices(
+        {group[0]: Index(*column) for group, column in zip(study.groups, indices.T.tolist(), strict=True)}, **counts
+    )
 
 
 def _estimates(blocks: Array) -> Array:
@@ -150,7 +141,7 @@ def _estimates(blocks: Array) -> Array:
 
 
 def notes(table: Table, results: Sequence[str]) -> list[str]:
-    """What stands beside the Sobol indices: results without them and why, and base samples that were left out."""
+    """Results without Sobol indices and the reason; base samples that were left out."""
     grouped: dict[str, list[str]] = {}
     for result in results:
         found = sobol(table, result)

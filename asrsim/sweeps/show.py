@@ -1,45 +1,43 @@
-"""What a study says on the terminal: counts, shares of claims met, quantiles of results."""
+"""The results of a study as text: counts, quantiles of results, shares of claims met."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from asrsim.errors import InputError, Problem
 from asrsim.sweeps.sensitivity import notes
 from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
 ROUNDING = 1e-12
 """Change of a result, relative or in SI units, that counts as rounding."""
+SHARE = 0.1
+"""Share of the runs that must have a result; other results come last."""
 
 
 def say_summary(table: Table) -> Iterator[str]:
     """Lines for people."""
     statuses = table.statuses()
     bad = shares(statuses)
-    yield f"{table.manifest['name']}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete" + (
-        f", {bad}" if bad else ""
-    )
+    head = f"{table.study.name}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete"
+    yield f"{head}, {bad}" if bad else head
     rows = [HEADS, *result_rows(table)]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADS))]
-    if len(rows) > 1:
-        for row in rows:
-            cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-            yield "  " + "  ".join(cells).rstrip()
+    for row in rows if len(rows) > 1 else ():
+        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        yield "  " + "  ".join(cells).rstrip()
     yield from (f"  {note}" for note in notes(table, varying(table)))
-    for title, share in table.claims().items():
-        yield f"  {100 * share:5.1f} % meet {title}"
-    if bad:
-        status, reason, runs = table["status"].astype(str), table["reason"], table["run"]
-        for name in ("crashed", "failed", "diverged"):
-            places = (status == name).nonzero()[0]
-            if len(places):
-                yield f"  {name}, run {runs[places[0]]}: {reason[places[0]]}"
+    yield from (f"  {100 * share:5.1f} % meet {title}" for title, share in table.claims().items())
+    for name in ("crashed", "failed", "diverged") if bad else ():
+        places = (table["status"].astype(str) == name).nonzero()[0]
+        if len(places):
+            yield f"  {name}, run {table['run'][places[0]]}: {table['reason'][places[0]]}"
 
 
 def result_rows(table: Table) -> list[tuple[str, ...]]:
-    """What stands under :data:`HEADS`: of each result that differs its unit, count, quantiles, and runs at both ends."""
+    """Rows under :data:`HEADS`, one for each result that differs."""
     rows = []
     for name in varying(table):
         found = table.quantiles(name)
@@ -60,8 +58,19 @@ def varying(table: Table) -> list[str]:
             continue
         change, size = quantiles.largest - quantiles.least, max(abs(quantiles.largest), abs(quantiles.least))
         if change > ROUNDING * max(1.0, size) or len(table) == 1:
-            found.append((name.rpartition(".")[0] not in varied, -change / size if size else 0.0, name))
-    return [name for _, _, name in sorted(found, key=lambda one: one[:2])]
+            rare = quantiles.count < SHARE * len(table)
+            found.append((rare, name.rpartition(".")[0] not in varied, -change / size if size else 0.0, name))
+    return [name for *_, name in sorted(found, key=lambda one: one[:3])]
+
+
+def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]:
+    """The named results, or the first that differ. Raises InputError for unknown results, and those that no run has."""
+    for name in results:
+        if name not in table.results:
+            raise InputError(Problem("is no result of this study", key=name, choices=table.results, meant=name, code="result"))
+        if table.quantiles(name) is None:
+            raise InputError("no run has a value of it", key=name, code="result")
+    return list(results) or varying(table)[:most]
 
 
 def as_dict(table: Table) -> dict[str, Any]:

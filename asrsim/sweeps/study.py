@@ -1,33 +1,46 @@
-"""A study as pure data: what is varied, how points are chosen, what is kept. A point follows from its number alone."""
+"""A study as plain data: what is varied, how draws are placed, what is kept. A point follows from its number alone."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.actuators.user import check_named
+from asrsim.document.block import block_of, declare
+from asrsim.document.composite import ListOf, MapOf
+from asrsim.document.file import read_document, read_file
+from asrsim.document.kinds import Choice, File, Integer, Number, Optional, Text
+from asrsim.document.mistaken import kind_of
+from asrsim.document.node import Node
+from asrsim.document.reading import KeyPath, Reading
+from asrsim.errors import InputError, Problem
+from asrsim.plain import one_or_more
 from asrsim.samples import Array
-from asrsim.sweeps.fitted import Joint
-from asrsim.sweeps.laws import Distribution, Values, law_of
+from asrsim.scenario.claim_keys import AnyData
+from asrsim.scenario.overrides import override_texts
+from asrsim.sweeps.fitted import Joint, joint_of, load_fit
+from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
 
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
-"""How draws are placed. saltelli: rows from which Sobol indices follow, samples x (drawn axes + 2) of them."""
+"""How draws are placed. saltelli: samples x (drawn axes + 2) draws, from which Sobol indices follow."""
+SAMPLES = 100
+"""Draws of a study with distributions that names no number."""
 MOST_RUNS = 100_000_000
-"""Runs of a study."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Keys that vary together, and what they take."""
+    """Keys that vary together, and the values that they take."""
 
     keys: tuple[str, ...]
-    """Dotted keys; several take the same value, or, where values are lists of as many entries, one each."""
+    """Dotted keys. Several keys take the same value, or one entry each of a list with as many entries."""
     law: Values | Distribution
 
     @property
@@ -43,62 +56,96 @@ class Axis:
 
 
 def axis_of(name: str, value: Any) -> Axis:
-    """Of `key` or `key & key` (tied) and what it takes, as :func:`asrsim.sweeps.laws.law_of` reads it. Raises InputError."""
+    """The axis of `key` or `key & key` (tied), with values as :func:`law_of` reads them. Raises InputError."""
     return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
+
+
+class _Law(AnyData):
+    """Values of a key; see :mod:`asrsim.sweeps.laws`."""
+
+    def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
+        try:
+            law_of(node.plain(), path[-1])
+        except InputError as error:
+            problem = error.problems[0]
+            raise reading.fault(node, path, problem.message, choices=problem.choices, hint=problem.hint) from None
+        return node.plain()
+
+    @property
+    def text(self) -> str:
+        return ", ".join(f"`{form}`" for form in FORMS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What `asrsim sweep` does."""
+    """A study, and the keys of a study file."""
 
-    scenario: Path | None
-    axes: tuple[Axis, ...]
-    joint: Joint | None = None
-    variants: tuple[str, ...] = ()
-    """Empty: all of the scenario's, filled in when it is read."""
-    overrides: tuple[str, ...] = ()
-    """`key=value` for every run."""
-    design: str = "random"
-    samples: int = 0
-    seed: int = 0
-    signals: tuple[str, ...] = ()
-    """joint.quantity that are kept of every run."""
-    rate: float = 100.0
-    """Hz of the kept signals."""
-    plugins: tuple[Path, ...] = ()
+    scenario: Path = declare(File(noun="scenario"), doc="scenario file that is varied")
+    over: Mapping[str, Any] = declare(
+        MapOf(of=_Law(), noun="key", star=False), default={}, doc="key (`a & b`: tied) -> its values"
+    )
+    variants: tuple[str, ...] = declare(ListOf(of=Text()), default=(), shown="all", doc="variants of the scenario")
+    overrides: Mapping[str, Any] | Sequence[str] = declare(
+        MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
+    )
+    design: str = declare(Choice(DESIGNS), default="random", doc="how draws are placed")
+    samples: int | None = declare(Optional(Integer(minimum=1)), default=None, shown=str(SAMPLES), doc="number of draws")
+    seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
+    fit: Any = declare(
+        Optional(File(noun="fit")), default=None,
+        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
+    )  # fmt: skip
+    signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
+    rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="rate of the kept signals")
+    plugins: tuple[Path, ...] = declare(
+        ListOf(of=File(noun="plugin")),
+        default=(),
+        doc="files with your own actuators; each runs only where --plugin names it too",
+    )
     name: str = "sweep"
 
     @cached_property
-    def listed(self) -> tuple[Axis, ...]:
-        """Axes of a grid."""
-        return tuple(axis for axis in self.axes if isinstance(axis.law, Values))
+    def axes(self) -> tuple[Axis, ...]:
+        """Axes of `over`."""
+        return tuple(axis_of(name, value) for name, value in self.over.items())
 
     @cached_property
-    def drawn(self) -> tuple[Axis, ...]:
-        """Axes that are drawn, but those of the fit."""
-        return tuple(axis for axis in self.axes if isinstance(axis.law, Distribution))
+    def joint(self) -> Joint | None:
+        """The distribution of the fit."""
+        return None if self.fit is None else joint_of(self.fit)
+
+    @cached_property
+    def listed(self) -> tuple[tuple[Axis, Values], ...]:
+        """Axes of the grid."""
+        return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Values))
+
+    @cached_property
+    def drawn(self) -> tuple[tuple[Axis, Distribution], ...]:
+        """Axes that are drawn, without those of the fit."""
+        return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Distribution))
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Drawn keys, those of one draw together."""
-        return (*(axis.keys for axis in self.drawn), *(self.joint.groups if self.joint else ()))
+        """Drawn keys; each group is one independent number of a draw."""
+        return (*(axis.keys for axis, _ in self.drawn), *(self.joint.groups if self.joint else ()))
 
     @cached_property
-    def dimensions(self) -> int:
-        """Independent numbers of a draw."""
-        return len(self.groups)
+    def base_samples(self) -> int:
+        """Number of draws, or of base samples of a Saltelli design: a power of two, as Sobol's sequence needs it."""
+        samples = self.samples or SAMPLES
+        return 1 << max(1, (samples - 1).bit_length()) if self.design == "saltelli" else samples
 
     @cached_property
     def draws(self) -> int:
         """Draws at every point of the grid."""
-        if not self.dimensions:
+        if not self.groups:
             return 1
-        return self.samples * (self.dimensions + 2) if self.design == "saltelli" else self.samples
+        return self.base_samples * (len(self.groups) + 2 if self.design == "saltelli" else 1)
 
     @cached_property
     def grid(self) -> tuple[int, ...]:
-        """Values of each listed axis."""
-        return tuple(len(axis.law) for axis in self.listed if isinstance(axis.law, Values))
+        """Number of values of each listed axis."""
+        return tuple(len(law) for _, law in self.listed)
 
     def __len__(self) -> int:
         return max(1, len(self.variants)) * math.prod(self.grid) * self.draws
@@ -114,11 +161,11 @@ class Study:
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
         values: dict[str, Any] = {}
-        for axis, index in zip(self.listed, np.unravel_index(cell, self.grid) if self.grid else (), strict=True):
-            values |= axis.assign(axis.law.values[int(index)] if isinstance(axis.law, Values) else None)
-        if self.dimensions:
+        for (axis, law), index in zip(self.listed, np.unravel_index(cell, self.grid) if self.grid else (), strict=True):
+            values |= axis.assign(law.values[int(index)])
+        if self.groups:
             row = self.table[draw]
-            for axis, number in zip(self.drawn, row, strict=False):
+            for (axis, _), number in zip(self.drawn, row, strict=False):
                 values |= axis.assign(float(number))
             if self.joint:
                 values |= self.joint.assign(row[len(self.drawn) :])
@@ -126,32 +173,19 @@ class Study:
 
     @cached_property
     def table(self) -> Array:
-        """(draws, dimensions): every draw."""
-        return self.from_unit(unit_points(self.design, self.samples, self.dimensions, self.seed))
-
-    def from_unit(self, unit: Array) -> Array:
-        """Draws (n, dimensions) of points (n, dimensions) in the unit cube, through each axis's law."""
+        """(draws, groups): every draw."""
         from scipy.special import ndtri
 
-        # A sequence's first point may stand on the border, where a normal distribution has no value.
+        unit = _unit_points(self.design, self.base_samples, len(self.groups), self.seed)
+        # The first point of a sequence may be 0, where a normal distribution has no value.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
-        laws = [axis.law for axis in self.drawn]
-        columns = [law.quantile(column) for law, column in zip(laws, unit.T, strict=False) if isinstance(law, Distribution)]
+        columns = [law.quantile(column) for (_, law), column in zip(self.drawn, unit.T, strict=False)]
         if self.joint:
-            columns += list(self.joint.from_scores(ndtri(unit[:, len(laws) :])).T)
+            columns += list(self.joint.from_scores(ndtri(unit[:, len(columns) :])).T)
         return np.column_stack(columns)
 
-    @cached_property
-    def digest(self) -> str:
-        """What the rows follow from, but for the files: two studies with equal digests have equal points."""
-        parts = [self.variants, self.overrides, self.design, self.samples, self.seed]
-        parts += [self.signals, self.rate if self.signals else 0, [path.name for path in self.plugins]]
-        laws = [(axis.keys, repr(axis.law)) for axis in self.axes]
-        fit = repr(self.joint)
-        return sha256(json.dumps([parts, laws, fit], default=str).encode()).hexdigest()[:16]
 
-
-def unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
+def _unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
     """(n, dimensions) in the unit cube; the same for the same arguments.
 
     saltelli: blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), n = samples (dimensions + 2).
@@ -162,21 +196,103 @@ def unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
         return np.random.default_rng(seed).random((samples, dimensions))
     if design == "lhs":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(samples))
-    if design == "sobol":
-        return _sobol(dimensions, samples, seed)
-    both = _sobol(2 * dimensions, samples, seed)
-    first, second = both[:, :dimensions], both[:, dimensions:]
-    blocks = [first, second]
-    for j in range(dimensions):
-        mixed = first.copy()
-        mixed[:, j] = second[:, j]
-        blocks.append(mixed)
-    return np.concatenate(blocks)
-
-
-def _sobol(dimensions: int, samples: int, seed: int) -> Array:
-    from scipy.stats import qmc
-
-    # Drawn up to the next power of two: the sequence says nothing of it, and its first points are the same.
+    # Drawn up to the next power of two, of which SciPy does not warn; the first points are the same.
     power = max(0, math.ceil(math.log2(samples)))
-    return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]
+    sequence = qmc.Sobol(2 * dimensions if design == "saltelli" else dimensions, rng=seed)
+    points = np.asarray(sequence.random_base2(power))[:samples]
+    if design == "sobol":
+        return points
+    first, second = points[:, :dimensions], points[:, dimensions:]
+    mixed = np.where(np.eye(dimensions, dtype=bool)[:, None], second, first)
+    return np.concatenate([first, second, *mixed])
+
+
+STUDY = block_of(Study, "study")
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file is a study, not a scenario."""
+    return kind_of(path) == "study"
+
+
+def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
+    """A study file; plugins: files of users' actuators that it may run. Raises InputError with every problem."""
+    found = read_file(STUDY, path)
+    check_named(found.plugins, plugins, file=path)
+    try:
+        given = {field.name: getattr(found, field.name) for field in fields(found)}
+        return make_study(**{**given, "plugins": plugins or found.plugins, "name": path.stem})
+    except InputError as error:
+        raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
+
+
+def make_study(
+    scenario: str | Path, over: Mapping[str, Any] | Sequence[str] = (), *, fit: str | Path | Mapping[str, Any] | None = None,
+    plugins: Sequence[str | Path] = (), name: str | None = None, **options: Any,
+) -> Study:  # fmt: skip
+    """A study from plain data. Raises InputError with every problem.
+
+    Args:
+        scenario: Scenario file.
+        over: Dotted key -> list, text as `10:200:20`, or distribution; or a list of texts `key=values`.
+        fit: File or data with `keys`, `mean` and `covariance`, drawn together.
+        options: variants, overrides, design, samples, seed, signals, rate: as in :class:`Study`.
+    """
+    read_document(Path(scenario), "scenario")
+    pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
+    data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
+    try:
+        study = Study(
+            scenario=Path(scenario), over=dict(pairs),
+            fit=data,
+            plugins=tuple(Path(path) for path in one_or_more(plugins)), name=name or Path(scenario).stem,
+            **{**options, **{key: one_or_more(options.get(key, ())) for key in ("variants", "signals")},
+               "overrides": override_texts(options.get("overrides", ()))},
+        )  # fmt: skip
+    except TypeError as error:
+        raise InputError(f"a study takes no such option: {error}", code="usage") from None
+    _check(study, pairs, None if isinstance(fit, Mapping) or fit is None else Path(fit))
+    return study
+
+
+def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> None:
+    """Raises InputError with every problem of a study."""
+    problems: list[Problem] = []
+    for name, value in pairs:
+        try:
+            axis_of(name, value)
+        except InputError as error:
+            problems += error.problems
+    try:
+        joint = None if study.fit is None else joint_of(study.fit, fit)
+    except InputError as error:
+        problems += error.problems
+    if problems:
+        raise InputError(problems)
+    drawn = bool(study.drawn or joint)
+    groups = [*(axis_of(*pair).keys for pair in pairs), *(joint.groups if joint else ())]
+    keys = [key for group in groups for key in group]
+    problems += [Problem("is varied twice", key=key, code="sweep-twice") for key in study.keys if keys.count(key) > 1]
+    if study.design not in DESIGNS:
+        problems.append(Problem(f"there is no design '{study.design}'", key="design", choices=DESIGNS, code="choice"))
+    if not keys:
+        hint = "Give --over KEY=VALUES, or `over:` in a study file"
+        problems.append(Problem("nothing is varied", key="over", hint=hint, code="sweep-empty"))
+    if study.samples is not None and not (drawn and 1 <= study.samples <= MOST_RUNS):
+        message = f"must be 1 to {MOST_RUNS}" if drawn else "has a number, but no key is drawn from a distribution"
+        problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
+    if study.design == "saltelli" and (joint or study.listed):
+        message = "Sobol indices need independent draws: the design saltelli takes neither a fit nor listed values"
+        problems.append(Problem(message, key="design", code="sweep-correlation"))
+    if problems:
+        raise InputError(problems)
+    if len(study) > MOST_RUNS:
+        raise InputError(f"the study has {len(study)} runs; at most {MOST_RUNS} are possible", code="range")
+
+
+def _split(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        hint = "Write KEY=VALUES, such as references.joint_1.stiffness_preset=[0.2, 0.6]"
+        raise InputError("is no KEY=VALUES", key="over", value=text, hint=hint, code="override")
+    return key.strip(), value.strip()

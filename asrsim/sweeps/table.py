@@ -1,4 +1,4 @@
-"""The rows of a study, read: columns as arrays, quantiles, shares, and how to do a run again."""
+"""The rows of a study: columns as arrays, quantiles, shares of claims."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import numpy as np
 from asrsim.errors import InputError, did_you_mean
 from asrsim.extras import library
 from asrsim.samples import Array
-from asrsim.sweeps.kept import check_rows, read_manifest, read_rows, schema_of
-from asrsim.sweeps.store import ROWS, parts_of
+from asrsim.sweeps.folder import checked_files, read_manifest, read_rows, schema_of
+from asrsim.sweeps.study import Study
 
 BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
 
 
 @dataclass(frozen=True)
 class Quantiles:
-    """How one result is distributed over the runs that have it."""
+    """Distribution of one result over the runs that have it."""
 
     count: int
     least: float
@@ -36,47 +36,47 @@ class Quantiles:
 
 
 class Table:
-    """Rows of a study in its folder; columns are read when they are asked for."""
+    """Rows of a study in its folder. Columns are read when they are needed."""
 
     def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
-        """keep: what lives as long as the table (a temporary folder); checked: this process wrote or checked the rows.
+        """keep: lives as long as the table (a temporary folder); checked: this process wrote or checked the rows.
 
         Raises InputError where there is no study, or a file of it is broken.
         """
         self.folder = Path(folder)
         self._keep = keep
         self.manifest = read_manifest(self.folder)
-        whole = self.folder / ROWS
-        self.files = ([whole] if whole.exists() else []) + parts_of(self.folder)
-        if not checked:
-            check_rows(self.files, self._schema)
+        self._schema = schema_of(self.manifest["columns"])
+        self.files = checked_files(self.folder, self._schema, checked=checked)
+        self.kinds: dict[str, str] = {name: kind for name, kind, _ in self.manifest["columns"]}
+        """Column -> int, float, bool, text or floats."""
+        self._units: dict[str, str] = {name: unit for name, _, unit in self.manifest["columns"]}
         self._columns: dict[str, Array] = {}
+
+    @cached_property
+    def study(self) -> Study:
+        """What was varied, and how."""
+        given = self.manifest["study"]
+        plugins = tuple(map(Path, self.manifest["plugins"]))
+        return Study(
+            **{**given, "variants": tuple(given["variants"])}, scenario=Path(self.manifest["scenario"]), plugins=plugins
+        )
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns."""
-        return tuple(name for name, _ in self.manifest["columns"])
-
-    @property
-    def _schema(self) -> Any:
-        return schema_of(self.manifest["columns"])
-
-    @property
-    def kinds(self) -> dict[str, str]:
-        """Column -> int, float, bool, text or floats."""
-        return dict(self.manifest["columns"])
+        return tuple(self.kinds)
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What was varied."""
-        return tuple(self.manifest["keys"])
+        """Varied keys."""
+        return self.study.keys
 
     @property
     def results(self) -> tuple[str, ...]:
-        """Numbers that came out: measures, the tip's, those of claims."""
-        kinds = self.kinds
+        """Numbers that came out: measures, the tip's errors, measured values of claims."""
         left = {*BOOKKEEPING, *self.keys}
-        return tuple(name for name in self.columns if name not in left and kinds[name] == "float")
+        return tuple(name for name, kind in self.kinds.items() if name not in left and kind == "float")
 
     @property
     def missing(self) -> int:
@@ -85,45 +85,33 @@ class Table:
 
     @cached_property
     def _order(self) -> Any:
-        return np.unique(self._raw("run"), return_index=True)[1]
+        runs = read_rows(self.files, self._schema, columns=["run"])["run"].to_numpy()
+        return np.unique(runs, return_index=True)[1]
 
     def __len__(self) -> int:
         return len(self._order)
 
     def __getitem__(self, name: str) -> Array:
-        """A column (n,) in the order of the runs; numbers that are missing are NaN."""
+        """A column (n,) in the order of the runs; missing numbers are NaN."""
         if name not in self._columns:
-            self._columns[name] = self._raw(name)[self._order]
+            if name not in self.columns:
+                hint = did_you_mean(name, self.columns)
+                raise InputError("no column has this name", key=name, hint=hint, code="unknown-column")
+            self._columns[name] = self.to_arrow([name])[name].to_numpy()
         return self._columns[name]
 
-    def _raw(self, name: str) -> Array:
-        if name not in self.columns:
-            hint = did_you_mean(name, self.columns)
-            raise InputError("no column has this name", key=name, hint=hint, code="unknown-column")
-        if not self.files:
-            return np.empty(0, np.int64 if self.kinds[name] == "int" else float)
-        parts = [read_rows(path, columns=[name])[name] for path in self.files]
-        # float64 first: a part in which a number is missing everywhere would else be of objects.
-        if self.kinds[name] == "float" or (self.kinds[name] == "int" and name not in BOOKKEEPING):
-            return np.concatenate([part.cast("float64").to_numpy(zero_copy_only=False).astype(float) for part in parts])
-        return np.concatenate([np.asarray(part.to_numpy(zero_copy_only=False)) for part in parts])
+    def to_arrow(self, columns: Sequence[str] | None = None) -> Any:
+        """A pyarrow.Table of all columns or some, in the order of the runs."""
+        return read_rows(self.files, self._schema, columns=columns).take(self._order)
 
     def to_pandas(self) -> Any:
         """A DataFrame of all columns, in the order of the runs; needs pandas."""
         library("pandas", "notebook")
         return self.to_arrow().to_pandas()
 
-    def to_arrow(self) -> Any:
-        """A pyarrow.Table, likewise."""
-        import pyarrow as pa
-        import pyarrow.compute as pc
-
-        tables = [read_rows(path) for path in self.files] or [self._schema.empty_table()]
-        return pc.take(pa.concat_tables(tables), pa.array(self._order))
-
     def unit(self, name: str) -> str:
         """SI unit of a column; empty for counts and shares."""
-        return str(self.manifest.get("units", {}).get(name, ""))
+        return self._units.get(name, "")
 
     def statuses(self) -> dict[str, int]:
         """Status -> runs."""
@@ -131,34 +119,31 @@ class Table:
         return dict(zip(names.tolist(), map(int, counts), strict=True))
 
     def quantiles(self, name: str) -> Quantiles | None:
-        """Of a result; None where no run has it."""
+        """Quantiles of a result; None where no run has it."""
         values, runs = self[name], self["run"]
         there = np.isfinite(values)
         if not there.any():
             return None
         values, runs = values[there], runs[there]
-        low, median, high = np.quantile(values, (0.05, 0.5, 0.95))
-        return Quantiles(
-            len(values), float(values.min()), float(low), float(median), float(high), float(values.max()),
-            int(runs[values.argmin()]), int(runs[values.argmax()]),
-        )  # fmt: skip
+        least, low, median, high, largest = np.quantile(values, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
+        ends = int(runs[values.argmin()]), int(runs[values.argmax()])
+        return Quantiles(len(values), least, low, median, high, largest, *ends)
 
     def claims(self) -> dict[str, float]:
         """Claim -> share of the completed runs that meet it; by variant where they differ."""
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1
         for variant, titles in self.manifest["claims"].items():
-            mine = variants == variant
             for index, title in enumerate(titles):
-                held = [bool(value) for value in self[f"claim_{index}"][mine] if value is not None]
-                if held:
-                    found[f"{variant}: {title}" if several else title] = sum(held) / len(held)
+                verdicts = [bool(value) for value in self[f"claim_{index}"][variants == variant] if value is not None]
+                if verdicts:
+                    found[f"{variant}: {title}" if several else title] = sum(verdicts) / len(verdicts)
         return found
 
     def __repr__(self) -> str:
         return f"Table({self.folder}: {len(self)} of {self.manifest['runs']} runs, {', '.join(self.keys)})"
 
 
-def shares(statuses: Mapping[str, int], names: Sequence[str] = ("diverged", "failed", "crashed")) -> str:
-    """Statuses for people, those that are no completion."""
-    return ", ".join(f"{statuses[name]} {name}" for name in names if statuses.get(name))
+def shares(statuses: Mapping[str, int]) -> str:
+    """The runs that did not complete, for people."""
+    return ", ".join(f"{statuses[name]} {name}" for name in ("diverged", "failed", "crashed") if statuses.get(name))

@@ -13,104 +13,97 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from asrsim.errors import SimulationError
 
 DEATHS = 3
-"""Times that workers may die over one item, done by itself, before it is given up."""
+"""Deaths of workers over one item, done by itself, after which the item is given up."""
 MOST = 500
-"""Items that a worker is given at a time."""
+"""Items that a worker takes at a time."""
 
 Task = Callable[[Any], Any]
-"""What is done on an item. It can be pickled, and may keep what it makes ready in a worker for the next item. Results depend
-neither on where items are done nor on their order. Its method `close`, if it has one, is called in the end. Its method
-`several`, if it has one, does many: it takes (number, item) one by one, and gives (number, result) in any order."""
+"""A function of an item that can be pickled. It may keep in a worker what it makes ready. Results depend neither on the worker
+nor on the order. Two methods are optional: `close` is called in the end; `several` takes (number, item) pairs one by one, and
+gives (number, result) pairs in any order."""
+Numbered = list[tuple[int, Any]]
+"""(number of an item, result) pairs."""
+Stop = Callable[[], bool]
 
 
 class Lost:
-    """In the place of a result: an item over which workers died again and again."""
+    """The result of an item over which workers died again and again."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
 
 class Executor(ABC):
-    """Does tasks somewhere. A context: at its end nothing is left, whatever the reason."""
+    """Does tasks somewhere. A context: at its end no worker is left."""
 
     def __enter__(self) -> Executor:
         return self
 
     @abstractmethod
     def __exit__(self, *_: object) -> None:
-        """End. What is being computed is not wanted any more."""
+        """End the workers; work that is not done is dropped."""
 
     @abstractmethod
-    def results(
-        self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
-    ) -> Iterator[list[tuple[int, Any]]]:
-        """(number of the item, result) as they come, in any order, each once; ends early where `stop` says so.
+    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
+        """Results as they come, in any order, each once; ends early where `stop` returns True.
 
         Raises what the task raises, and SimulationError where there are no workers.
         """
 
 
 class Here(Executor):
-    """This process does it."""
+    """This process does the work."""
 
     def __exit__(self, *_: object) -> None:
         pass
 
-    def results(
-        self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
-    ) -> Iterator[list[tuple[int, Any]]]:
+    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """See :class:`Executor`."""
-
-        def until_stopped() -> Iterator[tuple[int, Any]]:
-            for numbered in enumerate(items):
-                if stop is not None and stop():
-                    return
-                yield numbered
-
-        for done in _several(task, until_stopped()):
+        for done in _several(task, _until(enumerate(items), stop)):
             yield [done]
         _close(task)
 
 
 class Pool(Executor):
-    """Workers that a library keeps. They take pieces of work ahead of time, and each piece's results come when it ends."""
+    """Workers that a library keeps. They take pieces of several items, and return the results of a piece when it ends."""
 
     died: tuple[type[Exception], ...] = ()
-    """What a piece raises whose worker died."""
+    """Exceptions of a piece whose worker died."""
     again: tuple[type[Exception], ...] = ()
-    """What a piece raises that is to be done again, through no fault of its own."""
+    """Exceptions of a piece that has to be done again."""
 
-    def __init__(self, plugins: Iterable[Path | tuple[str, bytes]] = ()) -> None:
-        """plugins: files with users' actuators, or their names and contents, which workers load first."""
-        self._plugins = tuple(plugins)
+    def __init__(self, plugins: Iterable[Path]) -> None:
+        """plugins: files with users' actuators, which workers load first."""
+        self._plugins = tuple(path.absolute() for path in plugins)
 
     @abstractmethod
     def slots(self, sent: bytes) -> int:
-        """Pieces of this task that may be out at a time; 0: no worker is there at the moment."""
+        """Pieces of this task that may be out at a time; 0: there is no worker at the moment."""
 
     @abstractmethod
-    def submit(self, sent: bytes, items: list[tuple[int, Any]]) -> Any:
+    def submit(self, sent: bytes, items: Numbered) -> Any:
         """A future of :func:`do_items`."""
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Nobody waits for these any more."""
+        """Drop these futures."""
 
     def renew(self) -> None:
-        """Workers may have lost what they were sent."""
+        """Send the task again: workers may have lost it."""
 
-    def results(
-        self, task: Task, items: Sequence[Any], *, stop: Callable[[], bool] | None = None
-    ) -> Iterator[list[tuple[int, Any]]]:
-        """See :class:`Executor`. Pieces that were in work when a worker died are done again one by one, and halved where a
-        worker dies again: so the item is found that kills them."""
-        sent = _pickled((self._plugins, _pickled(task)))
+    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
+        """See :class:`Executor`. Pieces whose worker died are done again one by one, and halved where a worker dies again: so
+        the item that kills its worker is found."""
+        try:
+            sent = pickle.dumps((self._plugins, pickle.dumps(task)))
+        except Exception as error:
+            message = f"the work cannot be sent to other processes: {type(error).__name__}: {error}"
+            raise SimulationError(message) from error
         waiting = deque(range(len(items)))
         suspects: deque[list[int]] = deque()
         deaths = Counter[int]()
@@ -128,24 +121,18 @@ class Pool(Executor):
                 alone = len(pieces) == 1
                 for future in ended:
                     mine = pieces.pop(future)
+                    found: Numbered = []
                     try:
                         found = future.result()
                     except self.died as error:
                         half = len(mine) // 2
-                        if not alone:
-                            suspects.append(mine)
-                        elif half:
-                            suspects.extendleft([mine[half:], mine[:half]])
-                        else:
-                            deaths.update(mine)
-                            if deaths[mine[0]] < DEATHS:
-                                suspects.appendleft(mine)
-                            else:
-                                yield [(mine[0], Lost(f"{DEATHS} workers died in this run: {error}"))]
-                        continue
+                        deaths.update(mine if alone and not half else ())
+                        if deaths[mine[0]] < DEATHS:
+                            suspects.extend([mine[:half], mine[half:]] if alone and half else [mine])
+                            continue
+                        found = [(mine[0], Lost(f"{DEATHS} workers died in this run: {error}"))]
                     except self.again:
                         self.renew()
-                        found = []
                     done = {number for number, _ in found}
                     waiting.extendleft(number for number in reversed(mine) if number not in done)
                     if found:
@@ -164,10 +151,8 @@ def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
 
 
 def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
-    """Results of all items, in their order. Raises SimulationError for what is lost, and what the task raises."""
-    found: dict[int, Any] = {}
-    for some in workers.results(task, items):
-        found.update(some)
+    """Results of all items, in their order. Raises SimulationError for a lost item, and what the task raises."""
+    found = dict(pair for some in workers.results(task, items) for pair in some)
     for result in found.values():
         if isinstance(result, Lost):
             raise SimulationError(result.reason)
@@ -175,20 +160,20 @@ def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
-    """Before NumPy is imported: its library's threads cost more than they save on a robot's small matrices (80 joints: a run
-    takes 2.4 times as long), and would fight over the cores that other processes of ours fill."""
+    """Set before NumPy is imported: its library's threads cost more than they save on a robot's small matrices (80 joints: a
+    run takes 2.4 times as long), and compete for the cores of our other processes."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         environment.setdefault(name, "1")
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """The same for a while, where NumPy is there already, as in a script: a fit takes a third of the processor's time."""
+    """The same for a while, where NumPy is loaded already, as in a script: a fit takes a third of the processor's time."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:
         # An installation from before it was required is only slower.
         return nullcontext()
-    # It has a library of its own, which can be told only when it is there.
+    # It has a library of its own, whose threads can be set only once it is loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)
     return limits
@@ -199,9 +184,9 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def do_items(sent: bytes, items: Iterable[tuple[int, Any]], seconds: float) -> list[tuple[int, Any]]:
-    """In a worker: results of the items that could be begun within so many seconds, at least of the first. What the task made
-    ready is kept for its next piece."""
+def do_items(sent: bytes, items: Numbered, seconds: float) -> Numbered:
+    """In a worker: results of the items that are begun within so many seconds, at least of the first. The task is kept for
+    its next piece."""
     if getattr(_OWN, "sent", b"") != sent:
         _close(getattr(_OWN, "task", None))
         plugins, task = pickle.loads(sent)
@@ -209,50 +194,36 @@ def do_items(sent: bytes, items: Iterable[tuple[int, Any]], seconds: float) -> l
             _load(plugin)
         _OWN.task, _OWN.sent = pickle.loads(task), sent
     end = clock.monotonic() + seconds
-
-    def begun() -> Iterator[tuple[int, Any]]:
-        for numbered in items:
-            yield numbered
-            if clock.monotonic() > end:
-                return
-
-    return list(_several(_OWN.task, begun()))
+    (first, *others) = items
+    return list(_several(_OWN.task, _until(others, lambda: clock.monotonic() > end, first)))
 
 
 _OWN = threading.local()
-_FOLDERS: list[TemporaryDirectory[str]] = []
 
 
 @cache
-def _load(plugin: Path | tuple[str, bytes]) -> None:
-    """A file with users' actuators, or its name and content: once a process."""
+def _load(plugin: Path) -> None:
     from asrsim.actuators.user import load_plugin_file
 
-    if isinstance(plugin, tuple):
-        folder = TemporaryDirectory(prefix="asrsim-plugin-")
-        _FOLDERS.append(folder)
-        name, content = plugin
-        plugin = Path(folder.name) / name
-        plugin.write_bytes(content)
     load_plugin_file(plugin)
 
 
-def _several(task: Task, items: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
+def _until(pairs: Iterable[tuple[int, Any]], stop: Stop | None, *first: tuple[int, Any]) -> Iterator[tuple[int, Any]]:
+    """`first`, then pairs until `stop` returns True."""
+    yield from first
+    for pair in pairs:
+        if stop is not None and stop():
+            return
+        yield pair
+
+
+def _several(task: Task, pairs: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
     if hasattr(task, "several"):
-        return iter(task.several(items))
-    return ((number, task(item)) for number, item in items)
+        return iter(task.several(pairs))
+    return ((number, task(item)) for number, item in pairs)
 
 
 def _close(task: Task | None) -> None:
     release = getattr(task, "close", None)
     if release is not None:
         release()
-
-
-def _pickled(what: object) -> bytes:
-    """For other processes. Raises SimulationError where it cannot be sent."""
-    try:
-        return pickle.dumps(what)
-    except Exception as error:
-        message = f"the work cannot be sent to other processes: {type(error).__name__}: {error}"
-        raise SimulationError(message) from error

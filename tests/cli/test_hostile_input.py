@@ -9,27 +9,27 @@ import pytest
 import asrsim
 from asrsim.errors import InputError
 from asrsim.recordings import read_recording
-from asrsim.sweeps.fitted import read_fit
+from asrsim.sweeps.fitted import joint_of
 from support.paths import ROOT
 
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 
 
 def test_more_draws_than_a_study_may_have_are_refused() -> None:
-    with pytest.raises(InputError, match="must be at most"):
+    with pytest.raises(InputError, match="must be 1 to"):
         asrsim.sweep(SCENARIO, {"link_1.mass": "uniform(0.3, 0.5)"}, variants=["soft"], samples=10**23)
 
 
 @pytest.mark.parametrize(
     ("fit", "message"),
     [
-        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys must be a list"),
-        ({"keys": [], "mean": [], "covariance": []}, "keys must be a list"),
+        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys is no list"),
+        ({"keys": [], "mean": [], "covariance": []}, "0 keys need"),
     ],
 )
 def test_a_fit_names_its_keys_in_a_list(fit: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_fit(fit)
+        joint_of(fit)
 
 
 @pytest.mark.parametrize("side", ["commands", "sensors"])

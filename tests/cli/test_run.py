@@ -395,6 +395,13 @@ def test_a_missing_scenario_is_one_line(tiny, asrsim_command) -> None:
     assert "nowhere.yaml" in outcome.err
 
 
+def test_accuracy_is_drawn_where_it_was_asked_for(tiny, asrsim_command) -> None:
+    for options, drawn in (((), False), (("--certify",), True)):
+        outcome = asrsim_command("run", tiny.scenario, *options, "-o", tiny.folder / "out", "--set", "duration=0.1")
+        assert outcome.code == 0
+        assert (tiny.folder / "out" / "accuracy.png").exists() == drawn
+
+
 def test_certify_reports_the_numerical_error(tiny, asrsim_command) -> None:
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--certify", "--json", "--set", "duration=0.5")
     certificate = json.loads(outcome.out)["runs"][0]["certificate"]
@@ -504,11 +511,12 @@ def test_every_command_has_help_with_an_example(asrsim_command, name: str) -> No
 
 def test_the_list_of_commands_says_whole_sentences(asrsim_command) -> None:
     """Nothing is cut off with dots, however narrow the terminal is."""
-    listed = asrsim_command("-h").out.split("Commands:\n")[1]
-    told = [" ".join(entry.split()) for entry in re.split(r"^  (?=\w)", listed, flags=re.MULTILINE)[1:]]
-    assert [entry.split()[0] for entry in told] == list(COMMANDS)
+    listed = asrsim_command("-h").out.split("Simulate:\n")[1]
+    entries = [" ".join(entry.split()) for entry in re.split(r"^  (?=\w)|^\w.*:$", listed, flags=re.MULTILINE)]
+    entries = [entry for entry in entries if entry]
+    assert [entry.split()[0] for entry in entries] == list(COMMANDS)
     assert "..." not in listed
-    assert all(entry.endswith(".") for entry in told)
+    assert all(entry.endswith(".") for entry in entries)
 
 
 def test_version_and_unknown_commands(asrsim_command) -> None:

@@ -419,7 +419,7 @@ def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("joint", "block", "said"),
     [
-        ('<gazebo reference="joint_1"><stribeckVelocity>0.1</stribeckVelocity></gazebo>', "", "has no effect"),
+        ('<gazebo reference="joint_1"><stribeckVelocity>0.2</stribeckVelocity></gazebo>', "", "has no effect"),
         ('<gazebo reference="joint_9"><loadFriction>0.1</loadFriction></gazebo>', "", "no such joint"),
         ('<gazebo reference="joint_1"><loadFriction>1.5</loadFriction></gazebo>', "", "nothing moves it"),
         ("", "<mot_1_velStribeck>0.3</mot_1_velStribeck>", "no effect without motor_1_stribeck_friction"),

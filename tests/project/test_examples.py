@@ -10,7 +10,8 @@ import pytest
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.metrics import evaluate_expectation
 from asrsim.metrics.expect import body_columns
-from asrsim.robot import engine_urdf, load_robot
+from asrsim.robot import load_robot
+from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.simulation.run import simulate
 from support.paths import EXAMPLES
@@ -33,7 +34,7 @@ def test_robots_load_without_a_remark(path):
     robot = load_robot(path)
     plain = ["no-actuators"] if path.stem == "plain_arm" else []
     assert [warning.code for warning in robot.warnings] == plain
-    assert engine_urdf(robot, visuals=True)[1] == ()
+    assert usable_shapes(robot, visuals=True)[1] == ()
     assert "where they come from" in path.read_text()
 
 

@@ -14,7 +14,7 @@ import pytest
 
 import asrsim
 from asrsim import versions
-from asrsim.errors import InputError, SimulationError
+from asrsim.errors import SimulationError
 from asrsim.sweeps import make_study
 from asrsim.sweeps.run import Progress
 from asrsim.workers import cluster, do_items
@@ -136,66 +136,13 @@ def test_a_scheduler_that_goes_is_told_of_and_its_rows_are_kept(scheduler: tuple
     address, process = scheduler
     worker = start_worker(address)
     try:
-        with pytest.raises(SimulationError, match="has gone; what has come is kept"):
+        with pytest.raises(SimulationError, match="has gone; rows that have come are kept"):
             asrsim.sweep(study_of(3000), out=tmp_path / "s", cluster=address, progress=lambda _: process.kill())
     finally:
         worker.kill()
         worker.wait()
     there = asrsim.sweep(study_of(3000), out=tmp_path / "s", resume=True, stop=lambda: True)
     assert 0 < len(there) < 3000
-
-
-def put_slurm(folder: Path, monkeypatch, submit: str) -> None:
-    """Slurm's commands; submit: what `sbatch` does with the job's script, $1."""
-    for name, what in (("sbatch", submit), ("scancel", 'kill "$@"')):
-        (folder / name).write_text(f"#!/bin/sh\n{what}\n")
-        (folder / name).chmod(0o755)
-    monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
-
-
-@pytest.mark.slow
-def test_a_file_of_jobs_starts_the_workers_of_a_study(tmp_path: Path, monkeypatch):
-    pytest.importorskip("dask_jobqueue")
-    # A copy: the script goes as soon as it is submitted.
-    put_slurm(tmp_path, monkeypatch, 'cat "$1" > "$0.$$"; bash "$0.$$" > "$0.$$.out" 2>&1 & echo "Submitted batch job $!"')
-    file = tmp_path / "jobs.yaml"
-    file.write_text("slurm: {jobs: 2, cores: 1, processes: 1, memory: 1GB}\n")
-    there = asrsim.sweep(study_of(60), out=tmp_path / "jobs", cluster=file)
-    here = asrsim.sweep(study_of(60), out=tmp_path / "here", workers=1)
-    assert there.to_arrow().drop_columns("seconds").equals(here.to_arrow().drop_columns("seconds"))
-
-
-@pytest.mark.slow
-def test_a_system_that_is_not_there_or_takes_no_job_is_told_of(tmp_path: Path, monkeypatch):
-    pytest.importorskip("dask_jobqueue")
-    file = tmp_path / "jobs.yaml"
-    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
-    with pytest.raises(InputError, match=r"cannot begin the jobs: FileNotFoundError: .*sbatch"):
-        cluster.Cluster(file).__enter__()
-    file.write_text("slurm: {jobs: 2, cores: 1, memry: 1GB}\n")
-    with pytest.raises(InputError, match=r"cannot begin the jobs: .*memry"):
-        cluster.Cluster(file).__enter__()
-    file.write_text("slurm: {jobs: 2, cores: 1, memory: 1GB}\n")
-    put_slurm(tmp_path, monkeypatch, 'echo "invalid account" >&2; exit 1')
-    with pytest.raises(InputError, match=r"cannot begin the jobs: .*invalid account"):
-        cluster.Cluster(file).__enter__()
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("slum: {jobs: 2}", "must name one system of jobs"),
-        ("{slurm: {jobs: 2}, pbs: {jobs: 2}}", "must name one system of jobs"),
-        ("local: 3", "the system's options must be a mapping"),
-        ("local: {jobs: two, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
-        ("local: {jobs: 0, cores: 1, memory: 1GB}", "'jobs' must be a whole number of at least 1"),
-    ],
-)
-def test_what_is_wrong_in_a_file_of_jobs_is_told_before_anything_runs(text: str, told: str, tmp_path: Path):
-    file = tmp_path / "jobs.yaml"
-    file.write_text(text)
-    with pytest.raises(InputError, match=told):
-        cluster.Cluster(file).__enter__()
 
 
 class Tripled:

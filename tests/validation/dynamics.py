@@ -33,7 +33,7 @@ class Twin:
         import pinocchio as pin
 
         self.pin = pin
-        text, _ = engine_urdf(robot, visuals=False)
+        text, _ = engine_urdf(robot)
         with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(text, encoding="utf-8")

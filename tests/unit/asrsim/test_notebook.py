@@ -53,6 +53,12 @@ def test_plot_gives_a_figure_of_what_is_asked(result, tmp_path):
         result.plot(quantities=["link_psition"])
 
 
+def test_a_plot_and_a_film_strip_show_themselves(result):
+    """IPython shows what has `_repr_png_`."""
+    assert result.plot()._repr_png_().startswith(b"\x89PNG")
+    assert result.render(frames=3)._repr_png_().startswith(b"\x89PNG")
+
+
 def test_pandas_and_xarray_hold_the_same_numbers(result):
     pytest.importorskip("pandas")
     pytest.importorskip("xarray")

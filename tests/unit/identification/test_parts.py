@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import replace
-from itertools import permutations
 from pathlib import Path
 
 import numpy as np
@@ -12,33 +11,16 @@ import pytest
 
 from asrsim.errors import InputError
 from asrsim.identification import identify, task_of
-from asrsim.identification.causes import jumps_or_bristles
-from asrsim.identification.data import Channel
+from asrsim.identification.balance import TorqueTrack
+from asrsim.identification.causes import presliding
 from asrsim.identification.extensions import extended
-from asrsim.identification.inverse import InverseTrack
-from asrsim.identification.judge import ChannelFit, verdict
-from asrsim.identification.noise import first_samples
+from asrsim.identification.judge import fits_noise
 from asrsim.identification.problem import Weights
-from asrsim.identification.search import fits_noise
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
 
 pytestmark = pytest.mark.once
-
-
-def test_the_start_of_a_link_is_that_of_its_first_15_samples() -> None:
-    """Of a link that goes on as it begins: the value at 0 of a parabola through them, with its standard error."""
-    time, noise = 0.001 * np.arange(100), 0.01
-    values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time, 1e3)
-    channel = Channel(
-        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
-    )
-    found = first_samples(channel, 0.05)
-    assert found is not None
-    basis = np.vander(time[:15], 3, increasing=True)
-    errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
-    assert found == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
 
 
 def setup_of(
@@ -95,7 +77,7 @@ def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_pa
     with ExitStack() as stack:
         setup = setup_of(stack, tmp_path, columns, {"mode": 0, "damping": 0.0}, ["joint_1.damping", "joint_1.friction"])
         (track,) = setup.problem.tracks
-        assert isinstance(track, InverseTrack)
+        assert isinstance(track, TorqueTrack)
         (channel,) = track.channels
         # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
         assert np.diff(channel.time).min() == pytest.approx(0.01)
@@ -131,7 +113,7 @@ def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, trut
         setup = set_up(task_of(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
         weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
         problem = replace(setup.problem, weights=weights)
-        found = extended(problem, np.zeros(1), jumps_or_bristles(setup.robot), enough=fits_noise)
+        found = extended(problem, np.zeros(1), lambda wider, _: presliding(wider, setup.robot), enough=fits_noise)
         wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]
         assert [entry.name for entry in found.problem.layout.entries] == ["joint_1.damping", *wanted]
         assert found.problem.layout.values(found.x) == pytest.approx([SEA["damping"], truth][: len(found.x)], rel=0.05)
@@ -161,17 +143,6 @@ def test_motors_whose_zero_is_free_begin_where_the_scenario_says(tmp_path: Path)
             )
 
 
-def test_what_one_recording_of_several_shows_is_a_reason() -> None:
-    """Loud residuals, or a swing in them, of one recording are not outvoted by others."""
-    numbers = {"key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 2.0, "held_before": 9.0, "held_after": 2.0}
-    quiet = ChannelFit(recording="a", correlation=0.0, explained=0.9, **numbers)
-    assert verdict([quiet, replace(quiet, recording="b")]) == []
-    for fault, words in (({"swings": True}, "a swing is left"), ({"loud": True}, "what is left is 2 times the noise")):
-        for fits in permutations([quiet, replace(quiet, recording="b", **fault)]):
-            (reason,) = verdict(fits)
-            assert words in reason
-
-
 def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_deviation() -> None:
     """Of a score's sum over 12 blocks: one that spreads as foretold, less, a little more, and thrice as wide."""
     signs = np.array([1.0, -1.0] * 6)
@@ -179,7 +150,7 @@ def test_blocks_that_differ_no_more_than_noise_lets_them_leave_the_ordinary_devi
     scores = signs[:, None] * scales / np.sqrt(12.0 * 12.0 / 11.0)
     nothing = np.empty(0)
     told = Uncertainty(
-        inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing, variance=1.0,
+        inverse=nothing, covariance=nothing, deviation=nothing, jacobian=nothing, quantile=nothing,
         noise=np.eye(4), freedom=1e9, scores=scores, firsts=np.zeros(1, np.intp),
     )  # fmt: skip
     deviation, quantile = told.deviations(np.eye(4))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from asrsim.identification import door, task_of
-from asrsim.identification.inverse import InverseTrack
+from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.played import Draw
 from asrsim.identification.problem import Problem, Weights, jacobian, solve
 from asrsim.identification.setup import set_up
@@ -138,8 +138,8 @@ def torque_driven(noises: tuple[float, ...], step: int = 1) -> dict[str, np.ndar
 @pytest.mark.parametrize(
     ("noises", "tags", "free", "kind"),
     [
-        ((1e-5,), "", "joint_1.damping", InverseTrack),
-        ((1e-5, 1e-5), "", "joint_1.damping", InverseTrack),
+        ((1e-5,), "", "joint_1.damping", TorqueTrack),
+        ((1e-5, 1e-5), "", "joint_1.damping", TorqueTrack),
         ((1e-5, 1e-3), "", "joint_1.damping", Track),
         ((1e-5, 3e-2), "", "joint_1.damping", Track),
         ((1e-5,), "", "joint_1.passive_stiffness=1", Track),
@@ -180,7 +180,7 @@ def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) 
         columns["joint_1.link_position [rad]"] += 1.5e-4 * np.random.default_rng(seed).normal(size=len(SWEEP))
         with ExitStack() as stack:
             setup = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
-            assert isinstance(setup.tracks[0], InverseTrack)
+            assert isinstance(setup.tracks[0], TorqueTrack)
             problem = replace(setup, weights=((Weights(1e-3),),))
             x = solve(problem, np.zeros(1))
             found.append((float(x[0]), float(unbiased(problem, x)[0])))

@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asrsim.actuators import ACTUATORS, AwasII, Bavs, QbMove, Sea
+from asrsim.actuators import AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
-from asrsim.kinematics import compensation, equilibrium_for_load
+from asrsim.kinematics import equilibrium_for_load
 from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
-from asrsim.robot import drive_of, load_robot
-from asrsim.robot.mounting import with_actuators
-from support.robots import drive_with, write_plain_arm
+from support.robots import drive_with
+
+
+def rest(drive, position, references):
+    """Positions of the motors of one instant."""
+    return resting_motors(drive, np.array([position]), np.array(references)[:, None], limited=False)[:, 0]
+
 
 CASES = {
     "sea": (Sea, (200.0, 0.8), 0.0, (-120.0, -0.0785, 0.0, 3.0, 159.0)),
@@ -65,32 +69,16 @@ def test_equilibria_over_a_motion_are_those_of_its_instants(name):
     time = np.linspace(0.0, 1.0, 40)
     position, load = 0.8 * np.sin(5.0 * time), min(loads) + (max(loads) - min(loads)) * time
     for droop in (False, True):
-        found = equilibria_for_loads(drive, time, position, load, np.full(40, preset), droop=droop)
+        found = equilibria_for_loads(drive, position, load, np.full(40, preset), droop=droop)
         alone = [equilibrium_for_load(drive, *row, preset, droop=droop) for row in zip(position, load, strict=True)]
         assert found == pytest.approx(np.array(alone), abs=1e-11)
-
-
-def test_a_motion_asks_the_law_of_springs_as_often_as_ten_instants(monkeypatch):
-    """All instants are solved at once: a task of some seconds has thousands."""
-    law, calls = compensation.over_arrays(QbMove.elastic_torques), []
-    monkeypatch.setattr(compensation, "over_arrays", lambda _: lambda *given: calls.append(1) or law(*given))
-    monkeypatch.setattr(compensation, "equilibrium_for_load", None)
-    drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8), proportional=(90.0, 90.0), integral=(0.0, 0.0))
-    counts = []
-    for instants in (10, 4000):
-        calls.clear()
-        time = np.linspace(0.0, 1.0, instants)
-        load = np.sin(5.0 * time)
-        equilibria_for_loads(drive, time, 0.5 * np.cos(5.0 * time), load, np.full(instants, 0.3), droop=True)
-        counts.append(len(calls))
-    assert counts[1] < 2 * counts[0]
 
 
 def test_a_motion_beyond_a_spring_names_the_time():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
     with pytest.raises(LoadError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
-        equilibria_for_loads(drive, time, nothing, 10.0 * time, nothing, droop=False)
+        equilibria_for_loads(drive, nothing, 10.0 * time, nothing, droop=False, time=time)
 
 
 def test_motors_at_rest_balance_their_springs():
@@ -98,18 +86,18 @@ def test_motors_at_rest_balance_their_springs():
     drive = drive_with(QbMove, mode=6, spring=spring,
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(12.0, 12.0),
     )  # fmt: skip
-    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(0.3, 0.6), limited=False)
+    theta = rest(drive, 0.1, drive.actuator.motor_references(0.3, 0.6))
     torques = QbMove.elastic_torques(0.1, *theta, spring)
     for reference, resting, torque in zip((0.9, -0.3), theta, torques, strict=True):
         assert 125.0 * (reference - resting) == pytest.approx(torque, abs=1e-10)
     equilibrium = equilibrium_for_load(drive, 0.1, 1.5, 0.4, droop=True)
-    theta = resting_motors(drive, 0.1, drive.actuator.motor_references(equilibrium, 0.4), limited=False)
+    theta = rest(drive, 0.1, drive.actuator.motor_references(equilibrium, 0.4))
     assert sum(QbMove.elastic_torques(0.1, *theta, spring)) == pytest.approx(1.5, abs=1e-10)
 
 
 def test_an_integral_term_leaves_no_droop():
     drive = drive_with(Sea, mode=6, spring=(200.0, 0.8), proportional=(125.0,), integral=(1.0,), max_torque=(20.0,))
-    assert resting_motors(drive, 0.0, drive.actuator.motor_references(0.4, 0.0), limited=False)[0] == 0.4
+    assert rest(drive, 0.0, drive.actuator.motor_references(0.4, 0.0))[0] == 0.4
 
 
 def test_a_motor_too_weak_for_the_pretension_is_named():
@@ -140,7 +128,7 @@ def random_drive(generator):
 def test_springs_at_their_deflection_limit_still_have_statics():
     """All loads from none to the most that the springs hold, and the ends themselves, with the motors' droop."""
     generator = np.random.default_rng(11)
-    for _ in range(60):
+    for _ in range(12):
         drive, preset = random_drive(generator)
         law = drive.actuator.elastic_torques
         for side in (-1.0, 1.0):
@@ -148,7 +136,7 @@ def test_springs_at_their_deflection_limit_still_have_statics():
             most = sum(law(0.0, far[0], preset if drive.actuator.adjuster else far[1], drive.elastic))
             for share in (0.0, generator.uniform(0.0, 1.0), 0.9, 0.999999, 1.0):
                 equilibrium = equilibrium_for_load(drive, 0.0, share * most, preset, droop=True)
-                motors = resting_motors(drive, 0.0, drive.actuator.motor_references(equilibrium, preset), limited=False)
+                motors = rest(drive, 0.0, drive.actuator.motor_references(equilibrium, preset))
                 assert sum(law(0.0, *motors, drive.elastic)) == pytest.approx(share * most, rel=1e-9, abs=1e-9)
 
 
@@ -157,39 +145,21 @@ def test_motors_rest_where_springs_without_a_limit_let_them_however_far_they_are
     """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
     spring = (11.0, 0.02, 11.0, 0.02, 300.0)
     drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
-    found = [resting_motors(drive, 0.0, (side * wanted, side * wanted), limited=False) for side in (1.0, -1.0)]
+    found = [rest(drive, 0.0, (side * wanted, side * wanted)) for side in (1.0, -1.0)]
     assert found[0] == pytest.approx((-found[1][0], -found[1][1]))
     torques = QbMove.elastic_torques(0.0, *found[0], spring)
     assert max(torques) < 125.0 * wanted
-    for rest, torque in zip(found[0], torques, strict=True):
-        assert 125.0 * (wanted - rest) == pytest.approx(torque, rel=1e-6)
+    for theta, torque in zip(found[0], torques, strict=True):
+        assert 125.0 * (wanted - theta) == pytest.approx(torque, rel=1e-6)
 
 
 def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
     generator = np.random.default_rng(5)
-    for _ in range(300):
+    for _ in range(60):
         drive, preset = random_drive(generator)
         position, equilibrium = generator.uniform(-3.0, 3.0, 2)
-        motors = resting_motors(drive, position, drive.actuator.motor_references(equilibrium, preset), limited=False)
+        motors = rest(drive, position, drive.actuator.motor_references(equilibrium, preset))
         torques = drive.actuator.elastic_torques(position, *motors, drive.elastic)
         references = drive.actuator.motor_references(equilibrium, preset)
         for motor in range(drive.actuator.motors):
             assert motors[motor] == pytest.approx(references[motor] - torques[motor] / drive.proportional[motor], abs=1e-9)
-
-
-@pytest.mark.parametrize("actuator", ["sea", "qbmove", "awas_ii", "bavs"])
-@pytest.mark.parametrize("mode", [3, 5, 6])
-def test_a_drive_has_the_numbers_of_its_block(actuator, mode, tmp_path):
-    """Every value of a block differs from every other, and each is where its name says."""
-    kind = ACTUATORS.get(actuator)
-    parameters = {one.name: 0.001 * (7 + i) for i, one in enumerate(kind.all_parameters()) if not one.optional}
-    write_plain_arm(tmp_path, lengths=(0.3,), masses=(0.8,))
-    robot = with_actuators(load_robot(tmp_path / "arm.urdf"), {"joint_1": (actuator, mode)}, {"joint_1": parameters})
-    drive = drive_of(robot.actuators[0])
-    moving = range(1, kind.motors + 1) if mode > 3 else ()
-    assert drive.elastic == tuple(parameters[one.name] for one in kind.parameters)
-    for name, values in (("max_torque", drive.max_torque), ("inertia", drive.motor_inertia), ("damping", drive.motor_damping),
-                         ("friction_torque", drive.motor_friction), ("max_velocity", drive.max_velocity)):  # fmt: skip
-        assert values == tuple(parameters[f"motor_{i}_{name}"] for i in moving)
-    for name in ("proportional", "integral", "derivative"):
-        assert getattr(drive, name) == tuple(parameters[f"controller_{i}_{name}"] for i in moving)

@@ -14,7 +14,6 @@ from asrsim.actuators import QbMove
 from asrsim.errors import InputError, ScenarioError
 from asrsim.kinematics import plan_references
 from asrsim.kinematics.drive_inverse import drive_backwards
-from asrsim.kinematics.inverse import Losses
 from asrsim.learning import learn
 from asrsim.learning.arm import learning_model
 from asrsim.learning.hardware import next_input
@@ -180,18 +179,6 @@ def test_one_joint_of_a_soft_arm_learns_while_the_others_follow(joint, tmp_path)
     alone = replace(arm, scenario={**arm.scenario, "references": {**given, **others}})
     _, result, _ = learned(alone, tmp_path, trajectory={joint: motions[joint]})
     assert result.converged
-
-
-def test_losses_are_those_of_the_joint(tmp_path):
-    robot = make_plant(random_arm(5).make(tmp_path)).robot
-    assert Losses.of(robot, "joint_1").damping == robot.joint("joint_1").damping
-    limited = replace(robot.joint("joint_1"), effort=3.0)
-    for (lower, upper), stops in (((-0.5, 0.7), (-0.5, 0.7)), ((None, None), (-np.inf, np.inf))):
-        joints = tuple(
-            replace(limited, lower=lower, upper=upper) if joint.name == "joint_1" else joint for joint in robot.joints
-        )
-        found = Losses.of(replace(robot, joints=joints), "joint_1")
-        assert (*found.stops, found.effort) == (*stops, 3.0)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -11,7 +11,6 @@ import pytest
 
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics.desired import DesiredMotion
-from asrsim.kinematics.drive_forward import motor_positions
 from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
 from asrsim.learning.arm import learning_model
 from asrsim.learning.contraction import FREQUENCIES, responses, rows_of, zero_phase_amplitude
@@ -177,18 +176,6 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
         inputs = inverse.inputs_at(plant.time)
     moved = (plant.outputs(inputs + bump) - plant.outputs(inputs))[rows]
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()
-
-
-@pytest.mark.parametrize("count", [201, 801])
-def test_motors_are_followed_as_their_equation_has_it(count):
-    """Without spring torque: J a + (D + d) v + P (theta - goal) = 0, from rest."""
-    time = np.linspace(0.0, 0.4, count)
-    drive = sea(mode=6, k=1e-12, max_torque=(1e3,), max_velocity=(1e3,))
-    found = motor_positions(drive, time, np.zeros(count), np.full(count, 0.5), np.zeros(count))[:, 0]
-    decay, natural = (0.27 + 4.5) / (2 * 0.0233), 125.0 / 0.0233
-    slow, fast = (-decay + root for root in (math.sqrt(decay**2 - natural), -math.sqrt(decay**2 - natural)))
-    expected = 0.5 * (1 - (fast * np.exp(slow * time) - slow * np.exp(fast * time)) / (fast - slow))
-    assert found == pytest.approx(expected, abs=2e-3 if count == 201 else 2e-4)
 
 
 @pytest.mark.parametrize("length", [2, 3, 6, 101])

@@ -123,6 +123,14 @@ def test_a_strip_has_so_many_frames_at_even_times(log: Path, tmp_path: Path):
     assert dark.any()
 
 
+def test_the_ghost_stands_where_springs_are_without_load(log: Path):
+    """At the start the link is at its equilibrium, and the ghost is hidden; after the step both are apart."""
+    film = Film(log, size=120, sharpness=1)
+    start, later = ((film.ghosted(time).image.astype(int) - film.frame(time).image) for time in (0.0, 0.2))
+    assert np.abs(start).max() <= 1
+    assert (np.abs(later).max(axis=2) > 10).mean() > 0.01
+
+
 def test_a_gif_plays_for_as_long_as_the_run(log: Path, tmp_path: Path):
     from PIL import Image
 

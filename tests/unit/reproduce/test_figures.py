@@ -158,7 +158,7 @@ class Links(HTMLParser):
 def test_the_page_needs_nothing_else_and_says_everything(asrsim_command, figures, tmp_path):
     figures["99"] = figure(claim(), claim(2.0, text="it moves far"))
     figures["7"] = figure(claim(), number=7)
-    result = asrsim_command("reproduce", "--out", "here", "--processes", "1")
+    result = asrsim_command("reproduce", "--out", "here", "--workers", "1")
     assert result.code == 1
     assert "FAIL figure 99: it moves far: travel is 2 rad, expected 1 ± 0.1 rad" in result.err
     page = (tmp_path / "here" / "reproduce.html").read_text()
@@ -179,7 +179,7 @@ def test_the_page_needs_nothing_else_and_says_everything(asrsim_command, figures
 def test_a_figure_that_cannot_be_run_fails_and_the_others_go_on(asrsim_command, figures):
     figures["7"] = figure(number=7, error="the box is gone")
     figures["99"] = figure(claim())
-    result = asrsim_command("reproduce", "--out", "here", "--processes", "1", "--json")
+    result = asrsim_command("reproduce", "--out", "here", "--workers", "1", "--json")
     assert result.code == 1
     data = json.loads(result.out)
     assert data["ok"] is False

@@ -144,7 +144,7 @@ def test_numbers(text: str, value: float) -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "abc", "1,5", "0.5 Nm", "1/0", "pow(10,400)", "pow(-1,0.5)", "__import__('os')", "2**3", "1e999*2", "(((1)", "pow(1)",
-     "(" * 100 + "1" + ")" * 100, "-" * 150 + "1", "1+" * 200 + "1", "1e5e5", "os.system"],
+     "(" * 100 + "1" + ")" * 100, "1+" * 200 + "1", "1e5e5", "os.system"],
 )  # fmt: skip
 def test_bad_numbers_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):

@@ -14,7 +14,8 @@ from lxml import etree
 
 from asrsim.cli.findings import robot_report
 from asrsim.errors import AsrsimError, RobotError
-from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_findings
+from asrsim.robot import engine_urdf, load_robot, merge_fixed, step_figures, step_findings
+from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 from support.damage import damaged
@@ -40,9 +41,9 @@ def read(seed: int, folder: Path) -> str:
         warnings.simplefilter("error")
         try:
             robot = load_robot(write(seed, folder))
-            engine_urdf(robot, visuals=True)
+            usable_shapes(robot, visuals=True)
             engine_urdf(merge_fixed(robot).robot)
-            step_findings(robot, step=1e-3)
+            step_findings(robot, step_figures(robot, step=1e-3), step=1e-3)
         except RobotError:
             return "error"
     return "robot"

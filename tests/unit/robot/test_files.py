@@ -138,6 +138,11 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         (GOOD + link("c") + joint("k", "b", "c", '<child link="a"/>' + LIMIT), "missing-tag"),
         (link("a", "") + joint("j", "a", "b") + link("b", ""), "massless-joint"),
         (link("a", "") + joint("j", "a", "b") + link("b", MASSLESS), "massless-joint"),
+        (link("a", "") + joint("j", "a", "b", kind="planar") + link("b"), "joint-type"),
+        (GOOD.replace('"j"', f'"{"j" * 300}"'), "long-name"),
+        (GOOD.replace(INERTIAL, INERTIAL * 2), "duplicate-tag"),
+        (GOOD.replace('<mass value="1"/>', ""), "missing-tag"),
+        (GOOD.replace('<inertia ixx="0.1" iyy="0.1" izz="0.1"/>', ""), "missing-tag"),
     ],
 )  # fmt: skip
 def test_bad_structure(read: Callable[..., Robot], body: str, code: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from asrsim.engines import ENGINES
 from asrsim.robot import Robot, engine_urdf, load_robot
-from asrsim.robot.mesh_colours import mesh_colour
+from asrsim.robot.engine_text import usable_shapes
 from asrsim.scenario import make_scenario
 from asrsim.simulation.run import simulate
 from support.pinocchio_model import ALTEREGO, dynamics, farthest
@@ -42,35 +42,12 @@ def test_a_shipped_robot_is_driven_and_drawn(name: str, tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("</robot>", blocks + "</robot>"))
     robot = load_robot(path)
     assert len(robot.actuators) == len(robot.moving_joints)
-    text, warnings = engine_urdf(robot, visuals=True)
+    drawn, warnings = usable_shapes(robot, visuals=True)
     assert not [problem for problem in warnings if problem.code.startswith("missing")]
-    assert text.count("<visual>") == sum(len(link.visuals) for link in robot.links)
+    assert [len(link.visuals) for link in drawn.links] == [len(link.visuals) for link in robot.links]
     run = simulate(make_scenario(path, duration=0.02, base={"fixed": SHIPPED[name], "position": [0, 0, 1]}))
     assert run.samples is not None
     assert np.isfinite(run.samples.values["link_position"]).all()
-
-
-DAE = """<COLLADA><library_effects><effect id="e1"><diffuse><color>1 0 0 1</color></diffuse></effect>
-<effect id="e2"><diffuse><color>0 0 1 0</color></diffuse></effect></library_effects>
-<library_materials><material id="m1"><instance_effect url="#e1"/></material>
-<material id="m2"><instance_effect url="#e2"/></material></library_materials>
-<geometry><mesh><triangles material="s1" count="10"/><triangles material="s2" count="20"/></mesh></geometry>
-<instance_material symbol="s1" target="#m1"/><instance_material symbol="s2" target="#m2"/></COLLADA>"""
-
-
-@pytest.mark.parametrize(
-    ("text", "colour"),
-    [
-        (DAE, (0.0, 0.0, 1.0, 1.0)),
-        (DAE.replace('count="20"', 'count="x"'), (1.0, 0.0, 0.0, 1.0)),
-        (DAE.replace("0 0 1 0", "0 0"), (1.0, 0.0, 0.0, 1.0)),
-        ("<COLLADA/>", None),
-        ("no xml", None),
-    ],
-)
-def test_a_mesh_has_the_colour_of_most_of_its_triangles(text: str, colour: tuple | None, tmp_path: Path) -> None:
-    (tmp_path / "m.dae").write_text(text)
-    assert mesh_colour(tmp_path / "m.dae") == colour
 
 
 # -- engines -----------------------------------------------------------------------------------------------------------

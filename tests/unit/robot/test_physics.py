@@ -12,7 +12,8 @@ import pytest
 
 from asrsim.errors import ScenarioError
 from asrsim.robot import Robot, engine_urdf, load_robot, step_figures, step_findings, with_overrides
-from asrsim.robot.inertia import zero_pose_inertia
+from asrsim.robot.engine_text import usable_shapes
+from asrsim.robot.inertia import effective_inertia, zero_pose_matrix
 
 
 def pendulum(extra: str = "", *, block: str = "", inertia: float = 1e-6, dynamics: str = "", body: str = "") -> str:
@@ -51,15 +52,6 @@ def mesh(name: str) -> str:
     return f'<geometry><mesh filename="{name}" scale="1 1 1"/></geometry>'
 
 
-def test_simulator_blocks_are_stripped_and_the_rest_kept(read: Callable[[str], Robot]) -> None:
-    robot = read(pendulum('<transmission name="t"/><gazebo reference="l"/>', block=plugin("sea", 3)))
-    text, warnings = engine_urdf(robot)
-    assert "gazebo" not in text
-    assert "transmission" not in text
-    assert 'effort="300.0"' in text
-    assert warnings == ()
-
-
 def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(
     read: Callable[[str], Robot], tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
 ) -> None:
@@ -82,13 +74,12 @@ def test_meshes_are_resolved_only_inside_the_folder_and_named_packages(
     assert str(outside) not in text
 
 
-def test_missing_visuals_are_one_warning_and_none_without_visuals(read: Callable[[str], Robot]) -> None:
+def test_missing_visuals_share_one_warning(read: Callable[[str], Robot]) -> None:
     robot = read(pendulum(body=f"<visual>{mesh('a.dae')}</visual><visual>{mesh('b.dae')}</visual>"))
-    text, warnings = engine_urdf(robot, visuals=True)
-    assert "<visual>" not in text
+    drawn, warnings = usable_shapes(robot, visuals=True)
+    assert not any(link.visuals for link in drawn.links)
     assert [problem.code for problem in warnings] == ["missing-visual-mesh"]
-    assert "2 visual meshes" in warnings[0].message
-    assert engine_urdf(robot)[1] == ()
+    assert usable_shapes(robot)[1] == ()
 
 
 def test_packages_of_the_environment_are_found(
@@ -105,61 +96,40 @@ def test_packages_of_the_environment_are_found(
 # -- inertia -----------------------------------------------------------------------------------------------------------
 
 
-def test_inertia_of_a_pendulum(read: Callable[[str], Robot]) -> None:
-    assert zero_pose_inertia(read(pendulum())).diagonal == {"j": pytest.approx(1e-6 + 0.2 * 0.04**2)}
-
-
-def test_effective_inertia_is_below_the_locked_one(read: Callable[[str], Robot]) -> None:
+def test_mass_matrix_and_effective_inertia_of_a_double_pendulum(read: Callable[[str], Robot]) -> None:
     second = (
         '<joint name="k" type="revolute"><parent link="l"/><child link="m"/><origin xyz="0 0 -0.1"/><axis xyz="0 1 0"/>'
         '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint>'
         '<link name="m"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
         '<inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>'
     )
-    inertia = zero_pose_inertia(read(pendulum(second)))
-    # M11, M12, M22 of a double pendulum, by hand.
+    matrix = zero_pose_matrix(read(pendulum(second)))
+    # M11, M12, M22 by hand.
     m22 = 0.01 + 0.1**2
     m11, m12 = 1e-6 + 0.2 * 0.04**2 + 0.01 + 0.2**2, 0.01 + 0.1 * 0.2
-    assert inertia.matrix == pytest.approx(np.array(((m11, m12), (m12, m22))))
-    assert inertia.effective["j"] == pytest.approx(m11 - m12**2 / m22)
+    assert matrix == pytest.approx(np.array(((m11, m12), (m12, m22))))
+    assert effective_inertia(matrix)[0] == pytest.approx(m11 - m12**2 / m22)
 
 
 # -- the step ----------------------------------------------------------------------------------------------------------
 
 
-def test_stiff_spring_is_found_at_the_step_that_cannot_resolve_it(read: Callable[[str], Robot]) -> None:
-    robot = read(pendulum(block=plugin("sea", 3, "<spring_k>400</spring_k>")))
+def test_figures_of_a_step_on_a_pendulum(read: Callable[[str], Robot]) -> None:
+    """I = 3.21e-4 kg m^2: natural frequency, c h / I and h (ctrl_D + mot_D) / mot_J."""
+    dynamics, tags = '<dynamics damping="0.1"/>', "<spring_k>400</spring_k><ctrl_D>2</ctrl_D><mot_D>1</mot_D><mot_J>0.1</mot_J>"
+    robot = read(pendulum(block=plugin("sea", 5, tags), dynamics=dynamics))
     (figures,) = step_figures(robot, step=1e-3)
-    assert figures.spring == pytest.approx(1e-3 * (400 / 3.21e-4) ** 0.5)
     assert figures.natural == pytest.approx((400 / 3.21e-4) ** 0.5 / (2 * np.pi))
-    assert figures.substeps == 6  # as measured in prototypes of this case
-    assert step_findings(robot, step=1e-3) == ()
-    (finding,) = step_findings(robot, step=2e-3)
-    assert (finding.code, finding.key, finding.line) == ("stiff-spring", "j", 5)
+    assert figures.damping == pytest.approx(0.1 * 1e-3 / 3.21e-4)
+    assert figures.motor_gain == pytest.approx(1e-3 * 3.0 / 0.1)
+    (mode_1,) = step_figures(with_overrides(robot, modes={"j": 1}), step=1e-3)
+    assert mode_1.link_gain == pytest.approx(1e-3 * 2.1 / 3.21e-4)
 
 
-@pytest.mark.parametrize(
-    ("text", "step", "code"),
-    [
-        (pendulum(dynamics='<dynamics damping="1"/>'), 1e-3, "explicit-damping"),
-        (pendulum(block=plugin("sea", 1, "<ctrl_D>1</ctrl_D>")), 1e-3, "link-gains"),
-        (pendulum(block=plugin("sea", 5), inertia=1.0), 10e-3, "motor-gains"),
-    ],
-)
-def test_limits_of_explicit_steps(read: Callable[[str], Robot], text: str, step: float, code: str) -> None:
-    robot = read(text)
-    assert [problem.code for problem in step_findings(robot, step=step)] == [code]
-    assert step_findings(robot, step=step / 10) == ()
-
-
-def test_motors_bound_the_reachable_stiffness(read: Callable[[str], Robot]) -> None:
-    """A steep spring would be very stiff at its limit, where no motor of 6 N m can bring it."""
-    tags = "<spring_a1>23</spring_a1><spring_a2>23</spring_a2><spring_k1>0.04</spring_k1><spring_k2>0.04</spring_k2>"
-    robot = read(pendulum(block=plugin("qbmove", 5, tags)))
-    (with_motors,) = step_figures(robot, step=1e-3)
-    (ideal,) = step_figures(with_overrides(robot, modes={"j": 3}), step=1e-3)
-    assert with_motors.stiffness == pytest.approx(2 * 23 * (12**2 + 0.04**2) ** 0.5, rel=1e-6)
-    assert ideal.stiffness > 1e6
+@pytest.mark.parametrize(("step", "codes"), [(9.9e-3, []), (9.4e-3, []), (10.1e-3, ["motor-gains"])])
+def test_motor_controllers_diverge_above_a_gain_of_2(read: Callable[[str], Robot], step: float, codes: list[str]) -> None:
+    robot = read(pendulum(block=plugin("sea", 5, "<ctrl_D>19</ctrl_D><mot_D>1</mot_D><mot_J>0.1</mot_J>")))
+    assert [problem.code for problem in step_findings(robot, step_figures(robot, step=step), step=step)] == codes
 
 
 # -- overrides ---------------------------------------------------------------------------------------------------------

@@ -321,22 +321,18 @@ def test_an_actuator_of_the_scenario_is_that_of_a_block_without_tags(tmp_path: P
             assert [one for one in mounted.actuators if one.joint == second] == [kept]
 
 
-def test_what_is_known_of_joints_stays_and_a_new_actuator_is_judged_anew(tmp_path: Path) -> None:
+def test_warnings_of_a_replaced_actuator_end_and_those_of_joints_stay(tmp_path: Path) -> None:
     plain = write_plain_arm(tmp_path)
     first, second = (joint.name for joint in load_robot(plain).moving_joints[:2])
     text = plain.read_text(encoding="utf-8")
     mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
     text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
-    text = text.replace("</robot>", PLUGIN.format("bavs", second, 3) + "</robot>")
-    (tmp_path / "other.urdf").write_text(text, encoding="utf-8")
+    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_maxVel>5</mot_1_maxVel></plugin>")
+    (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{block}</robot>"), encoding="utf-8")
     robot = load_robot(tmp_path / "other.urdf")
-    assert "mimic-joint" in {one.code for one in robot.warnings}
-    needed = {"motor_1_torque_constant": 0.1, "motor_1_resistance": 1.0}
-    scenario = make_scenario(
-        tmp_path / "other.urdf", duration=1.0, actuators={second: {"type": "sea", "mode": 7, "parameters": needed}}
-    )
-    found = {(one.code, (one.key or "").partition(".")[0]) for one in apply_to_robot(scenario, robot).warnings}
-    assert {("mimic-joint", first), ("own-mode", second)} <= found
+    assert {"mimic-joint", "ignored-by-toolbox"} <= {one.code for one in robot.warnings}
+    scenario = make_scenario(tmp_path / "other.urdf", duration=1.0, actuators={second: "sea"})
+    assert [one.code for one in apply_to_robot(scenario, robot).warnings] == ["mimic-joint"]
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="the system has no devices")

@@ -191,33 +191,6 @@ def test_a_curve_of_few_samples_goes_through_them(values, hold):
     assert np.all(np.isfinite(inside))
 
 
-def test_jumps_that_are_moved_leave_both_sides_as_they_were():
-    """Parabolas, which go on exactly; their jumps come a part of a step before the samples that show them."""
-    step, ends = 0.01, (0.8, 2.1)
-    time = step * np.arange(300)
-    sides = [np.polynomial.Polynomial(c) for c in ([0.1, 0.5, -0.3], [2.0, -1.0, 0.4], [-1.0, 0.3, 0.2])]
-
-    def motion(asked, jumps):
-        return np.choose(np.searchsorted(jumps, asked, side="right"), [side(asked) for side in sides])
-
-    curve = curve_through(time, motion(time, np.array(ends) - 1e-9))
-    assert curve.jumps == pytest.approx(ends)
-    asked = np.linspace(-0.5, time[-1], 4001)
-    for moves in ({0: 0.004, 1: 0.009}, {1: 0.005}, {0: 0.0, 1: 0.0}, {}):
-        jumps = np.array([end - moves.get(i, 0.0) for i, end in enumerate(ends)])
-        moved = curve.earlier(moves)
-        assert moved.jumps == pytest.approx(jumps)
-        assert moved.sizes == pytest.approx([sides[i + 1](at) - sides[i](at) for i, at in enumerate(jumps)])
-        clear = np.abs(np.subtract.outer(asked, jumps)).min(axis=1) > 1e-9
-        wanted = motion(np.maximum(asked, 0.0), jumps)
-        np.testing.assert_allclose(moved.values(asked)[clear], wanted[clear], atol=1e-9)
-        # Its integral from the first sample, before which that sample holds.
-        fine = np.cumsum(0.5 * (wanted[1:] + wanted[:-1]) * np.diff(asked))
-        found = moved.integral(asked)
-        np.testing.assert_allclose(found[1:] - found[0], fine, atol=2e-3)
-        assert moved.integral(np.array([-0.5, 0.0])) == pytest.approx([-0.5 * sides[0](0.0), 0.0], abs=1e-12)
-
-
 @pytest.mark.parametrize("at", [1.5, 2.0, 47.5])
 def test_a_summit_beside_an_end_is_no_jump(at):
     """Of two samples as high as each other the step between is 0, and those beside are infinitely larger."""

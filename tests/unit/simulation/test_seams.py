@@ -16,15 +16,8 @@ from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.vectorised import energy_over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
-<<<<<<< HEAD
 from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
-=======
-from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
-from asrsim.simulation.divergence import FLOOR, EnergyGuard
-from asrsim.simulation.effects import through
-from asrsim.simulation.inputs import Inputs
->>>>>>> parent of 1061bced (asrsim bench is gone: engine bench plays a motion into the actuators)
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate

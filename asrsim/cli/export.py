@@ -1,0 +1,71 @@
+"""`asrsim export`: the robot with its motors and springs, for other simulators."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from asrsim.cli.completion import variants
+from asrsim.cli.options import Json, Overrides, Plugins, into_file, load_plugins
+
+
+def export(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
+    to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
+    out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
+    knots: Annotated[int, typer.Option(min=0, max=50, help="On each side of the spline of a spring's law.")] = 4,
+    timestep: Annotated[float | None, typer.Option(help="s, of the model.", show_default="the scenario's step")] = None,
+    fit: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="fit.json of `identify`: the model gets its values, and ranges are written."),
+    ] = None,
+    variant: Annotated[
+        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
+    ] = None,
+    overrides: Overrides = None,
+    plugin: Plugins = None,
+    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")] = True,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    json: Json = False,
+) -> None:
+    """Write the robot with motors and springs as MJCF for plain MuJoCo, without any plugin.
+
+    Replays the scenario there, prints and draws how far the joints are from asrsim's, and lists what the file does not have.
+
+    Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --out soft.xml
+    """
+    from asrsim.cli.console import json_errors, say, say_json, say_table, say_written
+
+    if to != "mjcf":
+        raise typer.BadParameter(f"'{to}' is no format that can be written; there is: mjcf", param_hint="--to")
+    if timestep is not None and not 1e-6 <= timestep <= 1.0:
+        raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--timestep")
+    with json_errors(json):
+        from asrsim.export import export_mjcf
+
+        load_plugins(plugin)
+        found = export_mjcf(
+            scenario, out, variant=variant, overrides=overrides or (), knots=knots, timestep=timestep, fit=fit, plot=plot
+        )
+    if json:
+        say_json({"ok": found.replay.diverged_at is None, **found.as_dict()})
+    elif not quiet:
+        rows = found.as_dict()["joints"]
+        springs = ["-" if row["spring_error"] is None else f"{row['spring_error']:.3g} mrad" for row in rows.values()]
+        say_table(
+            [
+                ("joint", list(rows), False),
+                ("RMS from asrsim", [f"{row['rms']:.3g} {row['unit']}" for row in rows.values()], True),
+                ("largest", [f"{row['largest']:.3g} {row['unit']}" for row in rows.values()], True),
+                ("spline of the spring", springs, True),
+            ]
+        )
+        if found.remarks:
+            say("Not in the file:")
+        for text in found.remarks:
+            say(f"  {text}")
+        say_written(found.files)
+    if found.replay.diverged_at is not None:
+        raise typer.Exit(1)

@@ -1,0 +1,262 @@
+"""Warnings about a robot that can be simulated: values that are probably mistakes, and settings that have no effect.
+
+To add a warning, write a generator and list it in :data:`ROBOT_CHECKS` or :data:`BLOCK_CHECKS`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
+from asrsim.errors import Details, Problem, did_you_mean
+from asrsim.robot.model import STRIBECK_VELOCITY, ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.poses import link_poses
+from asrsim.robot.structure import EMPTY_LIMIT
+from asrsim.robot.values import has_spring
+
+HEAVY = 50.0
+"""kg: heavier than any link of an arm below 0.8 m; for larger arms the bound grows with the cube of the arm's size."""
+DENSITY = 100.0
+"""kg/m^3 over the cube around the whole arm; industrial arms have 10 to 30."""
+AWAY = 2.0
+"""m that a centre of mass may lie outside all known parts of the robot."""
+DEGREES = (20.0, 720.0)
+"""Limits of revolute joints in this range are several turns, or degrees."""
+WIDE = 100.0
+"""m from one end of a robot to the other."""
+UNUSUAL = 1e4
+"""Factor between a parameter and its default that gets a warning, and its inverse."""
+GAINS = ("proportional", "integral", "derivative")
+TEMPLATE_VALUES = {"damping": 0.0019, "friction_torque": 0.5}
+"""Motor parameters whose value in the toolbox's templates differs from the default of its code."""
+
+
+def robot_doubts(robot: Robot) -> Iterator[Problem]:
+    """Warnings about a robot as its file describes it."""
+    for check in ROBOT_CHECKS:
+        yield from check(robot)
+    for block in robot.actuators:
+        for doubt in block_doubts(block, robot.joint(block.joint)):
+            tags = [parameter.tag for parameter in doubt.parameters]
+            line = doubt.parameters[0].line if tags else block.line
+            name = block.plugin_name or block.joint
+            key = f"{name}.{', '.join(tags)}" if tags else name
+            yield Problem(
+                doubt.message, code=doubt.code, file=robot.path, line=line, key=key, value=doubt.value, hint=doubt.hint
+            )
+
+
+# -- links and joints --------------------------------------------------------------------------------------------------
+
+
+def _about(message: str, robot: Robot, part: Link | Joint, *, code: str, **details: Unpack[Details]) -> Problem:
+    return Problem(message, code=code, file=robot.path, line=part.line, key=part.name, **details)
+
+
+def _sizes(robot: Robot) -> Iterator[Problem]:
+    """Masses in g, lengths in mm."""
+    poses = link_poses(robot)
+    points = [pose.position for pose in poses.values()]
+    for link in robot.links:
+        for shape in (*link.collisions, *link.visuals):
+            centre = poses[link.name].position + poses[link.name].rotation @ shape.origin
+            reach = max(shape.size, default=0.0) / 2.0
+            points += [centre - reach, centre + reach]
+    size = float(np.ptp(points, axis=0).max())
+    if size > WIDE and robot.joints:
+        farthest = max(robot.joints, key=lambda joint: math.hypot(*joint.origin))
+        yield _about("makes a very large robot (lengths are in m)", robot, farthest, code="wide-robot", value=f"{size:.4g} m")
+    # A robot of one link without shapes has no size.
+    what = f"a robot of {size:.2g} m" if size else "a robot"
+    for link in robot.links:
+        moves, mass, inertia = link is not robot.root, link.mass or 0.0, link.inertia or (0.0,) * 6
+        if moves and mass > max(HEAVY, DENSITY * size**3):
+            yield _about(f"a heavy link for {what} (masses are in kg)", robot, link, code="heavy-link", value=f"{mass:g} kg")
+        away = math.hypot(*link.centre_of_mass)
+        if away > AWAY + 2.0 * size:
+            message = f"the centre of mass lies far outside {what} (lengths are in m)"
+            yield _about(message, robot, link, code="far-centre", value=f"{away:g} m from the link's frame")
+        gyration = math.sqrt(max(inertia[0], inertia[3], inertia[5], 0.0) / mass) if mass else 0.0
+        if moves and gyration > AWAY + 2.0 * size:
+            message = f"the inertia is that of a body far larger than {what} (in kg m^2)"
+            yield _about(message, robot, link, code="large-inertia", value=f"radius of gyration {gyration:.4g} m")
+
+
+def _no_inertial(robot: Robot) -> Iterator[Problem]:
+    """Links other than the root without `<inertial>`: an engine would make up 1 kg for them."""
+    for link in robot.links:
+        if link.mass is None and link is not robot.root:
+            message = "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)"
+            yield _about(message, robot, link, code="no-inertial")
+
+
+def _limits(robot: Robot) -> Iterator[Problem]:
+    for joint in robot.moving_joints:
+        if joint.velocity == 0.0:
+            message = "the joint's velocity limit is 0: every motion exceeds it"
+            yield _about(message, robot, joint, code="zero-velocity-limit", hint=EMPTY_LIMIT)
+        bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
+        if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):
+            value = " to ".join(f"{bound:g}" for bound in bounds)
+            message = "a limit of several turns; limits are in rad"
+            yield _about(message, robot, joint, code="limit-in-degrees", value=value, hint="180 degrees are 3.14159 rad")
+
+
+def _passive(robot: Robot) -> Iterator[Problem]:
+    """Springs and friction of `<gazebo reference>`."""
+    driven = {block.joint for block in robot.actuators}
+    for joint in robot.moving_joints:
+        stiffness = joint.spring_stiffness
+        if stiffness < 0.0:
+            message = "the passive spring pushes the joint away from its reference: its stiffness is negative"
+            yield _about(message, robot, joint, code="negative-spring", value=f"{stiffness:g}")
+        elif not stiffness and joint.spring_reference:
+            yield _about("the passive spring has no stiffness: it has no effect", robot, joint, code="no-spring")
+        if stiffness and joint.name in driven:
+            message = "the joint has an actuator and a passive spring: both act on it"
+            yield _about(message, robot, joint, code="two-springs", value=f"{stiffness:g}")
+        if joint.load_friction >= 1.0:
+            message = "friction grows by more than the torque that drives the joint: nothing moves it"
+            yield _about(message, robot, joint, code="self-locking", value=f"{joint.load_friction:g}")
+        if joint.stribeck_velocity != STRIBECK_VELOCITY and not joint.stribeck_friction:
+            yield _about("<stribeckVelocity> has no effect without <stribeckFriction>", robot, joint, code="no-friction")
+
+
+def _mimics(robot: Robot) -> Iterator[Problem]:
+    driven, names = {block.joint for block in robot.actuators}, tuple(joint.name for joint in robot.joints)
+    for joint in robot.moving_joints:
+        leader = joint.mimic.joint if joint.mimic is not None else None
+        if leader == joint.name:
+            yield _about("<mimic> follows its own joint", robot, joint, code="mimic-of-nothing")
+        elif leader is not None and leader not in names:
+            hint = did_you_mean(leader, names)
+            yield _about(
+                "<mimic> follows a joint that does not exist", robot, joint, code="mimic-of-nothing", value=leader, hint=hint
+            )
+        elif leader is not None and joint.name not in driven:
+            message = "<mimic> is not simulated: the joint moves freely under gravity, its damping and friction"
+            hint = "Give both joints actuators with matching references, or make this one fixed"
+            yield _about(message, robot, joint, code="mimic-joint", value=str(joint.mimic), hint=hint)
+
+
+def _no_actuators(robot: Robot) -> Iterator[Problem]:
+    if not robot.actuators and robot.moving_joints:
+        hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint"
+        message = "no actuator of the toolbox is in this file: no joint is driven"
+        yield Problem(message, code="no-actuators", file=robot.path, key=robot.name, hint=hint)
+
+
+ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
+    _no_inertial, _sizes, _limits, _passive, _mimics, _no_actuators,
+)  # fmt: skip
+
+
+# -- actuators ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """What is probably a mistake in an actuator's parameters, or its joint."""
+
+    message: str
+    code: str
+    value: str | None = None
+    hint: str | None = None
+    parameters: tuple[ParameterValue, ...] = ()
+    """The parameters that it is about; none: the whole actuator."""
+
+
+def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Doubt, ...]:
+    """Warnings about one actuator. Parameters with the same warning, such as those of two motors, share it."""
+    merged: dict[tuple[str, str], Doubt] = {}
+    for check in BLOCK_CHECKS:
+        for doubt in check(block, joint):
+            first = merged.setdefault((doubt.message, doubt.code), doubt)
+            if first is not doubt:
+                merged[doubt.message, doubt.code] = replace(first, parameters=(*first.parameters, *doubt.parameters))
+    return tuple(merged.values())
+
+
+def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
+    if joint.kind == "prismatic":
+        yield Doubt(message="the joint is prismatic: the actuator's rad and N m are taken as m and N", code="prismatic-joint")
+    if joint.effort is None:
+        yield Doubt(message="the joint has no effort limit: torques are not clipped", code="no-effort-limit")
+    elif joint.effort == 0.0:
+        message = "the joint's effort limit is 0: every torque is clipped to nothing"
+        yield Doubt(message=message, code="zero-effort-limit", hint=EMPTY_LIMIT)
+    if MODES[block.mode].spring and not has_spring(block):
+        yield Doubt(message="the spring has no stiffness: nothing couples the motor to the link", code="no-spring")
+
+
+def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
+    """Parameters that are set, one by one."""
+    mode, values = MODES[block.mode], block.values()
+    for declared in ACTUATORS.get(block.actuator).all_parameters():
+        name, parameter = declared.name, block.parameters[declared.name]
+        value, from_file = parameter.value, parameter.origin == "tag"
+
+        def doubt(message: str, *, code: str, value: str | None = None, parameter: ParameterValue = parameter) -> Doubt:
+            return Doubt(message=message, code=code, value=value, parameters=(parameter,))
+
+        if parameter.origin not in ("tag", "scenario"):
+            continue
+        if declared.unused:
+            yield doubt(f"has no effect: {declared.unused}", code="unused-tag")
+        template = next((number for end, number in TEMPLATE_VALUES.items() if name.endswith(end)), None)
+        if from_file and value == template:
+            message = f"{value:g} is what the toolbox's template shows; the default of its code is {declared.default:g}"
+            yield doubt(message, code="template-value")
+        if from_file and name.endswith("max_velocity"):
+            yield doubt("the toolbox reads this limit and never enforces it; asrsim does", code="ignored-by-toolbox")
+        if from_file and math.isinf(value):
+            yield doubt("infinite, taken as no limit; some Gazebo versions read it as 0", code="misread-value")
+        if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and value < 0.0:
+            yield doubt("a negative gain drives away from the reference", code="negative-gain", value=f"{value:g}")
+        if declared.optional and values.get(declared.needs, 1.0) <= 0.0:
+            yield doubt(f"has no effect without {declared.needs}", code="no-effect", value=f"{value:g}")
+        if name.endswith("load_friction") and value >= 1.0:
+            message = "friction grows by more than the load: the spring never turns the motor back"
+            yield doubt(message, code="self-locking", value=f"{value:g}")
+        motor = name[: len("motor_1")]
+        friction, largest = f"{motor}_friction_torque", f"{motor}_max_torque"
+        if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
+            message = "the motor's friction is at least its largest torque: it never turns"
+            yield doubt(message, code="stuck-motor", value=f"{values[friction]:g} N m")
+        # What is usual in N m/rad says nothing about N/m.
+        usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
+        ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
+        ratio /= min(max(ratio, 1.0), _scale(block, name))
+        if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:
+            unit = "" if declared.unit == "1" else f" {declared.unit}"
+            yield doubt(f"is {ratio:.1g} times the usual {usual:g}{unit}", code="unusual-value", value=f"{value:g}")
+
+
+def _scale(block: ActuatorBlock, name: str) -> float:
+    """Factor by which the motors of a drive are larger than usual: its springs may be larger by as much."""
+    motors = [
+        block.parameters[one.name].value / one.default
+        for one in ACTUATORS.get(block.actuator).all_parameters()
+        if one.name.endswith("max_torque") and one.default
+    ]
+    return max([1.0, *(ratio for ratio in motors if ratio < UNUSUAL)]) if name.startswith("spring") else 1.0
+
+
+def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:
+    """A block that sets the gains of motor 1 alone leaves motor 2 at the defaults."""
+    mode = MODES[block.mode]
+    differing = []
+    for name, value in block.parameters.items() if mode.motor and mode.controller else ():
+        other = block.parameters.get(name.replace("controller_1", "controller_2"))
+        if other is not None and value.origin == "tag" and other.origin != "tag" and other.value != value.value:
+            differing.append(f"<{value.tag}> {value.value:g} but {other.tag} {other.value:g}")
+    if differing:
+        yield Doubt(message=f"motor 2 keeps the default gains: {'; '.join(differing)}", code="one-controller-set")
+
+
+BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Doubt]], ...] = (_of_joint, _of_parameters, _one_controller)

@@ -1,0 +1,73 @@
+"""A plan made in plain MuJoCo for a soft robot, and tried in asrsim: the fastest tip of an arm after 0.8 s, as of a whip.
+
+`export_mjcf` writes the arm with motors, springs and friction; `mujoco.rollout` simulates all candidates of the cross-entropy
+method at once.
+
+    python plan_whip.py urdf/two_elastic_joints.urdf
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+import asrsim
+from asrsim.export import export_mjcf
+
+DURATION, CANDIDATES, ELITE, ROUNDS = 0.8, 96, 12, 12
+KNOTS = np.linspace(0.0, DURATION, 7)
+"""s between which goals of the motors are interpolated; the first is the start."""
+LIMIT = 0.6
+"""rad, of the goals."""
+FASTEST = 6.0
+"""rad/s of the motors, which MuJoCo's have no limit for: the plan keeps it."""
+
+
+def main(robot: Path) -> None:
+    """Plan, and compare the speeds that both simulators promise."""
+    scenario = asrsim.make_scenario(robot=robot, duration=DURATION, engine="mujoco", gravity=[0.0, 0.0, 0.0])
+    with tempfile.TemporaryDirectory() as folder:
+        exported = export_mjcf(scenario, Path(folder) / "arm.xml", plot=False)
+        model = mujoco.MjModel.from_xml_path(str(exported.files[0]))
+    steps = round(DURATION / model.opt.timestep)
+    joints = exported.replay.joints
+    speeds = [1 + model.nq + int(model.joint(name).dofadr[0]) for name in joints]
+    motors = [1 + model.nq + int(model.joint(model.actuator(i).name).dofadr[0]) for i in range(model.nu)]
+    start = np.zeros((CANDIDATES, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+    data = [mujoco.MjData(model) for _ in range(2)]
+    generator = np.random.default_rng(0)
+    mean, spread = np.zeros((len(KNOTS) - 1, model.nu)), 0.4
+
+    def goals(plans: np.ndarray) -> np.ndarray:
+        """(plans, steps, motors) of plans (plans, knots, motors)."""
+        table = np.concatenate([np.zeros((len(plans), 1, model.nu)), np.clip(plans, -LIMIT, LIMIT)], axis=1)
+        place = np.arange(steps) * model.opt.timestep
+        return np.stack([[np.interp(place, KNOTS, row) for row in plan.T] for plan in table]).transpose(0, 2, 1)
+
+    for _ in range(ROUNDS):
+        plans = mean + spread * generator.normal(size=(CANDIDATES, *mean.shape))
+        states, _ = rollout.rollout(model, data, start, goals(plans))
+        # The turning speed of the outer link: what all joints together give.
+        excess = np.maximum(np.abs(states[:, :, motors]) - FASTEST, 0.0).max(axis=(1, 2))
+        reached = states[:, -1, speeds].sum(axis=1) - 10.0 * excess
+        best = np.argsort(-reached)[:ELITE]
+        mean, spread = plans[best].mean(axis=0), plans[best].std(axis=0) + 0.01
+    plan = goals(mean[None])
+    planned = rollout.rollout(model, data[:1], start[:1], plan)[0][0, -1, speeds].sum()
+
+    with asrsim.Simulation(scenario) as simulation:
+        for row in plan[0]:
+            for joint, goal in zip(joints, row, strict=True):
+                simulation.set_reference(joint, "equilibrium_position", float(goal))
+            simulation.advance()
+        real = simulation.observe().link_velocity.sum()
+    print(f"planned in MuJoCo: {planned:.2f} rad/s; in asrsim: {real:.2f} rad/s")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,195 @@
+"""Exported models: plain MuJoCo moves as asrsim and as an independent solution do, and what it cannot have is listed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+import asrsim
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.user import load_plugin_file
+from asrsim.errors import ScenarioError, SimulationError
+from asrsim.export import export_mjcf
+from asrsim.export.springs import spline_of
+from support.independent_ode import solve
+from support.paths import EXAMPLES
+from support.random_runs import random_run
+
+MOTION = {"sinusoid": {"amplitude": 0.6, "frequency": 0.7}}
+
+
+def scenario(actuator, *, mode=6, preset=None, **keys):
+    references = {"equilibrium_position": MOTION} | ({} if preset is None else {"stiffness_preset": preset})
+    keys = {"duration": 2.0, "references": {"joint_1": references}, "modes": {"*": mode}} | keys
+    return asrsim.make_scenario(EXAMPLES / "urdf" / f"dof1_{actuator}.urdf", engine="mujoco", **keys)
+
+
+@pytest.fixture
+def my_vsa(monkeypatch):
+    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
+    load_plugin_file(EXAMPLES / "plugins" / "my_vsa.py")
+
+
+@pytest.mark.usefixtures("my_vsa")
+@pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "my_vsa"])
+def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
+    keys = {}
+    if actuator == "my_vsa":
+        keys["actuators"] = {"joint_1": {"type": "my_vsa", "mode": 6}}
+    preset = {"sea": None, "bavs": 0.1}.get(actuator, 0.2)
+    robot = "qbmove" if actuator == "my_vsa" else actuator
+    found = export_mjcf(scenario(robot, preset=preset, **keys), tmp_path / "soft.xml").replay
+    assert np.ptp(found.ours) > 0.6
+    assert found.rms.max() < 1.0
+    assert (tmp_path / "soft.png").stat().st_size > 10_000
+
+
+def plain(run):
+    """The run without what MJCF does not have."""
+    joints = []
+    for joint in run.joints:
+        integrals = {name: 0.0 for name in joint.parameters if name.endswith("_integral")}
+        references = joint.references
+        if joint.actuator == "awas_ii" and joint.mode > 1:
+            references = (references[0], replace(references[1], amplitude=0.0, jump=0.0, at=np.inf))
+        parameters = joint.parameters | integrals
+        joints.append(replace(joint, parameters=parameters, effort=np.inf, references=references, delay=0.0))
+    return replace(run, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("seed", [1, 5, 9, 15, 19])
+def test_random_robots_move_in_mujoco_as_the_paper_s_equations_do(tmp_path, seed):
+    """Modes 0, 1, 4, 5 and 6, all actuators, fixed and floating bases, revolute and prismatic joints."""
+    run = plain(random_run(seed, moving=3, fixed=seed % 3 > 0, jumps=False, duration=1.0))
+    run.write(tmp_path)
+    path = tmp_path / "random.yaml"
+    path.write_text(yaml.safe_dump({"robot": "robot.urdf", "engine": "mujoco", **run.keys()}))
+    found = export_mjcf(path, tmp_path / "random.xml", plot=False).replay
+    truth = solve(run, found.time, tolerance=1e-8)["positions"]
+    error = 1e3 * np.sqrt(np.mean((found.theirs - truth) ** 2, axis=0))
+    assert (error < 1.5).all(), error
+
+
+@pytest.mark.parametrize(("mode", "reference"), [(7, "motor_1_voltage"), (8, "motor_1_current")])
+def test_electric_motors_take_volts_or_amperes(tmp_path, mode, reference):
+    electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 40.0, "motor_1_resistance": 2.0}
+    wave = {"sinusoid": {"amplitude": 0.4, "frequency": 0.5}}
+    given = scenario("sea", mode=mode, references={"joint_1": {reference: wave}}, parameters={"joint_1": electric})
+    found = export_mjcf(given, tmp_path / "soft.xml", plot=False).replay
+    assert found.rms.max() < 2e-3 * 1e3 * np.ptp(found.ours)
+
+
+@pytest.mark.parametrize("law", [lambda x: np.sinh(9.0 * x), lambda x: np.exp(8.0 * x) - 0.5 * np.exp(-8.0 * x)])
+def test_splines_follow_a_law_and_stay_flat_beyond_its_limit(law):
+    limit = 0.6
+    spline = spline_of(lambda x: float(law(np.clip(x, -limit, limit))), reach=2.0, limit=limit, knots=6)
+    inside, outside = np.linspace(-limit, limit, 999), np.array([-3.0, -limit, limit, 3.0])
+    stiffness = np.gradient(law(inside), inside)
+    assert np.abs((spline.torque(inside) - law(inside)) / stiffness).max() == pytest.approx(spline.error, rel=0.1)
+    assert spline.error < 1e-3
+    np.testing.assert_allclose(np.diff(spline.torque(outside))[[0, 2]], 0.0, atol=1e-6 * law(limit))
+
+
+def test_more_knots_make_the_spline_better():
+    errors = [spline_of(lambda x: float(np.sinh(9.0 * x)), reach=0.8, limit=0.8, knots=knots).error for knots in (0, 2, 4, 8)]
+    assert all(after < 0.5 * before for before, after in pairwise(errors))
+
+
+def test_ideal_motors_are_refused(tmp_path):
+    with pytest.raises(ScenarioError, match="mode 3"):
+        export_mjcf(scenario("sea", mode=3), tmp_path / "soft.xml")
+    assert not (tmp_path / "soft.xml").exists()
+
+
+def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
+    class Coupled(Actuator):
+        name, title, source = "coupled", "Coupled", "a test"
+
+        @staticmethod
+        def elastic_torques(q, theta_1, theta_2, parameters):
+            pull = (theta_1 - q) * (theta_2 - q) + theta_1 - q
+            return pull, theta_2 - q
+
+        @staticmethod
+        def stiffness(q, theta_1, theta_2, parameters):
+            return 2.0 + theta_1 + theta_2 - 2.0 * q
+
+    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
+    ACTUATORS.add("coupled", Coupled)
+    with pytest.raises(ScenarioError, match="deflection alone"):
+        export_mjcf(scenario("sea", actuators={"joint_1": {"type": "coupled", "mode": 6}}), tmp_path / "soft.xml")
+
+
+def test_what_mjcf_does_not_have_is_listed(tmp_path):
+    extras = {"hysteresis_torque": 0.01, "motor_1_stribeck_friction": 0.01, "controller_1_integral": 1.0}
+    found = export_mjcf(
+        scenario("awas_ii", preset=0.01, parameters={"joint_1": extras}, world={"ground": True}),
+        tmp_path / "soft.xml",
+        plot=False,
+    )
+    text = "\n".join(found.remarks)
+    for word in ("adjuster stays at 0.01 m", "speed limit", "bristles", "hysteresis", "speed or load", "integral", "ground"):
+        assert word in text
+
+
+def test_a_scenario_that_meets_a_speed_limit_is_told_so(tmp_path):
+    step = {"joint_1": {"equilibrium_position": {"step": {"to": 0.8}}}}
+    found = export_mjcf(scenario("sea", references=step), tmp_path / "soft.xml", plot=False)
+    assert found.replay.rms.max() > 10.0
+    assert any("this scenario meets" in text for text in found.remarks)
+
+
+def test_intervals_of_a_fit_become_ranges_of_model_fields(tmp_path):
+    fit = tmp_path / "fit.json"
+    keys = ["joint_1.motor_1_friction_torque", "joint_1.spring_k_1", "link_1.mass"]
+    mean, deviations = [0.05, np.log(0.002), np.log(0.3)], [0.01, 0.05, 0.1]
+    fit.write_text(json.dumps({
+        "keys": keys, "mean": mean, "covariance": np.diag(np.square(deviations)).tolist(), "logarithmic": [False, True, True],
+        "ties": [{"key": "joint_1.spring_k_2", "to": "joint_1.spring_k_1", "factor": 1.0}],
+    }))  # fmt: skip
+    export_mjcf(scenario("qbmove", preset=0.2), tmp_path / "soft.xml", fit=fit, plot=False)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "soft.xml"))
+    assert model.dof_frictionloss[model.joint("joint_1/motor_1").id] == pytest.approx(0.05)
+    ranges = yaml.safe_load((tmp_path / "soft.ranges.yaml").read_text())
+    friction = ranges[keys[0]]["fields"]
+    assert friction == {"dof_frictionloss": {"joint_1/motor_1": pytest.approx([0.05 - 0.0196, 0.05 + 0.0196])}}
+    spring = ranges[keys[1]]
+    assert [spring["low"], spring["high"]] == pytest.approx([0.002 * np.exp(-0.098), 0.002 * np.exp(0.098)])
+    low, high = spring["fields"]["tendon_stiffness"]["joint_1/spring_2/1"]
+    assert high / low == pytest.approx(np.exp(2 * 0.098))
+    assert ranges[keys[2]]["fields"]["body_mass"]["link_1"] == pytest.approx([0.3 * np.exp(-0.196), 0.3 * np.exp(0.196)])
+
+
+def test_meshes_stand_beside_the_file(tmp_path):
+    triangles = np.zeros(4, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype="<f4")
+    triangles["corners"] = corners[[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]]
+    (tmp_path / "part.stl").write_bytes(b" " * 80 + (4).to_bytes(4, "little") + triangles.tobytes())
+    text = (EXAMPLES / "urdf" / "dof1_sea.urdf").read_text()
+    shape = '<visual><geometry><mesh filename="part.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
+    (tmp_path / "robot.urdf").write_text(text.replace('<link name="link_1">', f'<link name="link_1">{shape}'))
+    given = asrsim.make_scenario(tmp_path / "robot.urdf", engine="mujoco", duration=0.1, modes={"*": 6})
+    found = export_mjcf(given, tmp_path / "out" / "soft.xml", plot=False)
+    assert (tmp_path / "out" / "soft_meshes" / "mesh_0.stl") in found.files
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "soft.xml"))
+    assert model.nmesh == 1
+    assert np.ptp(model.mesh_vert, axis=0).max() == pytest.approx(0.1 * np.sqrt(2), rel=0.5)
+
+
+def test_a_step_that_is_too_long_is_told(tmp_path):
+    stiff = {"spring_stiffness": 5000.0, "max_deflection": 1e3}
+    found = export_mjcf(scenario("sea", parameters={"joint_1": stiff}), tmp_path / "soft.xml", timestep=1e-3, plot=False)
+    assert found.replay.diverged_at is not None
+    assert any("diverges" in text for text in found.remarks)
+
+
+def test_a_model_that_mujoco_refuses_is_one_error(tmp_path, monkeypatch):
+    monkeypatch.setattr("asrsim.export.mjcf.TINY", "0")
+    with pytest.raises(SimulationError, match=r"MuJoCo cannot load the model: .*mjMINVAL"):
+        export_mjcf(scenario("sea"), tmp_path / "soft.xml", plot=False)

@@ -1,0 +1,171 @@
+"""Whether a model fits, what is said of it, and which files remain."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asrsim import identification
+from asrsim.errors import InputError
+from asrsim.identification import show
+from asrsim.identification.data import Channel
+from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_noise, foreign, praise, verdict
+from asrsim.identification.verdicts import Estimate
+from asrsim.identification.write import FIT, begin_of
+from support.identify_files import CHIRP, SEA, modelled, record, write
+
+pytestmark = pytest.mark.once
+
+NAN = float("nan")
+NUMBERS: dict[str, Any] = {
+    "recording": "a", "key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 1.0, "held_before": 9.0,
+    "held_after": 1.0, "correlation": 0.0, "explained": 0.9,
+}  # fmt: skip
+GOOD = ChannelFit(**NUMBERS)
+
+
+def channel(values: np.ndarray, noise: float = 1e-3) -> Channel:
+    time = 2e-3 * np.arange(len(values))
+    return Channel(
+        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
+    )
+
+
+def test_residuals_beyond_the_noise_are_faults_by_name() -> None:
+    generator, time = np.random.default_rng(0), 2e-3 * np.arange(2000)
+    white, sine = 1e-3 * generator.normal(size=2000), 0.7e-3 * np.sin(2.0 * np.pi * 60.0 * time)
+    one = channel(np.sin(time))
+    assert list(faults(one, white)) == []
+    for left, words in (
+        (white + 1e-3, "residuals are not white"),
+        (2.0 * white, "the residuals are 2 times the noise"),
+        (white + sine, "a swing of 60 Hz is left"),
+    ):
+        (fault,) = faults(one, left)
+        assert words in fault
+    # Noise of the played commands may make a swing.
+    assert list(faults(one, white + sine, 0.3 * (white + sine))) == []
+
+
+def test_a_simulation_that_diverges_fits_nothing() -> None:
+    white = np.random.default_rng(0).normal(size=2000)
+    for sane in (True, False):
+        assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane  # type: ignore[misc]
+
+
+def test_the_held_out_error_may_be_as_large_as_the_estimates_let_it() -> None:
+    large = replace(GOOD, held_after=2.0)
+    assert verdict([GOOD], lambda: [0.0]) == []
+    (reason,) = verdict([large], lambda: [0.0])
+    assert "the held-out error is 2 times" in reason
+    assert verdict([large], lambda: [1.0]) == []
+    assert verdict([replace(large, shaken=1.0)], lambda: [0.0]) == []
+    # Another recording does not outvote a fault.
+    (reason,) = verdict([GOOD, replace(GOOD, recording="b", faults=("a swing",))], lambda: [0.0, 0.0])
+    assert reason == "j.q: a swing"
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still: bool) -> None:
+    time, generator = np.arange(0.0, 4.0, 2e-3), np.random.default_rng(0)
+    values = np.sin(4.0 * np.minimum(time, 2.0) if still else 4.0 * time) + 1e-3 * generator.normal(size=len(time))
+    track = SimpleNamespace(channels=[channel(values)], data=SimpleNamespace(held=False, name="a"))
+    for sign in (1.0, -1.0):
+        left = [sign * values - values]
+        problem: Any = SimpleNamespace(tracks=[track], ends=[3.0])
+        (found,) = channel_fits(problem, [left], [left], [None])
+        assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
+        assert ("nothing moves" in praise([found])) == still
+
+
+def test_channels_that_the_fit_does_not_follow_are_named() -> None:
+    lost = replace(GOOD, key="j.tau", explained=-0.4)
+    assert foreign([GOOD]) == []
+    assert "its start may be far off" in foreign([lost])[0]
+    assert "another sign? (--map COLUMN=-j.tau)" in foreign([GOOD, replace(lost, opposed=True)])[0]
+    assert "another quantity or zero? (--map COLUMN=ignore)" in foreign([GOOD, lost])[0]
+
+
+# -- what is said ------------------------------------------------------------------------------------------------------------
+
+
+def estimate(key: str, verdict: str = "weak", **numbers: Any) -> Estimate:
+    usual = {"name": key, "unit": "N m", "start": 0.123456, "value": 2.0, "low": 1.0, "high": 3.0}
+    return Estimate(**usual | numbers, key=key, verdict=verdict)
+
+
+def result(**changes: Any) -> Any:
+    usual = {
+        "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "accepted": False,
+        "misfit": (), "causes": (), "correlation": np.eye(len(changes.get("estimates", ()))),
+    }  # fmt: skip
+    return SimpleNamespace(**{**usual, **changes})
+
+
+def test_the_tables_have_as_many_digits_as_are_known() -> None:
+    rows = (
+        estimate("j.a", "identified", low=1.99999, high=2.00001),
+        estimate("j.b", "no effect", low=NAN, high=NAN, value=1234567.8),
+        estimate("j.c", low=-1e-3, high=1e-3, start=1.29284e-10, value=2e-4),
+        estimate("j.d", low=-1e-3, high=3e-3, value=1e-9, is_place=True),
+    )
+    table = {name: cells for name, cells, _ in show.columns(result(estimates=rows))}
+    assert table["start"] == ["0.12346", "0.12346", "0", "0.12346"]
+    assert table["95 % interval"] == ["2 .. 2", "-", "-0.001 .. 0.001", "-0.001 .. 0.003"]
+    assert table["+-"] == ["0.0005 %", "-", "500 %", "0.002 N m"]
+    errors = show.errors(result(channels=(GOOD, replace(GOOD, recording="b", held_after=NAN))))
+    assert errors[0][1] == ["j.q (a)", "j.q (b)"]
+    assert errors[5][1] == ["1", "-"]
+
+
+def test_close_correlations_of_known_estimates_are_named() -> None:
+    correlation = np.array([[1, 0.951, 0.949, 0.99], [0.951, 1, -0.96, 0.99], [0.949, -0.96, 1, 0.99], [0.99, 0.99, 0.99, 1]])
+    rows = (*(estimate(name) for name in "abc"), estimate("d", low=NAN, high=NAN, reason="moves nothing"))
+    said = [text for text, _ in show.remarks(result(estimates=rows, correlation=correlation, remarks=("said last",)))]
+    assert said == [
+        "d: weak: moves nothing", "a and b are correlated (0.951)", "b and c are correlated (-0.960)", "said last",
+    ]  # fmt: skip
+
+
+# -- files -------------------------------------------------------------------------------------------------------------------
+
+ENDINGS: dict[str, tuple[dict[str, Any], tuple[str, ...], int, set[str], str]] = {
+    "fits": ({}, (), 0, {"fit.json", "robot", "picture"}, ""),
+    "does not fit": ({"misfit": ("too large",)}, (), 2, {"fit.json", "picture"}, "no robot is written, since the model"),
+    "all the same": ({"misfit": ("too large",)}, ("--all",), 2, {"fit.json", "robot", "picture"}, ""),
+    "accepted": ({"misfit": ("too large",), "accepted": True}, ("--accept",), 2, {"fit.json", "robot", "picture"}, ""),
+    "interrupted": ({"status": "interrupted"}, ("--all",), 130, {"fit.json"}, ""),
+    "out of time": ({"status": "unfinished"}, (), 2, {"fit.json"}, ""),
+    "without pictures": ({}, ("--no-plot",), 0, {"fit.json", "robot"}, ""),
+    "checked": ({"status": "checked"}, ("--check",), 0, set(), ""),
+}
+"""How a fit ended: changes of the result, options, exit code, files, words."""
+
+
+def test_which_files_an_end_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asrsim_command: Any) -> None:
+    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
+    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
+    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+    for name, (changes, options, code, files, words) in ENDINGS.items():
+        ended = partial(lambda made, *_, **__: made, replace(found, **changes))
+        monkeypatch.setattr(identification, "identify", ended)
+        about = ("-e", recording, "--free", "joint_1.damping", "-o", tmp_path / name)
+        outcome = asrsim_command("identify", guess, *about, *options)
+        kinds = {".urdf": "robot", ".yaml": "robot", ".png": "picture"}
+        written = {kinds.get(path.suffix, path.name) for path in (tmp_path / name).rglob("*") if path.is_file()}
+        assert (name, outcome.code, written - {".lock"}) == (name, code, files)
+        assert words in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize("value", [10**400, "x", None, []], ids=["no float", "a word", "nothing", "a list"])
+def test_a_fit_whose_estimates_are_no_numbers_is_refused(tmp_path: Path, value: object) -> None:
+    (tmp_path / FIT).write_text(json.dumps({"names": ["spring_k"], "estimates": [{"estimate": value}]}), encoding="utf-8")
+    with pytest.raises(InputError, match="is no fit of asrsim's"):
+        begin_of(tmp_path)

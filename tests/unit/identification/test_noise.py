@@ -1,0 +1,131 @@
+"""Noise, steps, glitches and swings of series; regression of parameters in which torques are linear."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from asrsim.identification.balance import INSIDE, linear_fit
+from asrsim.identification.data import Channel
+from asrsim.identification.judge import is_loud
+from asrsim.identification.keys import Parameter
+from asrsim.identification.layout import make_layout
+from asrsim.identification.noise import (
+    CLIPPED,
+    autocovariances,
+    autoregression,
+    beyond_steps,
+    fine_noise,
+    first_samples,
+    glitches,
+    lag_correlation,
+    quantum_of,
+    size_of,
+    swing,
+)
+from asrsim.identification.problem import huber
+from asrsim.identification.uncertainty import whitened
+from support.identify_files import modelled
+
+pytestmark = pytest.mark.once
+
+
+def test_noise_and_steps_are_found_in_a_smooth_record() -> None:
+    generator, time = np.random.default_rng(0), np.linspace(0.0, 4.0, 4000)
+    assert fine_noise(np.sin(time) + 1e-3 * generator.normal(size=4000)) == pytest.approx(1e-3, rel=0.1)
+    assert quantum_of(1.5e-3 * np.round(np.sin(time) / 1.5e-3)) == pytest.approx(1.5e-3, rel=1e-3)
+    for quantum in (0.0, 0.02):
+        ramp = np.linspace(0.0, 1e6, 4096, endpoint=False)
+        assert fine_noise(ramp, quantum) == pytest.approx(max(quantum / 12.0**0.5, 1e-6 * ramp[-1]), rel=1e-9)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.95, -0.6])
+def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory: float) -> None:
+    noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(0).normal(size=5000))[1000:]
+    model, power = autoregression(autocovariances(noise), 4000)
+    assert model == pytest.approx([memory] if memory else [], abs=0.05)
+    assert power == pytest.approx(1.0, rel=0.1)
+
+
+def test_the_size_of_residuals_counts_outliers_little() -> None:
+    plain = np.tile([1.0, -1.0], 500)
+    assert size_of(0.6745 * plain) == pytest.approx(0.6745)
+    lone = plain.copy()
+    lone[7] = 1e6
+    assert size_of(lone) == pytest.approx((0.999 + 0.001 * (CLIPPED / 0.6745) ** 2) ** 0.5)
+    assert lag_correlation(plain, 2) == pytest.approx(0.998)
+    # An encoder's zero lies anywhere within a step.
+    for zero, left in ((0.004, 0.0), (0.02, 0.015), (-0.02, -0.015)):
+        beyond, borne = beyond_steps(np.full(50, zero), np.linspace(0.0, 1.0, 50), 0.01)
+        np.testing.assert_allclose(beyond, left, atol=1e-12)
+        assert 0.0 <= borne < 1.0
+
+
+@pytest.mark.parametrize("memory", [0.0, -0.5])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_outliers_are_no_noise_and_an_offset_of_all_is(memory: float, offset: float) -> None:
+    generator = np.random.default_rng(5)
+    left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
+    left[generator.permutation(4000)[:20]] += 0.5
+    ((weights,),) = whitened(modelled(lambda _: left + offset, 1, 4000, given=False), np.zeros(1))
+    assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
+
+
+def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
+    generator, time = np.random.default_rng(0), np.arange(2000) * 1e-3
+    for memory in (0.0, 0.5, 0.95):
+        noise = lfilter([1.0], [1.0, -memory], generator.normal(size=(200, 600)))[:, 200:]
+        assert sum(swing(one) > 0.0 for one in noise) <= 1
+    ringing = 0.4 * np.sin(2.0 * np.pi * 108.0 * time)
+    assert swing(generator.normal(size=2000) + ringing) == pytest.approx(0.108, abs=1e-3)
+
+
+def test_a_segment_that_is_off_is_loud_and_outliers_are_not() -> None:
+    white = np.random.default_rng(0).normal(size=2000)
+    assert not is_loud(white + np.where(np.arange(2000) % 100 == 0, 50.0, 0.0), 1.0)
+    assert is_loud(white * np.where(np.arange(2000) < 200, 4.0, 1.0), 1.0)
+    assert is_loud(white, 0.7)
+
+
+@pytest.mark.parametrize("size", [0.1, 2.9, 3.1, 40.0])
+def test_outliers_cost_as_their_size_beyond_three_deviations(size: float) -> None:
+    assert huber(np.array([-size, size])) == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_glitches_are_found_and_smooth_motions_lose_no_sample(seed: int) -> None:
+    generator, time = np.random.default_rng(seed), np.linspace(0.0, 1.0, 200)
+    waves = [
+        generator.normal() * np.sin(2 * np.pi * generator.uniform(0.1, 4) * time + 6 * generator.random()) for _ in range(3)
+    ]
+    for motion in (np.sum(waves, axis=0), np.round(0.1 + 0.3 * time, 6), np.minimum(time, 0.5)):
+        assert not glitches(motion).any()
+        for place in (0, 1, 2, 100, 197, 198, 199):
+            spoilt = motion.copy()
+            spoilt[place] += 3 * np.ptp(motion)
+            found = np.flatnonzero(glitches(spoilt))
+            assert place in found
+            assert np.abs(found - place).max() <= 3
+
+
+def test_a_link_starts_where_a_parabola_through_15_samples_does() -> None:
+    time, noise = 0.001 * np.arange(100), 0.01
+    values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time, 1e3)
+    channel = Channel(
+        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
+    )
+    basis = np.vander(time[:15], 3, increasing=True)
+    errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
+    assert first_samples(channel, 0.05) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
+
+
+def test_linear_parameters_are_found_at_once_within_their_bounds() -> None:
+    known = [Parameter(key=f"j.{name}", unit="1", start=start, low=0.0) for name, start in (("a", 2.0), ("b", 0.5))]
+    layout = make_layout(known, (), ["a"], [{}])
+    matrix = np.random.default_rng(1).normal(size=(30, 2))
+    for truth in ((40.0, 3.0), (5.0, -1.0)):
+        wanted = matrix @ np.array(truth)
+        there = layout.values(linear_fit(lambda x, wanted=wanted: matrix @ layout.values(x) - wanted, np.zeros(2), layout))  # type: ignore[misc]
+        slope = float(matrix[:, 0] @ wanted / (matrix[:, 0] @ matrix[:, 0]))
+        np.testing.assert_allclose(there, truth if truth[1] > 0.0 else (slope, INSIDE * 0.5), rtol=1e-5)
