@@ -100,9 +100,9 @@ class Session:
             node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
             latched=self.publisher.latched,
             services={
-                "pause": Service("true: pause; false: go on", self._pause, takes_flag=True),
-                "reset": Service("back to the start; the log is closed, another begins", self._ask_reset),
-                "release": Service("all references follow the scenario again", self._release),
+                "pause": Service(self._pause, takes_flag=True),
+                "reset": Service(self._ask_reset),
+                "release": Service(self._release),
             },
         )  # fmt: skip
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
 from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
@@ -26,17 +27,11 @@ _NAMES = ("name", "names", "joint_names")
 """Fields with the names of the entries of the arrays beside them."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
-_LINK_STATE = {
-    "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
-    "stiff": "stiffness",
-}  # fmt: skip
 TOPICS: dict[str, str] = {
-    "torque_command": "reference_1", "link_command": "reference_1", "equilibrium_position": "reference_1",
-    "stiffness_preset": "reference_2", "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
-    **{f"{name}{what}_command": f"reference_{i}"
-       for i in (1, 2) for name in (f"motor_{i}", f"torque_m{i}") for what in ("", "_voltage", "_current")},
-    **{name: name for name in QUANTITIES if name != "equilibrium_position"},
-}  # fmt: skip
+    **{name: name for name in QUANTITIES},
+    **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in (1, 2)},
+    **{name: f"reference_{i}" for names in REFERENCE_TOPICS.values() for i, name in enumerate(names, start=1)},
+}
 """Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and the quantity that it carries."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
@@ -111,8 +106,8 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
         return joint, f"{side}_{_JOINT_STATE[name]}"
     if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]
-    if last == "link_state" and name in _LINK_STATE and len(parts) > 1:
-        return parts[-2], _LINK_STATE[name]
+    if last == "link_state" and name in LINK_STATE_FIELDS and len(parts) > 1:
+        return parts[-2], LINK_STATE_FIELDS[name]
     return joint, None
 
 

@@ -14,7 +14,7 @@ from asrsim.environment import make_env  # noqa: E402
 from asrsim.environment.draws import Draws  # noqa: E402
 
 RANDOM = {
-    "joint_1.damping": "uniform(0.01, 0.2)", "link_2.mass": {"normal": [0.5, 0.05]},
+    "joint_1.damping": "uniform(0.01, 0.2)", "link_2.mass": "normal(0.5, 0.05)",
     "parameters.joint_1.spring_k_1": "loguniform(0.002, 0.01)", "references.*.stiffness_preset": [0.1, 0.2, 0.3],
 }  # fmt: skip
 QUIET = pytest.mark.filterwarnings("ignore::UserWarning")
@@ -264,7 +264,7 @@ def test_a_scenario_that_is_made_takes_no_overrides(scenario):
 
 def test_every_draw_lies_within_its_bounds():
     laws = {
-        "a": "uniform(-2, 3)", "b": "loguniform(0.1, 10)", "c": {"normal": [1.0, 0.5]}, "d": {"lognormal": [1.0, 1.0]},
+        "a": "uniform(-2, 3)", "b": "loguniform(0.1, 10)", "c": "normal(1, 0.5)", "d": "lognormal(1, 1)",
         "e": [4, -1, 2.5], "f & g": "uniform(1, 2)",
     }  # fmt: skip
     draws, chance = Draws(laws), np.random.default_rng(3)
