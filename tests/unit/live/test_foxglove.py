@@ -86,7 +86,7 @@ def connected(transport, *headers):
 
 @pytest.fixture
 def transport():
-    services = {"pause": Service(lambda flag: (True, ""), takes_flag=True)}
+    services = {"pause": Service(lambda flag: "", takes_flag=True)}
     outlets = (Outlet("/clock", "rosgraph_msgs/Clock"),)
     interface = Interface("/asrsim", outlets=outlets, inlets=(), latched={}, services=services)
     transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))

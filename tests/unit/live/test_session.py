@@ -279,7 +279,7 @@ def test_pause_release_and_reset(tmp_path):
         {3: ("pause", True), 9: ("pause", False), 14: ("release", False), 20: ("reset", False)},
     )  # fmt: skip
     session, last = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.1)
-    assert [ok for ok, _ in script.answers] == [True] * 4
+    assert script.answers[:2] == ["paused", "running"]
     first, second = session.summaries
     assert last is second
     assert second.simulated_time == pytest.approx(0.1)

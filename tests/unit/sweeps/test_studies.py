@@ -30,7 +30,7 @@ pq = pytest.importorskip("pyarrow.parquet")
 
 EXAMPLES = ROOT / "examples" / "scenarios"
 TWO_JOINTS = EXAMPLES / "step_2dof.yaml"
-SHORT = ["duration=0.05", "engine=mujoco"]
+SHORT = ["duration=0.05", "engine=mujoco", "compiled=false"]
 
 
 def study_of(over, scenario=TWO_JOINTS, **options) -> Study:
@@ -243,15 +243,15 @@ def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
 @pytest.mark.once
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
-        {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]}, samples=10, overrides=["engine=mujoco"]
+        {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]},
+        samples=10,
+        overrides=["engine=mujoco", "compiled=false"],
     )
-    one = asrsim.sweep(study, out=tmp_path / "one", workers=1).to_arrow().drop_columns("seconds")
     two = asrsim.sweep(study, out=tmp_path / "two", workers=2).to_arrow().drop_columns("seconds")
-    assert one.equals(two)
     seen = []
     stopped = {"progress": seen.append, "stop": lambda: bool(seen) and seen[-1].here >= 3}
-    assert 0 < len(asrsim.sweep(study, out=tmp_path / "three", workers=1, **stopped)) < 20
-    assert asrsim.sweep(study, out=tmp_path / "three", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(one)
+    assert 0 < len(asrsim.sweep(study, out=tmp_path / "one", workers=1, **stopped)) < 20
+    assert asrsim.sweep(study, out=tmp_path / "one", workers=1, resume=True).to_arrow().drop_columns("seconds").equals(two)
 
 
 def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
@@ -288,7 +288,8 @@ def kill_study(samples: int):
 
 
 @pytest.mark.once
-def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
+def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path, monkeypatch):
+    monkeypatch.setattr("asrsim.workers.DEATHS", 1)
     payload = kill_study(5)
     code = (
         "import os\nimport asrsim.sweeps.rows as r\nold = r.Runner._kind\n"
@@ -304,7 +305,7 @@ def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path):
     assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
     status, reason = (list(payload.kinds).index(name) for name in ("status", "reason"))
     assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
-    assert "3 workers died" in rows[2][reason]
+    assert "1 workers died" in rows[2][reason]
     assert "EXIT(7)" in rows[2][reason]
 
 
@@ -323,7 +324,8 @@ def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
         asrsim.sweep(study, out=tmp_path / "s", workers=1)
     with pytest.raises(InputError, match="varies other things"):
         asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
-    assert len(asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5, 0.6]}), out=tmp_path / "s", workers=1, overwrite=True)) == 3
+    other = study_of({"link_1.mass": [0.3, 0.5, 0.6]})
+    assert asrsim.sweep(other, out=tmp_path / "s", workers=1, overwrite=True, stop=lambda: True).missing == 3
 
 
 def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
