@@ -140,15 +140,6 @@ def test_ideal_motors_stand_at_their_references_beside_those_that_move(scenario)
     assert found[2] > 0.1
 
 
-def test_a_reward_needs_no_end_and_an_end_no_reward(scenario):
-    paid = make_env(scenario, reward=lambda state: 2.0)
-    paid.reset()
-    assert paid.step(np.zeros(2))[1:3] == (2.0, False)
-    ended = make_env(scenario, terminated=lambda state: True)
-    ended.reset()
-    assert ended.step(np.zeros(2))[1:3] == (0.0, True)
-
-
 def test_the_picture_moves_with_the_arm(scenario):
     env = make_env(scenario, render_mode="rgb_array", size=96)
     env.reset()
@@ -249,17 +240,6 @@ def test_an_episode_begins_with_what_a_run_logs_first(scenario, mode):
     for _ in range(3):
         seen, other = moved.step(np.zeros(2))[0], plain.step(np.zeros(2))[0]
     np.testing.assert_array_equal(seen[:2], other[:2])
-
-
-def test_one_name_needs_no_list(scenario):
-    env = make_env(scenario, observe="link_position", act="joint_1.equilibrium_position")
-    assert env.observation_space.shape == (2,)
-    assert env.action_names == ("joint_1.equilibrium_position",)
-
-
-def test_a_scenario_that_is_made_takes_no_overrides(scenario):
-    with pytest.raises(asrsim.InputError, match="takes no variant and no overrides"):
-        make_env(asrsim.load_scenario(scenario)[0], overrides={"duration": 1})
 
 
 def test_every_draw_lies_within_its_bounds():
