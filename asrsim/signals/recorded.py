@@ -27,9 +27,9 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     `header` for the messages' own stamps. Raises RecordingError naming file, line and column of everything that is wrong: no
     such column (the ones that there are), cells that are empty or no numbers, rows of another length, times that do not ascend.
     """
-    from asrsim.recordings.build import in_si
     from asrsim.recordings.data import RawSeries
     from asrsim.recordings.names import find_raw
+    from asrsim.recordings.read import in_si
 
     content, reading = _read(path, *_newest(path))
     table = next((one for one in content.tables if find_raw(column, one.columns) is not None), None)
