@@ -28,6 +28,8 @@ from asrsim.scenario.data import Scenario
 
 KEPT = 16
 """Sets of masses whose torques are remembered."""
+LOUD = 30.0
+"""Spectra of the motion count where they are this many times those of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,17 @@ class Links:
         return np.asarray(self.inertial(robot)[:, j] + (joint.damping + drive.link_brake) * motion.velocity + friction + spring)
 
 
+def bandwidth(time: Array, channel: Channel) -> float:
+    """Hz up to which the motion of a place stands out of its noise; time: an even grid."""
+    speed = np.diff(np.interp(time, channel.time, channel.values))
+    n, step = len(speed), time[1] - time[0]
+    power, frequency = np.abs(np.fft.rfft(speed * np.hanning(n))) ** 2, np.fft.rfftfreq(n, step)
+    # Differences of white noise have this spectrum, under this window.
+    level = max(channel.noise, channel.quantum) ** 2 * n * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
+    loud = np.flatnonzero(power > LOUD * level + 1e-300)
+    return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
+
+
 def _size(torques: Array) -> float:
     return max(float(np.sqrt(np.mean(torques**2))), 1e-12)
 
@@ -101,8 +114,6 @@ def _size(torques: Array) -> float:
 
 ROWS = 200
 """Of a recording, at most."""
-LOUD = 30.0
-"""Spectra of the motion count where they are this many times those of the noise."""
 SPOILT = 0.05
 """Fraction at both ends that the filter spoils."""
 WEAK = 1e-3
@@ -193,7 +204,7 @@ class _Balance:
         self._time = np.arange(first, last, step)
         edge = max(int(SPOILT * len(self._time)), 4)
         kept = slice(edge, len(self._time) - edge, max(1, len(self._time) // ROWS))
-        loud = [self._loud(key) for key in self._recorded if key[1].endswith(("position", "deflection"))]
+        loud = [bandwidth(self._time, c) for key, c in self._recorded.items() if key[1].endswith(("position", "deflection"))]
         self._grid = Grid(self._time, min(0.3, 2.0 * step * max(loud, default=1.0)), kept)
         drives = self._door.drives
         self._goals = [self._goals_of(drive) for drive in drives]
@@ -210,17 +221,6 @@ class _Balance:
     def _sampled(self, joint: str, quantity: str) -> Array | None:
         one = self._recorded.get((joint, quantity))
         return None if one is None else np.interp(self._time, one.time, one.values)
-
-    def _loud(self, key: tuple[str, str]) -> float:
-        """Hz up to which the motion of a place stands out of its noise."""
-        speed = np.diff(np.interp(self._time, self._recorded[key].time, self._recorded[key].values))
-        n, step = len(speed), self._time[1] - self._time[0]
-        power, frequency = np.abs(np.fft.rfft(speed * np.hanning(n))) ** 2, np.fft.rfftfreq(n, step)
-        # Differences of white noise have this spectrum, under this window.
-        noise = max(self._recorded[key].noise, self._recorded[key].quantum)
-        level = noise**2 * n * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
-        loud = np.flatnonzero(power > LOUD * level + 1e-300)
-        return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
 
     def _goals_of(self, drive: Drive) -> list[Array | None]:
         """Goals of motors 1 and 2 on the grid."""
@@ -364,7 +364,7 @@ class TorqueTrack(Track):
             channels.append(
                 Channel(
                     joint=joint, quantity="link_torque", unit=unit, time=rows[moving], values=values,
-                    noise=fine_noise(values), given=False, quantum=0.0,
+                    noise=fine_noise(values), quantum=0.0,
                 )
             )  # fmt: skip
         names = ", ".join(self.door.joints)

@@ -128,15 +128,10 @@ class Track:
     ) -> Iterator[list[Array] | None]:
         """The same of several sets of numbers: worlds of one rollout."""
         steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
-        found = self.simulated(self.wanted, [self._world(values, playing) for values in tables], steps, playing.substeps)
+        worlds = [self._world(values, playing) for values in tables]
+        found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
         for values, series in zip(tables, found, strict=True):
             yield None if series is None else self._sensed(values, series, until)
-
-    def simulated(
-        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], steps: int | None, substeps: Substeps
-    ) -> Iterator[Array | None]:
-        """As :meth:`Door.rollout`."""
-        return self.door.rollout(names, starts, steps=steps, substeps=substeps)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Quantities (joint's number, name) at whole steps, whether they were recorded or not; None as :meth:`predict`."""

@@ -13,7 +13,7 @@ import pytest
 from asrsim.identification import door, task_of
 from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.played import Draw
-from asrsim.identification.problem import Problem, Weights, jacobian, solve
+from asrsim.identification.problem import Problem, jacobian, solve
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import Track
 from asrsim.identification.uncertainty import unbiased
@@ -181,7 +181,7 @@ def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) 
         with ExitStack() as stack:
             setup = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
             assert isinstance(setup.tracks[0], TorqueTrack)
-            problem = replace(setup, weights=((Weights(1e-3),),))
+            problem = replace(setup, weights=((1e-3,),))
             x = solve(problem, np.zeros(1))
             found.append((float(x[0]), float(unbiased(problem, x)[0])))
     plain, other = np.mean(found, axis=0)
