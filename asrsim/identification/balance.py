@@ -309,7 +309,7 @@ def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) 
 # -- joints that a recorded torque drives ------------------------------------------------------------------------------------
 
 CUTOFF = 50.0
-"""Hz of the low-pass filter on motion and torque alike; less where the sampling is slow."""
+"""Hz of the low-pass filter on motion and torque alike; less where sampling or motion are slow."""
 STANDS = 5.0
 """Deviations of a place's noise below which a joint that has not moved further may stand."""
 NEAR, THROUGH = 1.0, 0.5
@@ -348,13 +348,16 @@ class TorqueTrack(Track):
         step = float(np.median(np.diff(self._places[0].time)))
         last = min(float(channel.time[-1]) for channel in self._places)
         time = np.arange(float(max(c.time[0] for c in self._places)), last, step)
-        cutoff = min(CUTOFF, 0.15 / step)
+        widest = min(CUTOFF, 0.15 / step)
+        # Beyond the motion's own frequencies, accelerations are noise.
+        cutoff = min(widest, max(bandwidth(time, place) for place in self._places))
         # As often as the filter lets differ: its own correlation is not the model's.
         every = max(1, round(0.5 / (cutoff * step)))
         inside = (time > time[0] + EDGE) & (time < time[-1] - EDGE)
         self._grid = Grid(time, 2.0 * cutoff * step, np.flatnonzero(inside)[::every])
+        self._wide = replace(self._grid, cutoff=2.0 * widest * step)
         rows = time[self._grid.rows]
-        self._links: dict[Draw | None, Links] = {None: self._moved(None)}
+        self._links: dict[Draw | None, Links] = {None: self._moved(None, self._grid)}
         self._torques = {command.key: np.interp(time, command.time, command.values) for command in data.commands}
         self._moving = [self._surely_moves(place, 1.0 / (cutoff * step))[self._grid.rows] for place in self._places]
         channels = []
@@ -372,15 +375,15 @@ class TorqueTrack(Track):
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(rows[0])
 
-    def _moved(self, draw: Draw | None) -> Links:
+    def _moved(self, draw: Draw | None, grid: Grid) -> Links:
         """The joints' motion from their recorded places, with noise added."""
         generator, motions = np.random.default_rng(0 if draw is None else draw.seed), []
         for place in self._places:
             values = place.values
             if draw is not None:
                 values = values + draw.size * place.noise * generator.normal(size=len(values))
-            motions.append(self._grid.motion(np.interp(self._grid.time, place.time, values)))
-        return Links(self.door, self._grid, motions)
+            motions.append(grid.motion(np.interp(grid.time, place.time, values)))
+        return Links(self.door, grid, motions)
 
     def _surely_moves(self, place: Channel, period: float) -> NDArray[np.bool_]:
         """(n,) of the grid: false around where a joint stands, held by any friction up to its level."""
@@ -402,15 +405,15 @@ class TorqueTrack(Track):
         """Whether noise of a joint's places is much of its accelerations, or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
-        known = self._links[None].rate
-        return bool(np.any(np.std(self._moved(Draw(0)).rate - known, axis=0) > BLIND * np.std(known, axis=0)))
+        known, noisy = (self._moved(draw, self._wide).rate for draw in (None, Draw(0)))
+        return bool(np.any(np.std(noisy - known, axis=0) > BLIND * np.std(known, axis=0)))
 
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
         if playing.draw not in self._links:
-            self._links = {None: self._links[None], playing.draw: self._moved(playing.draw)}
+            self._links = {None: self._links[None], playing.draw: self._moved(playing.draw, self._grid)}
         for values in tables:
             try:
                 yield self._needed(values, self._links[playing.draw], until)

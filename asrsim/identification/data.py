@@ -26,6 +26,7 @@ from asrsim.signals.curve import Curve, curve_through
 
 CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
 PLACED = "drives compute velocities from their places, which are compared"
+ADJUSTED = "an adjuster stands at its reference"
 PLAYED = 2
 """Mode in which motors stand at their references."""
 COMPUTED = 1e-3
@@ -216,11 +217,14 @@ def _channels(
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     left_out: dict[str, list[str]] = {}
     acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
+    adjusted = {f"{block.joint}.motor_2_position" for block in plan.robot.actuators if ACTUATORS.get(block.actuator).adjuster}
     for key, (joint, column) in possible.items():
         quantity = str(column.quantity)
         if wanted and key not in wanted:
             continue
         reason = None if key in wanted else _left_out(quantity, acting.get(joint), column.source in computed)
+        if key in adjusted and not wanted:
+            reason = ADJUSTED
         if quantity.endswith("velocity") and key.replace("velocity", "position") in possible and not wanted:
             reason = PLACED
         if reason is not None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes, ties_that_are_none
-from asrsim.identification.judge import channel_fits, foreign, rms, verdict
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.problem import Errors, Problem, errors, jacobian, mean_square
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
@@ -103,8 +103,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
     causes = []
     if misfit:
         watch.stage("what may be missing")
-        plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
-        causes = [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, trained))]
+        causes = [*foreign(fits), *watch.unless_stopped(lambda: _causes(problem, trained))]
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
@@ -127,6 +126,15 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
             for track in problem.tracks for c in track.data.commands
         },
     )  # fmt: skip
+
+
+def _causes(problem: Problem, x: Array) -> Iterator[str]:
+    """What the model may lack, in the training part, or in whole recordings where only the held-out part does not fit."""
+    plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
+    if fits_noise(problem, x):
+        plain = plain.whole
+        x = refined(plain, x, 20)
+    yield from missing_causes(plain, x)
 
 
 def _unsure(problem: Problem, x: Array) -> list[float]:

@@ -358,7 +358,7 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
     (tmp_path / "axis.urdf").write_text(AXIS)
     (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 4\nactuators: {motor: {type: sea, mode: 0}}\n")
     maps = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
-    true = {"motor.damping": (damping, 5.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
+    true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
     true |= {"motor.reference_1.delay": (late, 5e-5), "motor.reference_1.offset": (offset, 0.3)} if late else {}
     found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps)
     assert any("driven by the recorded torque" in remark for remark in found.remarks)

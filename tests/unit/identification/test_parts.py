@@ -78,10 +78,10 @@ def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_pa
         (track,) = setup.problem.tracks
         assert isinstance(track, TorqueTrack)
         (channel,) = track.channels
-        # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
-        assert np.diff(channel.time).min() == pytest.approx(0.01)
-        assert 0.1 < channel.time[0] < 0.12
-        assert 2.88 < channel.time[-1] < 2.9
+        # As often as the filter lets differ, at most 50 Hz, without what it spoils at both ends.
+        assert np.diff(channel.time).min() > 0.0099
+        assert 0.1 < channel.time[0] < 0.2
+        assert 2.8 < channel.time[-1] < 2.9
         values = {f"joint_1.{name}": value for name, value in (numbers | LAWS[law]).items()}
         (found,) = track.predict(values, track.playing)
         off = np.abs(found - channel.values) / np.ptp(channel.values)
