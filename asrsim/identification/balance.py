@@ -19,7 +19,6 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.door import EXTERNAL, Door, Drive, electric_of, link_motion, over_arrays
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import fine_noise, smoothed
-from asrsim.identification.played import Draw
 from asrsim.identification.problem import Problem
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.robot.model import Link, Robot
@@ -314,8 +313,8 @@ STANDS = 5.0
 """Deviations of a place's noise below which a joint that has not moved further may stand."""
 NEAR, THROUGH = 1.0, 0.5
 """Periods of the cutoff frequency: beside a joint that stands, filtered friction says nothing; it may turn back within less."""
-EDGE = 0.1
-"""s at both ends that the filter spoils."""
+EDGE, SETTLED = 0.1, 3.0
+"""s, and periods of the cutoff frequency, at both ends that the filter spoils at least."""
 BLIND = 0.3
 """Fraction of a joint's accelerations that may be their noise."""
 
@@ -353,11 +352,12 @@ class TorqueTrack(Track):
         cutoff = min(widest, max(bandwidth(time, place) for place in self._places))
         # As often as the filter lets differ: its own correlation is not the model's.
         every = max(1, round(0.5 / (cutoff * step)))
-        inside = (time > time[0] + EDGE) & (time < time[-1] - EDGE)
+        edge = max(EDGE, SETTLED / cutoff)
+        inside = (time > time[0] + edge) & (time < time[-1] - edge)
         self._grid = Grid(time, 2.0 * cutoff * step, np.flatnonzero(inside)[::every])
         self._wide = replace(self._grid, cutoff=2.0 * widest * step)
         rows = time[self._grid.rows]
-        self._links: dict[Draw | None, Links] = {None: self._moved(None, self._grid)}
+        self._links: dict[int | None, Links] = {None: self._moved(None, self._grid)}
         self._torques = {command.key: np.interp(time, command.time, command.values) for command in data.commands}
         self._moving = [self._surely_moves(place, 1.0 / (cutoff * step))[self._grid.rows] for place in self._places]
         channels = []
@@ -375,13 +375,13 @@ class TorqueTrack(Track):
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(rows[0])
 
-    def _moved(self, draw: Draw | None, grid: Grid) -> Links:
+    def _moved(self, draw: int | None, grid: Grid) -> Links:
         """The joints' motion from their recorded places, with noise added."""
-        generator, motions = np.random.default_rng(0 if draw is None else draw.seed), []
+        generator, motions = np.random.default_rng(draw), []
         for place in self._places:
             values = place.values
             if draw is not None:
-                values = values + draw.size * place.noise * generator.normal(size=len(values))
+                values = values + place.noise * generator.normal(size=len(values))
             motions.append(grid.motion(np.interp(grid.time, place.time, values)))
         return Links(self.door, grid, motions)
 
@@ -405,7 +405,7 @@ class TorqueTrack(Track):
         """Whether noise of a joint's places is much of its accelerations, or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
-        known, noisy = (self._moved(draw, self._wide).rate for draw in (None, Draw(0)))
+        known, noisy = (self._moved(draw, self._wide).rate for draw in (None, 0))
         return bool(np.any(np.std(noisy - known, axis=0) > BLIND * np.std(known, axis=0)))
 
     def predictions(

@@ -21,7 +21,7 @@ from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, widened
+from asrsim.identification.uncertainty import Uncertainty, correlations, uncertainty, widened
 from asrsim.identification.verdicts import bounds_met, doubted, estimates
 from asrsim.samples import Array
 from asrsim.workers import one_thread
@@ -162,7 +162,6 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
         least, x = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
         if least > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
-    x = unbiased(whole, x)
     met = bounds_met(whole.layout, x)
     return whole, x, widened(whole, x, uncertainty(whole, x, met)), met
 

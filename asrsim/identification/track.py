@@ -12,7 +12,7 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import at_rest, first_samples
-from asrsim.identification.played import Draw, Played, drawn, noise_of_command
+from asrsim.identification.played import Played, drawn, noise_of_command
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -40,8 +40,8 @@ class Playing:
     substeps: Substeps
     held: frozenset[str] = frozenset()
     """Keys of commands that are played as stairs: what gave them held each sample until the next."""
-    draw: Draw | None = None
-    """Noise that is added to the recorded inputs."""
+    draw: int | None = None
+    """Number of the draw of noise that is added to the recorded inputs."""
 
 
 class Track:
@@ -184,7 +184,7 @@ class Track:
         """By how much noise as the recorded inputs have it moves each channel (n,): one draw; None where it moves nothing."""
         if not self.has_noisy_inputs:
             return None
-        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=Draw(draw))))
+        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=draw)))
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
 
     def close(self) -> None:

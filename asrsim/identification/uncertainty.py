@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.noise import autocovariances, autoregression
-from asrsim.identification.played import Draw
-from asrsim.identification.problem import Part, Problem, jacobian, residuals, solve, weigh
+from asrsim.identification.problem import Part, Problem, jacobian, residuals, weigh
 from asrsim.samples import Array
 
 BLOCKS = 10
@@ -32,8 +31,8 @@ DRAWS = 100
 """Of an encoder's steps."""
 AGREES, ROUNDS = 0.3, 4
 """Relative change of slopes that leaves directions as they are; rounds at most."""
-PLAYED, PLACES = 8, 4
-"""Draws of noise of the played commands, and pairs of draws of noise of places whose bias is removed."""
+PLAYED = 8
+"""Draws of noise of the played commands."""
 CORRECTIONS = 3
 """Rounds in which autocovariances are corrected for the parameters that were fitted."""
 STATIONARY = 1e-3
@@ -274,18 +273,3 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
                 cut = [one[:length] for one, length in zip(moved, lengths, strict=True)]
                 change[problem.rows(number)] = problem.weighted(cut, number)
         yield change
-
-
-def unbiased(problem: Problem, x: Array) -> Array:
-    """x without the mean shift by noise of the recorded places (errors in variables): that of as much noise once more.
-
-    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, whose odd parts cancel.
-    """
-    driven = [i for i in problem.fitted if isinstance(problem.tracks[i], TorqueTrack)]
-    moved = np.zeros(len(x))
-    for draw in range(PLACES if driven else 0):
-        for sign in (1.0, -1.0):
-            draws = [Draw(PLACES * i + draw, sign) if i in driven else None for i in range(len(problem.playing))]
-            playing = tuple(replace(one, draw=noise) for one, noise in zip(problem.playing, draws, strict=True))
-            moved += solve(replace(problem, playing=playing), x, rounds=10) - x
-    return np.clip(x - 0.5 * moved / PLACES, *problem.layout.bounds)
