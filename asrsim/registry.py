@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Generic, TypeVar
+from contextlib import contextmanager
+from typing import ClassVar, Generic, TypeVar
 
 from asrsim.errors import InputError
 
 T = TypeVar("T")
+
+
+@contextmanager
+def plugin_file(path: str) -> Iterator[None]:
+    """While a user's file runs: what it adds to registries is its own."""
+    before, Registry.file = Registry.file, path
+    try:
+        yield
+    finally:
+        Registry.file = before
 
 
 class Registry(Generic[T]):
@@ -18,6 +29,11 @@ class Registry(Generic[T]):
     object of the kind `instance`, is an error only for those who ask for it.
     """
 
+    added: ClassVar[int] = 0
+    """Number of entries that all registries together have taken so far."""
+    file: ClassVar[str] = ""
+    """Plugin file that is being run; it may add its entries again when it is run again."""
+
     def __init__(
         self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None
     ) -> None:
@@ -27,13 +43,18 @@ class Registry(Generic[T]):
         self._broken: dict[str, str] = {}
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
+        self._files: dict[str, str] = {}
+        """Name of an entry -> the plugin file that added it."""
         self._searched = entry_point_group is None
 
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
         """Register `entry`; raises InputError if the name is taken and `replace` is not set."""
-        if name in self._entries and not replace:
+        again = bool(Registry.file) and self._files.get(name) == Registry.file
+        if name in self._entries and not replace and not again:
             raise InputError(f"{self.noun} '{name}' is registered already", code="name-taken")
         self._entries[name] = entry
+        self._files[name] = Registry.file
+        Registry.added += 1
         return entry
 
     def get(self, name: str) -> T:

@@ -166,8 +166,8 @@ def transports() -> str:
 
 def live_topics() -> str:
     """The topics of a live run of the first joint of an example, and those of the robot."""
-    from asrsim.live.board import Board
-    from asrsim.live.gate import Gate
+    from asrsim.live.commands import CommandInput
+    from asrsim.live.publisher import Publisher
     from asrsim.scenario import load_scenario
     from asrsim.simulation.ranges import ranges_of, with_ranges
     from asrsim.simulation.simulation import Simulation
@@ -175,8 +175,8 @@ def live_topics() -> str:
     (scenario,) = load_scenario(ROOT / "examples" / "scenarios" / "step_2dof.yaml", variant="soft")
     prepared = with_ranges(scenario)
     with Simulation(prepared, compiled=False) as simulation:
-        outlets = [(one, "out, latched" if one.latched else "out") for one in Board(simulation, prepared.info).outlets]
-    inlets = [(one, "in") for one in Gate(prepared.info.joints, ranges_of(prepared)).inlets]
+        outlets = [(one, "out, latched" if one.latched else "out") for one in Publisher(simulation, prepared.info).outlets]
+    inlets = [(one, "in") for one in CommandInput(prepared.info.joints, ranges_of(prepared)).inlets]
     rows = [(f"`{one.name}`", one.message, way) for one, way in (*inlets, *outlets) if "joint_2" not in one.name]
     return markdown_table(("topic", "message", "way"), rows)
 

@@ -1,4 +1,4 @@
-"""What an actuator is: named parameters and three plain laws on numbers. It never sees the engine.
+"""The interface of an actuator: named parameters and three plain laws on numbers. It never sees the engine.
 
 The laws are static methods of floats that use :mod:`math` only, so that one source serves the plain and the compiled
 loop with equal bits. `parameters` reaches a law as a tuple of floats, in the order of the class attribute.
@@ -25,7 +25,7 @@ from typing import ClassVar
 from asrsim.actuators.parameters import HYSTERESIS_PARAMETERS, Parameter, controller_parameters, motor_parameters
 
 MOST_MOTORS = 8
-"""Of an actuator."""
+"""Largest number of motors of an actuator."""
 
 
 class Actuator:
@@ -34,7 +34,7 @@ class Actuator:
     name: ClassVar[str]
     """Registry name; a URDF finds it as `lib<name>_plugin.so`."""
     title: ClassVar[str]
-    """For people."""
+    """Readable name."""
     source: ClassVar[str]
     """Paper or datasheet of the law."""
     law: ClassVar[str] = ""
@@ -47,7 +47,7 @@ class Actuator:
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     """Parameters of the spring; those of motors and controllers are added by :meth:`all_parameters`."""
     typical_preset: ClassVar[float] = 0.0
-    """A harmless second reference (preset, adjuster), for starter scenarios and checks."""
+    """A moderate second reference (preset, adjuster), for starter scenarios and checks."""
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:

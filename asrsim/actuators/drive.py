@@ -1,4 +1,4 @@
-"""What drives one joint: an actuator in a mode with numbers for its parameters, and what these come to."""
+"""The drive of one joint: an actuator in a mode with values of its parameters, and quantities that follow from them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """An actuator on its joint, with what simulation, gravity compensation and learning must know of it.
+    """An actuator on its joint, for simulation, gravity compensation and learning.
 
-    Tuples of controllers and motors have an entry for each of the actuator's motors, and none where the mode has no such thing.
+    Tuples of controllers and motors have an entry for each motor; they are empty in modes without controllers or motors.
     """
 
     joint: str
@@ -53,12 +53,12 @@ class Drive:
 
     @cached_property
     def electric(self) -> tuple[Electric, ...]:
-        """How each motor makes torque of its command."""
+        """Relation between command and torque of each motor."""
         return tuple(electric_of(self.values, i, self.mode) for i in range(1, self.actuator.motors + 1))
 
     @cached_property
     def proportional(self) -> tuple[float, ...]:
-        """N m/rad, gain of each controller; of electric motors, whose controllers give voltage or current, what it comes to."""
+        """N m/rad, gain of each controller, converted from volts or amperes for electric motors."""
         return self._gains("proportional")
 
     @cached_property
@@ -106,13 +106,13 @@ class Drive:
         return motor_numbers(self.values, index, self.mode)
 
     def without_friction(self) -> Drive:
-        """The same with motors that nothing but their damping brakes."""
+        """The same drive without friction of its motors; their damping stays."""
         motors = range(1, self.actuator.motors + 1)
         names = [f"motor_{i}_{name}" for i in motors for name in ("friction_torque", "stribeck_friction", "load_friction")]
         return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
     def goals(self, references: Array) -> Array:
-        """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
+        """Goals of the motors or springs from references (columns, n): through the reference map in modes 3 and 6."""
         goals = references.copy()
         if self.mode.mapped:
             mapped = over_arrays(self.actuator.motor_references)(references[0], references[1])

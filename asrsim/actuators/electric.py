@@ -1,4 +1,4 @@
-"""The electric side of a motor: how its command becomes torque, and which constants that needs."""
+"""The electric part of a motor: its torque from its command, and the constants that this needs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.actuators.modes import Mode
 
 
 class Electric(NamedTuple):
-    """How a motor's command becomes torque: tau = gain * command - lag * omega, within the limits."""
+    """Torque of a motor from its command: tau = gain * command - lag * omega, within the limits."""
 
     gain: float
     """N m per unit of the command: 1, N m/A or N m/V."""
@@ -26,13 +26,13 @@ class Electric(NamedTuple):
     """N m."""
 
     def torque_of(self, command: Any) -> Any:
-        """N m at rest under a command, number or array."""
+        """Torque at rest in N m for a command, number or array."""
         most = min(self.limit, self.stall)
         return np.clip(self.gain * command, -most, most)
 
 
 def command_of(values: Mapping[str, float], index: int, mode: Mode) -> str:
-    """What motor `index` is told: torque, voltage or current; controllers of electric motors give one of the latter."""
+    """Command of motor `index`: torque, voltage or current. Controllers of electric motors give one of the latter two."""
     if not (mode.controller and mode.motor) or values.get(f"motor_{index}_torque_constant", 0.0) <= 0.0:
         return mode.command
     return "voltage" if values[f"motor_{index}_resistance"] > 0.0 else "current"
@@ -55,7 +55,7 @@ def electric_of(values: Mapping[str, float], index: int, mode: Mode) -> Electric
 
 
 def largest_command(values: Mapping[str, float], index: int, mode: Mode) -> float:
-    """The most that a direct reference of motor `index` does: N m, V or A."""
+    """Largest useful direct reference of motor `index`: N m, V or A."""
     electric = electric_of(values, index, mode)
     if mode.command == "voltage" and isfinite(values[f"motor_{index}_max_voltage"]):
         return values[f"motor_{index}_max_voltage"]
@@ -63,7 +63,7 @@ def largest_command(values: Mapping[str, float], index: int, mode: Mode) -> floa
 
 
 NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}
-"""Command of a mode -> constants of its motors without which it drives none."""
+"""Command of a mode -> constants of its motors that must be larger than 0."""
 
 
 def missing_constants(values: Mapping[str, float], motors: int, mode: Mode) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
     dh/dx = (tau - sgn(dx/dt) h) / x_0        h: N m; x: deflection, rad; tau: hysteresis_torque; x_0: hysteresis_deflection
 
-It depends on the way and not on time, is bounded by tau, and passive for every motion with the stored energy x_0 h^2 / (2 tau).
+It depends on the path and not on time, is bounded by tau, and passive for every motion; it stores x_0 h^2 / (2 tau).
 Between the turning points +-A a cycle takes 4 tau (A - x_0 tanh(A / x_0)).
 """
 

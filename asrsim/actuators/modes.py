@@ -1,5 +1,5 @@
 """The operation modes as a table: seven of the paper's section 3.1, and two of ours for motors that are driven by voltage or
-current. What a mode does follows from its columns."""
+current. The columns define a mode."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class Mode:
     mapped: bool = False
     """References are equilibrium and preset and go through the actuator's reference map."""
     command: str = "torque"
-    """What a reference is that drives a motor directly: torque, voltage or current."""
+    """Kind of a reference that drives a motor directly: torque, voltage or current."""
 
     @property
     def direct(self) -> bool:
-        """The references drive the motors, with no controller between."""
+        """The references drive the motors, without a controller."""
         return self.motor and not self.controller
 
     def references_of(self, motors: int) -> tuple[str, ...]:
-        """Names of the references of an actuator with so many motors; `references` are those of two."""
+        """Names of the references of an actuator with this number of motors; `references` are those of two motors."""
         if self.mapped or len(self.references) < 2:
             return self.references
         return (*self.references, *(self.references[0].replace("1", str(i)) for i in range(3, motors + 1)))

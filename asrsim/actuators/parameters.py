@@ -21,7 +21,7 @@ class Parameter:
     """One number of an actuator, as declared by its class."""
 
     name: str
-    """In the field's words, snake_case: `max_deflection`."""
+    """The common term, in snake_case: `max_deflection`."""
     default: float
     unit: str
     """SI; "1" for a pure number."""
@@ -35,11 +35,11 @@ class Parameter:
     finite: bool = True
     """False: infinite values are meaningful (position limits)."""
     unused: str = ""
-    """Why the value has no effect, if it has none."""
+    """Reason why the value has no effect; empty if it has one."""
     needs: str = ""
-    """The parameter without which it does nothing."""
+    """Parameter without which this one has no effect."""
     optional: bool = False
-    """Of a model beside the toolbox's, which is off by default; what lists values leaves it out where it is."""
+    """Belongs to a model that the toolbox does not have and that is off by default; lists of values omit it while it is off."""
 
     def fault(self, value: float) -> str | None:
         """Why `value` is not allowed, or None."""

@@ -17,6 +17,7 @@ from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.base import MOST_MOTORS
 from asrsim.actuators.parameters import Parameter
 from asrsim.errors import ActuatorError, Problem
+from asrsim.registry import Registry, plugin_file
 
 MODULES = "asrsim_plugin_"
 """Prefix of the module names of users' files."""
@@ -47,13 +48,15 @@ def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | No
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a user's file and register every actuator class that it defines; a file may be loaded again.
 
-    The file is run as the Python that it is: name only files that you trust. Classes whose names begin with an
-    underscore are left out. Raises ActuatorError with file and line if the file is missing, raises, defines no actuator,
-    or defines a malformed one.
+    The file may add to any registry of asrsim as well: signals, measures, recording readers, engines, steppings. It is run as
+    the Python that it is: name only files that you trust. Classes whose names begin with an underscore are left out. Returns
+    the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
+    malformed actuator.
     """
     path = Path(path)
     if not path.is_file():
         raise ActuatorError("no such plugin file", file=path, code="missing-file")
+    before = Registry.added
     module = _run(path)
     found = [
         entry
@@ -63,10 +66,11 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         and entry.__module__ == module.__name__
         and not name.startswith("_")
     ]
-    if not found:
+    if not found and Registry.added == before:
         raise ActuatorError(
-            "defines no actuator", file=path, code="no-actuator", hint="Derive a class from asrsim.actuators.Actuator"
-        )
+            "adds nothing to asrsim", file=path, code="empty-plugin",
+            hint="Derive a class from asrsim.actuators.Actuator, or add to SIGNALS, MEASURES, READERS, ENGINES or STEPPINGS",
+        )  # fmt: skip
     problems = [problem for actuator in found for problem in declaration_problems(actuator)]
     seen: set[str] = set()
     for actuator in found:
@@ -195,7 +199,7 @@ def _run(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         # What the file prints must not mix with JSON.
-        with redirect_stdout(sys.stderr):
+        with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]

@@ -1,4 +1,4 @@
-"""The laws on whole arrays: the same source, with :mod:`math` exchanged for NumPy. For what a log needs, after the loop."""
+"""Laws on whole arrays: the same source, with NumPy in the place of :mod:`math`."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _MATH_NAMESPACE = types.SimpleNamespace(**{**vars(math), **_ARRAY_MATH})
 
 
 def _saturate_array(value: Any, limit: float) -> Any:
-    # np.clip says the same in thrice the time.
+    # np.clip takes three times as long.
     raised = np.maximum(value, -limit)
     return np.minimum(raised, limit, out=raised if isinstance(raised, np.ndarray) else None)
 
 
 def _with_arrays(value: Any) -> Any:
-    """What stands for a global of a law when it runs on arrays."""
+    """Replacement of a global of a law that runs on arrays."""
     if value is math:
         return _MATH_NAMESPACE
     if value is saturate:

@@ -28,8 +28,8 @@ def live(
     rate: Annotated[float, typer.Option(help="Hz at which topics are published, at most.")] = 1000.0,
     namespace: Annotated[str, typer.Option(help="Stands before the topics' names.")] = "",
     domain: Annotated[int | None, typer.Option(help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")] = None,
-    port: Annotated[int, typer.Option(help="Of the WebSocket; 0: any that is free.")] = 8765,
-    network: Annotated[bool, typer.Option("--network", help="Other machines may listen and command, too.")] = False,
+    port: Annotated[int, typer.Option(help="Port of the WebSocket; 0: any that is free.")] = 8765,
+    network: Annotated[bool, typer.Option("--network", help="Let other machines listen and command, too.")] = False,
     allow_origin: Annotated[
         list[str] | None,
         typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
@@ -80,7 +80,7 @@ def live(
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             if missing:
-                line.tell(f"nobody will hear it: no transport is installed ({install('ros')}, or with 'asrsim[foxglove]')")
+                line.tell(f"no transport is installed, so nobody can listen ({install('ros')}, or with 'asrsim[foxglove]')")
             session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
             with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class StatusLine:
-    """One line on stderr that is written anew, where somebody watches; sentences go above it."""
+    """One line on stderr that is written anew, on a terminal; sentences go above it."""
 
     def __init__(self, *, show: bool) -> None:
         self._talks = show
         self._shows = show and is_terminal(sys.stderr)
         self._before = (clock.perf_counter(), 0.0, 0.0)
-        """Of the line before: wall time, busy and simulated s."""
+        """Wall time, busy and simulated s at the last line."""
 
     def __enter__(self) -> Self:
         return self
@@ -33,13 +33,13 @@ class StatusLine:
         self._wipe()
 
     def tell(self, text: str) -> None:
-        """A sentence that stays."""
+        """Write a sentence above the line."""
         self._wipe()
         if self._talks:
             complain(text)
 
     def show(self, session: Session) -> None:
-        """How the run stands."""
+        """Write the line anew."""
         if not self._shows:
             return
         now, figures = clock.perf_counter(), session.figures()
@@ -62,7 +62,7 @@ class StatusLine:
 
 
 def commands(figures: Mapping[str, Any]) -> str:
-    """Commands in short: how many came, and what became of those that did not get through."""
+    """Commands in short: how many came, were clamped, dropped, lost."""
     parts = [f"{figures['commands']} commands"]
     for name in ("clamped", "dropped"):
         count = sum(figures[name].values())
@@ -87,7 +87,7 @@ def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *
         )
     if figures["slips"]:
         say(f"fell behind {figures['slips']} times by {figures['slipped']:.2f} s in all: this machine was too slow", "yellow")
-    say(commands(figures) + f"; {figures['applied']} changed a reference, {figures['overtaken']} were overtaken within a tick")
+    say(commands(figures) + f"; {figures['applied']} changed a reference")
     for reason, count in (*figures["dropped"].items(), *((f"{key}: clamped", n) for key, n in figures["clamped"].items())):
         say(f"  {count} x {reason}", "dim")
     say(f"repeat it: {command_line('rerun', str(summary.files['log']), plugins)}")

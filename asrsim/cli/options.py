@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option("--plugin", metavar="FILE", help="Python file with your own actuators; may be repeated."),
+    typer.Option(
+        "--plugin", metavar="FILE", help="Python file with your own actuators, signals, measures, readers; may be repeated."
+    ),
 ]
 Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
 Packages = Annotated[

@@ -179,8 +179,7 @@ def _print_experiments(result: PlotResult) -> None:
     for one in result.compared:
         for name, alignment in one.alignments.items():
             found = f", correlation {alignment.found.correlation:.4f}" if alignment.found else ""
-            about = f", give or take {alignment.between:.2g} s" if alignment.between else ""
-            say(f"{Path(name).name} beside {one.label}: {alignment.said}{about} ({alignment.how}{found})")
+            say(f"{Path(name).name} beside {one.label}: {alignment.said} ({alignment.how}{found})")
 
 
 def _print_rows(result: PlotResult) -> None:

@@ -43,7 +43,7 @@ ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' moti
 
 
 def default_engine() -> str:
-    """The engine of a run that names none: PyBullet, on which the project is built, where it is installed; else MuJoCo."""
+    """Name of the engine of a run that names none: PyBullet if it is installed, else MuJoCo."""
     return "bullet" if ENGINES.get("bullet").available else "mujoco"
 
 

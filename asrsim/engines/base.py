@@ -1,4 +1,4 @@
-"""What an engine is: a robot whose joints take torques and step. It never hears of springs.
+"""The interface of an engine: it steps a robot under joint torques. It knows nothing of springs.
 
 A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). In a staggered run
 velocities live at half steps, half a step before the positions beside them, and the first kick is half a one. With mass matrix
@@ -24,38 +24,37 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
-"""Columns of an exchange, an array (n, 5) with a row for each joint: where it is (rad, m) and how it moves (rad/s, m/s), which
-a step writes; the mean torque on it over the kick (N m, N), its viscous damping (N m s/rad, N s/m) and the bound of its Coulomb
-friction (N m, N), which a step reads."""
+"""Columns of an exchange, an array (n, 5) with a row for each joint. A step writes position (rad, m) and velocity (rad/s, m/s);
+it reads mean torque over the kick (N m, N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N)."""
 Point = tuple[float, float, float]
 
 
 class Model(Protocol):
-    """Kinematics and dynamics of the robot alone at any state, apart from stepping. Arrays are in the order of `joints`."""
+    """Kinematics and dynamics of the robot alone, at any state. Arrays are in the order of `joints`."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg) of the moving joints; that which torques meet while the base is free, if it floats."""
+        """(n, n) kg m^2 (kg) mass matrix of the moving joints; of a floating robot, the one with a free base."""
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m that give no acceleration, on a base that is held: gravity, Coriolis and centrifugal torques."""
+        """(n,) N m of gravity, Coriolis and centrifugal forces, on a fixed base: these torques give no acceleration."""
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a base that is held; inputs (n,)."""
+        """(n,) N m that give `accelerations`, on a fixed base; inputs (n,)."""
 
     def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
-        """Kinetic and gravitational energy of the links in J, on a base that is held."""
+        """Kinetic and gravitational energy of the links in J, on a fixed base."""
 
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
 
 
 class Scene(NamedTuple):
-    """What is around the joints."""
+    """Bodies and contacts of a world."""
 
     bodies: Mapping[str, tuple[float, ...]]
     """Objects of the world, and the robot's root link if it floats: name -> (x, y, z, qx, qy, qz, qw)."""
@@ -64,11 +63,11 @@ class Scene(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What a native step works on beside a state: the robot's numbers and work space. It serves one thread at a time."""
+    """The robot's numbers and work space of a native step. It serves one thread at a time."""
 
     address: int
     memory: Any
-    """Holds what stands at the address; the engine must live, too."""
+    """Keeps the memory at the address alive; the engine must live as well."""
 
 
 class Native(NamedTuple):
@@ -89,15 +88,17 @@ class Engine(Protocol):
     version: str
     """Library and version, for the log."""
     model: Model | None
-    """None where the links have no dynamics: their motion is prescribed."""
+    """None if the motion of the links is prescribed."""
     state: Any
-    """The whole state, a copy. Set: the engine continues from it, to the bit."""
+    """A copy of the whole state. Set: the engine continues from it, to the bit."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """A run of steps of `step` s begins with the joints there, moving so; everything else as at the start. Returns where
-        they are and how they move: an engine that prescribes motion decides that itself."""
+        """Begin a run in steps of `step` s, with these positions and velocities of the joints and everything else at its start.
+
+        Returns positions and velocities: an engine that prescribes the motion decides them itself.
+        """
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
         """One step. exchange: see :data:`POSITION`; C-contiguous; wrenches: (w, 6) force (N) and torque (N m) of each of the
@@ -107,12 +108,11 @@ class Engine(Protocol):
         """Bodies and contacts now."""
 
     def vary(self, robot: Robot) -> bool:
-        """Take over the inertials of a robot of the same structure, exactly, before the next start; False: an engine must be
-        made."""
+        """Take over the inertials of a robot of the same structure before the next start. False: a new engine is needed."""
 
     @property
     def native(self) -> Native | None:
-        """The step as a C function, of a run that has started; None where there is none."""
+        """The step of a started run as a C function, or None."""
 
     def close(self) -> None:
         """Release everything."""
@@ -126,15 +126,15 @@ class EngineEntry:
     """(scenario, robot) -> engine and warnings; robot: with the scenario's modes and parameters in it."""
     doc: str
     module: str = ""
-    """What must be importable for it; empty: nothing."""
+    """Module that must be importable; empty: none."""
     prescribed: bool = False
-    """Links move as the scenario's `motion` says."""
+    """The scenario's `motion` prescribes the motion of the links."""
     faster: str = ""
-    """A registered engine that gives the same motion many times faster where nothing can touch; empty: none."""
+    """A registered engine that gives the same motion many times faster in a world without contacts; empty: none."""
 
     @property
     def available(self) -> bool:
-        """Whether what it needs is installed."""
+        """Whether its module is installed."""
         from importlib.util import find_spec
 
         return not self.module or find_spec(self.module) is not None

@@ -17,13 +17,13 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 
 CHUNK = 4096
-"""Rows of the motion that are worked out at once."""
+"""Rows of the motion that are sampled at once."""
 LONGEST = 4_000_000
-"""Steps of joints, at most, whose motion is kept as a whole, for native steps."""
+"""Largest number of steps times joints whose motion is kept as a table, for native steps."""
 
 
 class Table(NamedTuple):
-    """The motion as native steps read it."""
+    """The whole motion, for native steps."""
 
     places: Array
     """(n, joints) rad, m at whole steps; NaN in the last row, since no motion is known after the scenario's duration."""
@@ -45,12 +45,12 @@ def _sizes(table: Any) -> tuple[int, int, int]:
 
 
 def link_motion(scenario: Scenario, joint: str) -> Signal:
-    """How a bench moves a joint's link: locked where the scenario does not say."""
+    """Motion of a joint's link on a bench: locked unless the scenario prescribes it."""
     return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
 
 
 class BenchEngine:
-    """Joints move as signals say (locked without one); torques are taken and change nothing."""
+    """Joints follow signals (locked without one); torques have no effect."""
 
     model = None
     version = "bench"
@@ -64,7 +64,7 @@ class BenchEngine:
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """The motion starts over; it is prescribed, so neither positions nor velocities count."""
+        """The prescribed motion starts over, whatever the given positions and velocities."""
         self._step, self.state = step, 0
         self._sample(0)
         return self._places[0].tolist(), self._speeds[0].tolist()
@@ -95,7 +95,7 @@ class BenchEngine:
         return Scene({}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Nothing of the robot's counts here."""
+        """The robot's inertials have no effect here."""
         return True
 
     @property

@@ -1,8 +1,8 @@
-"""PyBullet behind the engine interface; it asks no other engine.
+"""PyBullet behind the engine interface.
 
 Without contacts the step is ours, on Bullet's mass matrix and bias (:class:`BulletEngine`); with contacts it is Bullet's
-(:mod:`asrsim.engines.bullet_contacts`). Of what moves the robot, the MuJoCo engine and this one share
-:mod:`asrsim.engines.rigid` and :mod:`asrsim.engines.exact_friction` only, which do not know the robot.
+(:mod:`asrsim.engines.bullet_contacts`). The MuJoCo engine and this one share only
+:mod:`asrsim.engines.rigid` and :mod:`asrsim.engines.exact_friction` which do not know the robot.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from asrsim.versions import version
 
 
 class BulletEngine(RigidEngine):
-    """A robot that touches nothing."""
+    """A robot in a world without contacts."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
@@ -47,10 +47,15 @@ class BulletEngine(RigidEngine):
             home[3:7] = w, x, y, z
         super().__init__(room, home)
 
+    def _turned(self, configuration: Array) -> Array:
+        """(3, 3) rotation of the base link."""
+        w, *vector = configuration[3:7].tolist()
+        return self.model.matrix((*vector, w))
+
     def look(self, wrenches: Array) -> None:
-        """Let Bullet look."""
+        """Mass matrix, bias and wrenches by Bullet."""
         room, model = self._room, self.model
-        rotation = turned(room.qpos[3:7]) if room.free else None
+        rotation = self._turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
         room.matrix[:] = model.matrix_at(positions, rotation)
         room.bias[:] = model.bias_at(positions, rotation, room.qvel)
@@ -62,11 +67,11 @@ class BulletEngine(RigidEngine):
         if not self._room.free:
             return Scene({}, {})
         w, *vector = self._state[3:7].tolist()
-        origin = self._state[:3] - turned(self._state[3:7]) @ self.model.centre
+        origin = self._state[:3] - self._turned(self._state) @ self.model.centre
         return Scene({self.model.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Bodies are as they were loaded."""
+        """Bullet cannot change the inertials of a loaded robot."""
         return robot.links == self.robot.links
 
     def close(self) -> None:
@@ -74,20 +79,8 @@ class BulletEngine(RigidEngine):
         self.model.close()
 
 
-def turned(quaternion: Array) -> Array:
-    """(3, 3) rotation of w, x, y, z."""
-    w, x, y, z = quaternion.tolist()
-    return np.array(
-        (
-            (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-            (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-            (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-        )
-    )
-
-
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
-    """The scenario's world in PyBullet, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
+    """The scenario's world in PyBullet, and warnings of what the engine ignores. Raises RobotError, SimulationError."""
     _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
     engine: Any = BulletEngine if scenario.world.empty else BulletContacts
     return engine(scenario, robot), warnings

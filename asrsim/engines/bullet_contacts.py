@@ -1,9 +1,9 @@
 """PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
 
-What its step lacks is given to it as torques, found by :class:`asrsim.engines.bullet_model.BulletModel`: it takes velocity
-torques at velocities half a step late, with their whole impulse in a first kick that is a part of one, and it has no implicit
-damping.
-The change of velocity that damping meets is that without contacts.
+Bullet's step has no implicit damping, takes velocity torques half a step late, and knows whole kicks only. The difference is
+given to it as torques, from the mass matrix and the bias of :class:`asrsim.engines.bullet_model.BulletModel`; for a first kick
+that is a part of one, its velocities are set back. Damping acts at the change of velocity that the joints would have without
+contacts.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, S
 from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
 from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
-from asrsim.engines.exact_friction import settle
-from asrsim.engines.rigid import IMPLICITNESS, STEP, Calculation, make_room
+from asrsim.engines.rigid import IMPLICITNESS, Calculation, kick, make_room
 from asrsim.robot import engine_urdf
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import Robot
@@ -33,42 +32,29 @@ SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
 """Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
 leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
 BEYOND = 1e-9
-"""rad or m beyond a stop at which a joint rests on it."""
+"""rad or m: a joint rests on its stop this far beyond it."""
 REACH = 2.0
-"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
+"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
 ARREST = 1e9
-"""N m: more than any impact takes."""
+"""N m: more than any impact needs."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
-    """Into `push` the N m that Bullet is given; in it is the bias (v,) at the present velocity, which Bullet takes itself.
+    """Adds to `push` (v,) the torques of the joints, damping included, in N m; the room's `change` is that without contacts.
 
-    Given are the room's `matrix`, `bias`, `force`, `velocity`, and the joints' positions in `qpos`. Ordinary code, run as it
-    is or compiled.
+    Ordinary code, run as it is or compiled.
     """
-    step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
-    kick = fraction * step
-    for i in range(len(room.velocity)):
+    for i in range(len(room.held)):
         room.held[i] = 0
-        room.impulse[i] = step * room.force[i] - kick * room.bias[i]
-        push[i] = room.force[i] - fraction * (room.bias[i] - push[i])
-    for j in range(len(room.joint_v)):
-        i, position, damping = room.joint_v[j], room.qpos[j], exchange[j, DAMPING]
-        torque = fraction * exchange[j, TORQUE]
-        push[i] += torque
-        room.impulse[i] += step * torque - kick * damping * room.velocity[i]
-        room.matrix[i, i] += implicitness * kick * damping
-        room.bound[i] = kick * exchange[j, FRICTION]
-        room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
-        room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
-    settle(room)
+    kick(room, exchange, fraction)
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]
-        push[i] -= fraction * exchange[j, DAMPING] * (room.velocity[i] + implicitness * room.change[i])
+        mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
+        push[i] += exchange[j, TORQUE] - exchange[j, DAMPING] * mean
 
 
 class _Saved:
-    """A state that Bullet keeps in memory until nobody wants it, or its client is gone: numbers of clients come again."""
+    """A state in Bullet's memory. It is removed with this object, unless its client has ended: client numbers are reused."""
 
     def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
         self.number = p.saveState(physicsClientId=client)
@@ -80,7 +66,7 @@ class _Saved:
 
 
 class BulletContacts:
-    """A fresh physics client with one robot and its world."""
+    """A physics client with one robot and its world."""
 
     native = None
 
@@ -103,6 +89,7 @@ class BulletContacts:
         places = places_of(p, client, body)
         set_inertias(p, client, body, places, merged)
         free_of_losses(p, client, body)
+        p.setGravity(*scenario.gravity, physicsClientId=client)
         # erp 0: a stop takes a joint's velocity and does not push it back; see _reach_stops.
         p.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0, physicsClientId=client
@@ -117,8 +104,10 @@ class BulletContacts:
         self._home = p.getBasePositionAndOrientation(body, client), self._world.states()
         count = len(self._indices)
         self._before = np.zeros(self._base + count)
+        self._rotation: Array | None = None
+        """(3, 3) of the base link, if it floats."""
         self._frictions: list[float | None] = [None] * count
-        """N m of the motors that are the joints' friction; None: not known."""
+        """N m, torque limits of the motors that act as friction; None: unknown."""
         self._room = make_room(
             self.robot, np.zeros(4), qpos=np.zeros(count), qvel=self._before, joint_q=range(count),
             joint_v=range(self._base, self._base + count), free=bool(self._base),
@@ -131,91 +120,88 @@ class BulletContacts:
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
         """A run begins."""
-        p, client, body = self._p, self._client, self._body
+        p, client = self._p, self._client
         self._step = step
-        self._room.scheme[:] = step, 1.0, 0.0, implicitness
+        self._room.scheme[:] = step, 1.5, -0.5, implicitness
         # Bullet keeps the impulses of motors, which follow from the step.
         self._frictions = [None] * len(self._indices)
         self._lagging = staggered and len(self._before) > 1
         p.setTimeStep(step, physicsClientId=client)
         base, objects = self._home
-        p.resetBasePositionAndOrientation(body, *base, physicsClientId=client)
-        p.resetBaseVelocity(body, [0, 0, 0], [0, 0, 0], physicsClientId=client)
-        for index, position, velocity in zip(self._indices, positions, velocities, strict=True):
-            p.resetJointState(body, index, float(position), float(velocity), physicsClientId=client)
+        p.resetBasePositionAndOrientation(self._body, *base, physicsClientId=client)
+        self._rotation = np.eye(3) if self._base else None
+        self._place(positions, np.concatenate([np.zeros(self._base), velocities]))
         self._world.set_states(objects)
         self._read()
         self._before[:] = self._room.velocity
         return positions, velocities
 
+    def _place(self, positions: Sequence[float], velocities: Array) -> None:
+        """Set the positions of the joints and the velocities (v,) of all degrees of freedom."""
+        for index, position, velocity in zip(self._indices, positions, velocities[self._base :], strict=True):
+            self._p.resetJointState(self._body, index, float(position), float(velocity), physicsClientId=self._client)
+        if self._rotation is not None:
+            spin = (self._rotation @ velocities[3:6]).tolist()
+            self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), spin, physicsClientId=self._client)
+
     def _read(self) -> None:
-        """Where the robot is, and how it moves."""
+        """Read positions and velocities of the robot."""
         p, client, body = self._p, self._client, self._body
         states = p.getJointStates(body, self._indices, client) if self._indices else ()
         self._positions = [state[0] for state in states]
         speeds = [state[1] for state in states]
-        self._rotation: Array | None = None
         if self._base:
-            self._rotation = inertial_frame(p, client, body, -1)[1]
+            self._rotation = rotation = inertial_frame(p, client, body, -1)[1]
             linear, angular = p.getBaseVelocity(body, client)
-            speeds = [*linear, *(self._rotation.T @ angular), *speeds]
+            speeds = [*linear, *(rotation.T @ angular), *speeds]
         self._velocities = speeds[self._base :]
         self._room.qpos[:] = self._positions
         self._room.velocity[:] = speeds
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
         """One step."""
-        p, client = self._p, self._client
-        self._set_friction((fraction * exchange[:, FRICTION]).tolist())
-        # Gravity is the only force that has an impulse of its own.
-        p.setGravity(*(fraction * part for part in self._scenario.gravity), physicsClientId=client)
-        push = self._push(exchange, wrenches, fraction)
-        arrived = self._reach_stops()
+        p, client, room, model, rotation = self._p, self._client, self._room, self._model, self._rotation
+        self._set_friction(exchange[:, FRICTION].tolist())
+        whole, now = fraction == 1.0, room.velocity.copy()
+        if len(wrenches):
+            room.force[:] = model.push(self._scenario.wrenches, wrenches, room.qpos, rotation)
+        push = room.force / fraction
+        lagging = self._lagging and whole
+        settled = not whole or self._near_stops() or bool(exchange[:, DAMPING].any())
+        if lagging or settled:
+            room.bias[:] = model.bias_at(room.qpos, rotation, 1.5 * now - 0.5 * self._before if lagging else now)
+        if settled:
+            room.matrix[:] = model.matrix_at(room.qpos, rotation)
+            self._torques(push, exchange, fraction)
+        else:
+            room.change[:] = 0.0
+            push[self._base :] += exchange[:, TORQUE]
+        arrived = self._reach_stops((now + room.change)[self._base :].tolist())
+        self._before[:] = now
+        if not whole:
+            # Bullet knows whole kicks only: it begins where a whole one ends as this part of one does.
+            self._before -= room.change
+            self._place(self._positions, now - (1.0 / fraction - 1.0) * room.change)
+            self._world.move((fraction - 1.0) * self._step * np.array(self._scenario.gravity))
+            self._read()
+        if lagging or not whole:
+            # Bullet takes velocity torques at its own velocities.
+            push += model.bias_at(room.qpos, rotation, room.velocity) - room.bias
         if self._indices:
             p.setJointMotorControlArray(
                 self._body, self._indices, p.TORQUE_CONTROL, forces=push[self._base :].tolist(), physicsClientId=client
             )
-        if self._rotation is not None:
+        if rotation is not None:
             centre = p.getBasePositionAndOrientation(self._body, client)[0]
-            torque = self._rotation @ push[3:6]
+            torque = (rotation @ push[3:6]).tolist()
             p.applyExternalForce(self._body, -1, push[:3].tolist(), centre, p.WORLD_FRAME, physicsClientId=client)
-            p.applyExternalTorque(self._body, -1, torque.tolist(), p.WORLD_FRAME, physicsClientId=client)
+            p.applyExternalTorque(self._body, -1, torque, p.WORLD_FRAME, physicsClientId=client)
         p.stepSimulation(client)
         for j in arrived:
             self._frictions[j] = None
-        velocity = self._room.velocity
-        self._before[:] = velocity
         self._read()
-        if fraction != 1.0:
-            # Before a first kick, as if it had been a whole one.
-            self._before[:] = 2.0 * self._before - velocity
         exchange[:, POSITION] = self._positions
         exchange[:, VELOCITY] = self._velocities
-
-    def _push(self, exchange: Array, wrenches: Array, fraction: float) -> Array:
-        """(v,) N m that Bullet is given, over the whole step."""
-        room, rotation, model = self._room, self._rotation, self._model
-        q, now = room.qpos, room.velocity
-        if len(wrenches):
-            room.force[:] = model.push(self._scenario.wrenches, wrenches, q, rotation)
-        settled = self._near_stops() or bool(exchange[:, DAMPING].any())
-        if not settled:
-            room.change[:] = 0.0
-        if not settled and not self._lagging and fraction == 1.0:
-            push = room.force.copy()
-            push[self._base :] += exchange[:, TORQUE]
-            return push
-        push = model.bias_at(q, rotation, now)
-        # Gravity alone has an impulse of its own.
-        rest = (1.0 - fraction) * (push - model.bias_at(q, rotation, np.zeros(len(now)))) if fraction != 1.0 else 0.0
-        lagging = self._lagging and fraction == 1.0
-        room.bias[:] = model.bias_at(q, rotation, 1.5 * now - 0.5 * self._before) if lagging else push
-        if settled:
-            room.matrix[:] = model.matrix_at(q, rotation)
-            return self._torques(push, exchange, fraction) + rest
-        push = room.force + fraction * (push - room.bias) + rest
-        push[self._base :] += fraction * exchange[:, TORQUE]
-        return push
 
     def _set_friction(self, bounds: list[float]) -> None:
         for j, bound in enumerate(bounds):
@@ -224,7 +210,7 @@ class BulletContacts:
                 self._frictions[j] = bound
 
     def _set_motor(self, j: int, force: float, velocity: float = 0.0) -> None:
-        """A velocity motor at target 0: with force 0 it frees the joint, with a force it is its Coulomb friction."""
+        """Set a velocity motor: at target 0 it acts as Coulomb friction of level `force`."""
         p = self._p
         p.setJointMotorControl2(
             self._body, self._indices[j], p.VELOCITY_CONTROL, targetVelocity=velocity, force=force, physicsClientId=self._client
@@ -238,18 +224,16 @@ class BulletContacts:
                 return True
         return False
 
-    def _reach_stops(self) -> list[int]:
+    def _reach_stops(self, ends: list[float]) -> list[int]:
         """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
 
-        Returns these joints, whose motors serve for it.
+        ends: the joints' velocities at the end of the step without contacts, which take them to their stops at most. Returns
+        the joints that reach their stops; their motors serve for it.
         """
         arrived = []
-        changes = self._room.change[self._base :].tolist()
         for j, lower, upper in self._stops:
-            position, velocity = self._positions[j], self._velocities[j]
-            # Without contacts it ends the step with this velocity, which takes it to its stop at most.
-            settled = velocity + changes[j]
-            for speed in (settled, velocity):
+            position = self._positions[j]
+            for speed in (ends[j], self._velocities[j]):
                 reach = ((upper if speed > 0.0 else lower) - position) / self._step
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
                     # A hair beyond, where Bullet's stop holds it from the next step on.
@@ -260,7 +244,7 @@ class BulletContacts:
 
     @property
     def state(self) -> Any:
-        """Bullet's, and velocities before the last kick."""
+        """Bullet's state, and the velocities before the last kick."""
         return _Saved(self._p, self._client, self._end), self._before.copy()
 
     @state.setter
@@ -274,7 +258,7 @@ class BulletContacts:
     # -- what is around ---------------------------------------------------------------------------------------------
 
     def vary(self, robot: Robot) -> bool:
-        """Bodies are as they were loaded."""
+        """Bullet cannot change the inertials of a loaded robot."""
         return robot.links == self.robot.links
 
     def scene(self) -> Scene:

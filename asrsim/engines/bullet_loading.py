@@ -1,5 +1,5 @@
-"""A robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal. The only module that imports
-it."""
+"""Loads a robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal. The only module that
+imports PyBullet."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
 NO_CLAMP = 1e9
-"""rad/s: Bullet's clamp on joint velocities (100 by default) out of the way."""
+"""rad/s: Bullet clips joint velocities at this limit (100 by default)."""
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client (28 MB), and what ends it, at the latest when nobody has
-    `owner` any more."""
+    """The module `pybullet`, the number of a new physics client (28 MB), and a function that ends the client. It ends with
+    `owner` at the latest."""
     with quiet():
         import pybullet
 
@@ -62,7 +62,7 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
 
 
 def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot, lift: float = 0.0) -> None:
-    """Principal moments of the links (name -> Bullet's number) as the data have them, each with `lift` kg m^2 more.
+    """Principal moments of the links (name -> Bullet's number) as in the robot's data, each with `lift` kg m^2 more.
 
     Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
     """
@@ -73,7 +73,7 @@ def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot
 
 
 def free_of_losses(p: Any, client: int, body: int) -> None:
-    """Bullet's own damping of links and joints off, its clamp on joint velocities out of the way."""
+    """Switch off Bullet's own damping of links and joints, and its limit on joint velocities."""
     p.changeDynamics(body, -1, linearDamping=0, angularDamping=0, lateralFriction=1.0, physicsClientId=client)
     for index in range(p.getNumJoints(body, client)):
         p.changeDynamics(

@@ -1,6 +1,6 @@
 """Kinematics and dynamics of the robot alone, by PyBullet's routines on a physics client of their own.
 
-PyBullet's routines have traps, which this module is there for. Those of dynamics count degrees of freedom in the order of
+PyBullet's routines have traps, which this module avoids. Those of dynamics count degrees of freedom in the order of
 Bullet's links, see a floating base along the axes of its inertia, its velocity before its translation, and ignore how it
 stands; forces on the base they give the other way round.
 """
@@ -16,6 +16,7 @@ import numpy as np
 from asrsim.engines.base import Point
 from asrsim.engines.bullet_loading import connect, load_body, set_inertias
 from asrsim.engines.foreign import quiet
+from asrsim.engines.rigid import RigidModel
 from asrsim.errors import RobotError
 from asrsim.robot.engine_text import engine_urdf
 from asrsim.robot.inertia import principal_axes
@@ -28,7 +29,7 @@ BASE = 6
 """Degrees of freedom of a floating base."""
 
 
-class BulletModel:
+class BulletModel(RigidModel):
     """See :class:`asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot have."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -48,20 +49,20 @@ class BulletModel:
         self._places = {name: (index[place.body], place.pose) for name, place in merged.places.items()}
         self.root = bare.root.name
         self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
-        self.base = 0 if scenario.fixed_base else BASE
+        self.free = 0 if scenario.fixed_base else BASE
         # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
         self._to_bullet = sorted(range(len(self.indices)), key=self.indices.__getitem__)
         self._same_order = self._to_bullet == list(range(len(self.indices)))
-        self._ours = self._same_order and not self.base
+        self._ours = self._same_order and not self.free
         from_bullet = [self._to_bullet.index(j) for j in range(len(self.indices))]
         # Of a base: translation before rotation.
-        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.base] + [self.base + j for j in from_bullet], dtype=np.int64)
-        self._forces = np.array([*range(self.base), *(self.base + j for j in from_bullet)], dtype=np.int64)
+        self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + [self.free + j for j in from_bullet], dtype=np.int64)
+        self._forces = np.array([*range(self.free), *(self.free + j for j in from_bullet)], dtype=np.int64)
         self._block = np.ix_(self._rows, self._rows)
         self._zero = [0.0] * len(self.indices)
         dynamics = p.getDynamicsInfo(self._body, -1, client)
-        self.centre, self.axes = np.array(dynamics[3]), self._matrix(dynamics[4])
-        self._standing = self._matrix(p.getBasePositionAndOrientation(self._body, client)[1])
+        self.centre, self.axes = np.array(dynamics[3]), self.matrix(dynamics[4])
+        self._standing = self.matrix(p.getBasePositionAndOrientation(self._body, client)[1])
         self._parts = [(1.0, self._body)]
         self._set_gravity(self._standing)
         self._set_up()
@@ -73,7 +74,7 @@ class BulletModel:
         return body
 
     def _set_up(self) -> None:
-        """Bullet sets its dynamics up when first asked, and prints what it thinks of axes that are off by rounding.
+        """Bullet sets up its dynamics at the first call, and prints warnings about axes that are off by rounding.
 
         It declines inertias that no body has, as some published robots have. Mass matrix and bias are linear in inertias, and
         those of I are twice those of I + s less those of I + 2 s, which bodies can have.
@@ -115,7 +116,7 @@ class BulletModel:
         return matrix
 
     def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
-        """(v,) N m that give no acceleration, in the same order; velocity: (v,)."""
+        """(v,) N m of gravity, Coriolis and centrifugal forces, in the same order; velocity: (v,)."""
         q = self._ordered(positions)
         if rotation is None:
             return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
@@ -126,8 +127,8 @@ class BulletModel:
         return bias
 
     def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
-        """(v,) N m that wrenches make, whose forces (N) and torques (N m) are `values` (w, 6)."""
-        total = np.zeros(self.base + len(self.indices))
+        """(v,) N m, generalised forces of wrenches with forces (N) and torques (N m) `values` (w, 6)."""
+        total = np.zeros(self.free + len(self.indices))
         # The model's own base stands as at the start.
         turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
         for wrench, value in zip(wrenches, values, strict=True):
@@ -136,7 +137,7 @@ class BulletModel:
             at, frame, jacobian = self.link_point(wrench.link, wrench.point, positions)
             axes = np.eye(3) if wrench.frame == "world" else turn @ frame
             force, torque = axes @ value[:3], axes @ value[3:]
-            total[self.base :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
+            total[self.free :] += jacobian.T @ np.concatenate([turn.T @ force, turn.T @ torque])
             if rotation is not None:
                 arm = turn @ (at - np.array(self._p.getBasePositionAndOrientation(self._body, self._client)[0]))
                 total[:3] += force
@@ -152,17 +153,17 @@ class BulletModel:
         matrix = self._sum(self._p.calculateMassMatrix, positions)
         return matrix if self._ours else matrix[self._block]
 
-    def _sum(self, ask: Any, *arguments: list[float]) -> Array:
-        """What a routine of Bullet's says of the robot."""
+    def _sum(self, routine: Any, *arguments: list[float]) -> Array:
+        """Result of a routine of Bullet for the robot."""
         client = self._client
         if len(self._parts) == 1:
-            return np.array(ask(self._body, *arguments, physicsClientId=client))
-        return np.asarray(sum(part * np.array(ask(body, *arguments, physicsClientId=client)) for part, body in self._parts))
+            return np.array(routine(self._body, *arguments, physicsClientId=client))
+        return np.asarray(sum(part * np.array(routine(body, *arguments, physicsClientId=client)) for part, body in self._parts))
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
-        """(v,) that give accelerations of the joints, along Bullet's axes, in our order. turned: of the base's inertia."""
+        """(v,) N m that give accelerations of the joints, along Bullet's axes, in our order. turned: axes of the base."""
         states = [positions, velocities, accelerations]
-        if self.base:
+        if self.free:
             # Where the base is does not count, and its velocity must have six numbers.
             still = [0.0] * (BASE + len(self.indices) - len(velocities))
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
@@ -177,38 +178,26 @@ class BulletModel:
 
     # -- the model ---------------------------------------------------------------------------------------------------
 
-    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
-        matrix = self._mass(self._ordered(positions))
-        if not self.base:
-            return matrix
-        # The base takes part in every motion: its rows are eliminated.
-        base, cross = matrix[:BASE, :BASE], matrix[:BASE, BASE:]
-        return np.asarray(matrix[BASE:, BASE:] - cross.T @ np.linalg.solve(base, cross))
-
-    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m that give no acceleration, on a base that is held."""
-        return self.inverse_dynamics(positions, velocities, self._zero)
+    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(v, v) along the axes of the base's inertia; a floating base first."""
+        return self._mass(self._ordered(positions))
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a base that is held."""
+        """(n,) N m that give `accelerations`, on a fixed base."""
         states = [self._ordered(values) for values in (positions, velocities, accelerations)]
-        return self._forces_at(self._standing, *states)[self.base :]
+        return self._forces_at(self._standing, *states)[self.free :]
 
-    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
-        """Kinetic and gravitational energy of the links in J, on a base that is held."""
+    def potential(self, positions: Sequence[float] | Array) -> float:
+        """Gravitational energy of the links in J."""
         p, client, body = self._p, self._client, self._body
         self._place(positions)
-        speeds = np.asarray(velocities, dtype=float)
-        energy = 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds)
-        for index in range(p.getNumJoints(body, client)):
-            mass = p.getDynamicsInfo(body, index, client)[0]
-            if mass:
-                position = p.getLinkState(body, index, 0, 1, client)[0]
-                energy -= mass * sum(g * x for g, x in zip(self._scenario.gravity, position, strict=True))
-        return energy
+        weights = [
+            p.getDynamicsInfo(body, index, client)[0] * np.array(p.getLinkState(body, index, 0, 1, client)[0])
+            for index in range(p.getNumJoints(body, client))
+        ]
+        return -float(np.sum(weights, axis=0) @ self._scenario.gravity) if weights else 0.0
 
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Forward kinematics of a point of a link: position (3,) m, rotation (3, 3), Jacobian (6, n), world frame."""
@@ -222,20 +211,21 @@ class BulletModel:
             return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
         # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
         # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
-        turned = self._matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
+        turned = self.matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
         )
         jacobian = np.vstack([self._standing @ np.array(linear), self._standing @ np.array(angular)])
-        return position, rotation @ pose.rotation, jacobian[:, self._rows[self.base :]]
+        return position, rotation @ pose.rotation, jacobian[:, self._rows[self.free :]]
 
     def _place(self, positions: Sequence[float] | Array) -> None:
-        """The robot's joints there."""
+        """Set the positions of the joints."""
         for joint, value in zip(self.indices, positions, strict=True):
             self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
 
-    def _matrix(self, quaternion: Sequence[float]) -> Array:
-        return np.array(self._p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
+    def matrix(self, quaternion: Sequence[float]) -> Array:
+        """(3, 3) rotation of x, y, z, w."""
+        return _matrix(self._p, quaternion)
 
 
 def places_of(p: Any, client: int, body: int) -> dict[str, int]:
@@ -249,16 +239,18 @@ def places_of(p: Any, client: int, body: int) -> dict[str, int]:
 def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
     """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
-    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so do the poses of frames
-    that it tells beside those of the inertias.
+    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so are the poses of frames
+    that it gives beside those of the inertias.
     """
-
-    def matrix(quaternion: Sequence[float]) -> Array:
-        return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)
 
     dynamics = p.getDynamicsInfo(body, index, client)
     if index == -1:
         position, inertial = p.getBasePositionAndOrientation(body, client)
-        return position, matrix(inertial) @ matrix(dynamics[4]).T, dynamics[3]
+        return position, _matrix(p, inertial) @ _matrix(p, dynamics[4]).T, dynamics[3]
     state = p.getLinkState(body, index, 0, 1, client)
-    return state[0], matrix(state[1]) @ matrix(dynamics[4]).T, dynamics[3]
+    return state[0], _matrix(p, state[1]) @ _matrix(p, dynamics[4]).T, dynamics[3]
+
+
+def _matrix(p: Any, quaternion: Sequence[float]) -> Array:
+    """(3, 3) rotation of x, y, z, w."""
+    return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

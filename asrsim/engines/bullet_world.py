@@ -11,21 +11,23 @@ import numpy as np
 
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.errors import SimulationError
+from asrsim.samples import Array
 from asrsim.scenario.data import World, WorldObject
 
 GROUND_SIZE = 100.0
 """m: edge of the box that is the ground; a plane's contact forces jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
-"""Of a contact point of Bullet's: places of the normal force and of both of friction, in N, and of their directions."""
+"""Entries of Bullet's contact points: normal force and both friction forces, in N, with the entries of their directions."""
 
 
 class BulletWorld:
-    """Ground and objects, put around the robot `body` of a physics client. fixed: the robot's base is held."""
+    """Ground and objects, around the robot `body` of a physics client. fixed: whether the robot's base is fixed."""
 
     def __init__(self, p: Any, client: int, body: int, world: World, *, fixed: bool) -> None:
         self._p, self._client, self._body = p, client, body
         self.objects: dict[str, int] = {}
         """Name -> Bullet's number of the body."""
+        self._moving = [item.name for item in world.objects if item.mass]
         self._ground = self._lay_ground(world, fixed) if world.ground else None
         for item in world.objects:
             self.objects[item.name] = self._add_object(item)
@@ -78,21 +80,26 @@ class BulletWorld:
         return poses
 
     def states(self) -> dict[str, Any]:
-        """Poses of the objects as Bullet keeps them, of their centres."""
+        """Poses of the objects' centres of mass, as Bullet stores them."""
         return {name: self._p.getBasePositionAndOrientation(body, self._client) for name, body in self.objects.items()}
 
     def set_states(self, states: dict[str, Any]) -> None:
-        """Put the objects there, at rest."""
+        """Place the objects at rest."""
         for name, pose in states.items():
             self._p.resetBasePositionAndOrientation(self.objects[name], *pose, physicsClientId=self._client)
             self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
+
+    def move(self, velocity: Array) -> None:
+        """Set the velocities of the objects that move, m/s; nothing turns."""
+        for name in self._moving:
+            self._p.resetBaseVelocity(self.objects[name], velocity.tolist(), [0, 0, 0], physicsClientId=self._client)
 
     def contacts(self) -> dict[str, tuple[float, float, float]]:
         """See :func:`asrsim.engines.contact_forces.contact_forces`."""
         names = {body: name for name, body in self.objects.items()} | {self._body: ROBOT}
         if self._ground is not None:
             names[self._ground] = GROUND
-        # All points at once: asked for by pairs, Bullet turns normals to the order asked for, but not friction.
+        # All points at once: for pairs, Bullet turns the normals to the order of the pair, but not the friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in self._p.getContactPoints(physicsClientId=self._client) or ()

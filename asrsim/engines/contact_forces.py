@@ -1,4 +1,4 @@
-"""Contact forces as engines tell of them: summed over the points at which two bodies touch."""
+"""Contact forces: summed over the points at which two bodies touch."""
 
 from __future__ import annotations
 

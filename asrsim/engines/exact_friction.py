@@ -3,9 +3,9 @@
 Ordinary code, run as it is or compiled. In one step each degree of freedom is in one of five states, `held`:
 
      AT_LOWER   it reaches its lower stop at the end of the step, or rests there; the stop pushes
-     NEGATIVE   it slides in negative direction under all of its friction
-     STICKING   it stands, and friction takes no more than its bound
-     POSITIVE   it slides in positive direction under all of its friction; without friction it moves freely
+     NEGATIVE   it slides in negative direction under its full friction
+     STICKING   it stands still, and friction is within its bound
+     POSITIVE   it slides in positive direction under its full friction; without friction it moves freely
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
 Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach it; in the next step it
@@ -104,8 +104,8 @@ def _solve(square: Any, values: Any, count: int) -> None:
 
 
 def _swap(room: Any, single: bool) -> bool:
-    """Move all whose impulse or velocity contradicts their state to the next state; `single`: only the first of them. Whether
-    any moved."""
+    """Change the state of each degree of freedom whose impulse or velocity contradicts it; `single`: of the first one only.
+    Returns whether any changed."""
     changed = False
     held = room.held
     for i in range(len(held)):
@@ -122,7 +122,7 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """State after a solution in which what is held needs this impulse to have its velocity."""
+    """State after a solution in which a held degree of freedom needs this impulse for its velocity."""
     most, slack, state = room.bound[i], SLACK * room.bound[i], room.held[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER
@@ -143,7 +143,7 @@ def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
 
 
 def _state_by_velocity(room: Any, i: int, velocity: float) -> int:
-    """State after a solution in which what slides has this velocity."""
+    """State after a solution in which a sliding degree of freedom has this velocity."""
     if velocity > room.fastest[i]:
         return AT_UPPER
     if velocity < room.slowest[i]:

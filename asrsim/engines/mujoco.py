@@ -1,7 +1,7 @@
 """MuJoCo behind the engine interface.
 
-Without contacts the step is ours (:mod:`asrsim.engines.mujoco_step`), from MuJoCo's rigid-body routines; friction of joints and
-their stops are exact. With contacts MuJoCo's own solver has all three.
+Without contacts the step is ours (:mod:`asrsim.engines.mujoco_step`), on MuJoCo's rigid-body routines; friction and stops of
+joints are exact. With contacts MuJoCo's own solver computes all three.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from asrsim.engines.base import Native, Record, Scene
 from asrsim.engines.mujoco_build import base_centre, build, link_body
 from asrsim.engines.mujoco_contacts import MujocoContacts
 from asrsim.engines.mujoco_library import (
+    bound,
     compiled_step,
     library_version,
     load,
     overlaps,
-    plain_step,
     say_nothing,
     stop_the_clock,
 )
@@ -65,13 +65,13 @@ class MujocoEngine(RigidEngine):
         self._call: Any = None
         super().__init__(self._record.room, home)
         self._words = pack(self._record)
-        self._plain_step = partial(plain_step(), plain(self._record))
+        self._plain_step = partial(bound(mujoco_step.step), plain(self._record))
         self._contacts = None if scenario.world.empty else MujocoContacts(mujoco, self._m, data, scenario.world)
 
     # -- setting up -------------------------------------------------------------------------------------------------
 
     def _set_inertials(self, links: Sequence[Link], data: Any) -> None:
-        """Masses, centres and principal moments as the robot's data have them."""
+        """Masses, centres of mass and principal moments from the robot's data."""
         m = self._m
         turn = np.zeros(4)
         for link in links:
@@ -124,7 +124,7 @@ class MujocoEngine(RigidEngine):
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step; compiled from when `native` was asked for, with the same bits."""
+        """One step; compiled once `native` has been read, with the same bits."""
         if self._contacts is not None:
             self._contacts.step(self._record, self._state, exchange, wrenches, fraction)
         elif self._call is not None:
@@ -170,6 +170,6 @@ class MujocoEngine(RigidEngine):
 
 
 def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
-    """The scenario's world in MuJoCo, and warnings of what the engine does not take. Raises RobotError, SimulationError."""
+    """The scenario's world in MuJoCo, and warnings of what the engine ignores. Raises RobotError, SimulationError."""
     engine = MujocoEngine(scenario, robot)
     return engine, (*engine.warnings, *overlaps())

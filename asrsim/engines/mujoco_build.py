@@ -1,4 +1,4 @@
-"""A MuJoCo model of a scenario's robot and world, made from the same URDF text that PyBullet gets."""
+"""A MuJoCo model of a scenario's robot and world, made from the robot's data."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ GROUND_HALF = 50.0
 ROBOT_BIT, WORLD_BIT = 1, 2
 """Collision classes: the robot meets the world, the world also itself."""
 IMPEDANCE_RATIO = 1000.0
-"""Times as hard against slip as against penetration that contacts are: MuJoCo's `impratio`."""
+"""Stiffness of contacts against slip over that against penetration: MuJoCo's `impratio`."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Impedance of constraints: as hard as MuJoCo takes it."""
+"""Impedance of constraints: the hardest that MuJoCo accepts."""
 
 
 def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
@@ -56,7 +56,7 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
 
 
 def link_body(name: str) -> str:
-    """Name of a link's body: objects of the world have names of their own."""
+    """Name of a link's body; objects of the world have another prefix."""
     return f"link/{name}"
 
 
@@ -101,7 +101,7 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift
 
 
 def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
-    """What makes a geom of that name have a shape; size: m, of a mesh its scale. A mesh goes into the model under the name."""
+    """Attributes that give a geom its shape; size: m, of a mesh its scale. A mesh is added to the model under `name`."""
     kinds = mujoco.mjtGeom
     if kind == "mesh":
         spec.add_mesh(name=name, file=mesh, scale=list(size))
@@ -138,7 +138,7 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
 
 
 def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
-    """A mesh's inertia is that of its bounding box, its centre of mass its origin, as PyBullet has them."""
+    """Inertia of a mesh as in PyBullet: that of its bounding box, with the centre of mass at its origin."""
     geom = model.geom(f"object/{item.name}")
     mesh = int(geom.dataid[0])
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
@@ -151,7 +151,7 @@ def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
-    """Contacts with the product of both coefficients, as PyBullet has them; MuJoCo's rule takes the larger."""
+    """Friction of contacts as in PyBullet: the product of both coefficients. MuJoCo would take the larger."""
     frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
     if scenario.world.ground:
         frictions[GROUND] = scenario.world.ground_friction

@@ -10,7 +10,8 @@ import numpy as np
 from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.mujoco_build import HARD
-from asrsim.engines.mujoco_step import Record
+from asrsim.engines.mujoco_library import bound
+from asrsim.engines.mujoco_step import Record, push
 from asrsim.engines.rigid import IMPLICITNESS, STEP, Room, aim
 from asrsim.samples import Array
 from asrsim.scenario.data import World
@@ -20,9 +21,9 @@ NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
 LIGHTER = 1e-2
 """Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
 REACH = 2.0
-"""Steps of a joint's motion, at 1 rad/s more than its velocity, within which its stop is looked for."""
+"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
 TOLERANCE = 1e-12
-"""Improvement of its cost, scaled, at which MuJoCo's solver ends."""
+"""MuJoCo's solver ends when the scaled improvement of its cost is smaller."""
 SEARCH = 1000
 """Iterations of a line search of MuJoCo's solver; its default, 50, ended 1 % of a sliding box's steps far from the solution."""
 
@@ -42,7 +43,7 @@ class MujocoContacts:
         model.opt.tolerance, model.opt.ls_iterations = TOLERANCE, SEARCH
 
     def start(self, room: Room) -> None:
-        """Constraints for the step of a run: their time constants are multiples of it."""
+        """Set up the constraints, whose time constants are multiples of the step."""
         m, step = self._m, float(room.scheme[STEP])
         self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
@@ -59,8 +60,8 @@ class MujocoContacts:
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
     def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, fraction: float) -> None:
-        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. In the place of `held` the
-        state has accelerations from which the solver starts."""
+        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. Instead of `held` the
+        state has the accelerations from which the solver starts."""
         mj, m, d, room = self._mujoco, self._m, self._d, record.room
         step = float(room.scheme[STEP])
         kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
@@ -82,7 +83,10 @@ class MujocoContacts:
         self._aim_at_stops(kick, step)
         d.qfrc_applied[:] = 0.0
         d.qfrc_applied[room.joint_v] = exchange[:, TORQUE] - damping * lagging[room.joint_v]
-        self._push(record, wrenches, fraction)
+        if len(wrenches):
+            bound(push)(record, wrenches)
+            # Wrenches are means over the whole step.
+            d.qfrc_applied += room.force / fraction
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
@@ -95,24 +99,12 @@ class MujocoContacts:
         exchange[:, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
-        """Let stops be inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond
-        its stop is held where it is."""
+        """Make stops inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond its
+        stop stays where it is."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
-
-    def _push(self, record: Record, wrenches: Array, fraction: float) -> None:
-        """Wrenches, which are means over the whole step."""
-        for values, body, point, turn, local in zip(
-            wrenches, record.wrench_body, record.wrench_point, record.wrench_turn, record.wrench_local, strict=True
-        ):
-            rotation = self._d.xmat[body].reshape(3, 3)
-            force, torque = values[:3] / fraction, values[3:] / fraction
-            if local:
-                force, torque = rotation @ turn @ force, rotation @ turn @ torque
-            position = self._d.xpos[body] + rotation @ point
-            self._mujoco.mj_applyFT(self._m, self._d, force, torque, position, body, self._d.qfrc_applied)
 
     def poses(self, state: Array) -> dict[str, tuple[float, ...]]:
         """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from the configuration, since bodies' poses lag a step."""

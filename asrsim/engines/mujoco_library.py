@@ -63,7 +63,7 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
 
 
 def say_nothing(message: str) -> None:
-    """What MuJoCo warns of shows in the motion, which is checked."""
+    """Ignore MuJoCo's warnings: asrsim checks the motion itself."""
 
 
 @cache
@@ -82,15 +82,14 @@ def _library() -> Any:
 
 
 def stop_the_clock() -> None:
-    """Its bindings time each of its routines, which takes a tenth as long as these. Their own way to ask for no clock brings
-    back the one that they come with."""
+    """Switch off the clock of MuJoCo's bindings, which costs a tenth of each routine. Their own switch would restore it."""
     ctypes.c_void_p.in_dll(_library(), "mjcb_time").value = None
 
 
 @cache
-def plain_step() -> Any:
-    """:func:`asrsim.engines.mujoco_step.step`, which calls the library through ctypes."""
-    return rebind(mujoco_step.step, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
+def bound(function: Any) -> Any:
+    """A function of :mod:`asrsim.engines.mujoco_step` that calls the library through ctypes."""
+    return rebind(function, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
 
 
 @cache

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines.base import Point
+from asrsim.engines.rigid import RigidModel
 from asrsim.samples import Array
 
 
-class MujocoModel:
-    """See :class:`asrsim.engines.base.Model`. home: qpos of the start, for what is no joint of the robot.
+class MujocoModel(RigidModel):
+    """See :class:`asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are no joints of the robot.
 
     places: link -> body of the model, position (3,) and rotation (3, 3) of the link in it (fixed links are merged).
     """
@@ -29,14 +30,14 @@ class MujocoModel:
         numbers = [model.joint(name).id for name in joints]
         self.at_q = np.array([model.jnt_qposadr[i] for i in numbers], dtype=np.int64)
         self.at_v = np.array([model.jnt_dofadr[i] for i in numbers], dtype=np.int64)
-        self._block = np.ix_(self.at_v, self.at_v)
-        self._floating = (
-            6 if len(model.jnt_type) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE and model.jnt_bodyid[0] == 1 else 0
-        )
+        floats = len(model.jnt_type) and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE and model.jnt_bodyid[0] == 1
+        self.free = 6 if floats else 0
+        rows = [*range(self.free), *self.at_v]
+        self._block = np.ix_(rows, rows)
         self._known: bytes | None = None
 
     def _place(self, positions: Sequence[float] | Array) -> Any:
-        """The data with the joints at `positions`, positions' consequences worked out."""
+        """The data with the joints at `positions`, after forward kinematics."""
         data, mj = self._data, self._mujoco
         values = np.asarray(positions, dtype=float)
         key = values.tobytes()
@@ -50,28 +51,20 @@ class MujocoModel:
         return data
 
     def forget(self) -> None:
-        """The model's numbers have changed."""
+        """Forget the last posture, since the model's numbers have changed."""
         self._known = None
 
-    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) mass matrix of the moving joints; that which torques meet while the base is free, if it floats."""
+    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(v, v) mass matrix of a floating base and the moving joints."""
         data = self._place(positions)
         full = np.zeros((self._model.nv, self._model.nv))
         self._mujoco.mj_fullM(self._model, data, full)
-        matrix = full[self._block]
-        if self._floating:
-            base, cross = full[:6, :6], full[:6][:, self.at_v]
-            matrix = matrix - cross.T @ np.linalg.solve(base, cross)
-        return matrix
-
-    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m that give no acceleration, on a base that is held."""
-        return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
+        return full[self._block]
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a base that is held."""
+        """(n,) N m that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
         data.qacc[:] = 0.0
@@ -82,11 +75,9 @@ class MujocoModel:
         self._mujoco.mj_rne(self._model, data, 1, torques)
         return torques[self.at_v]
 
-    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
-        """J of all links, kinetic and of gravity, on a base that is held."""
-        data, speeds = self._place(positions), np.asarray(velocities, dtype=float)
-        gravity = -float(self._model.body_mass @ (data.xipos @ self._model.opt.gravity))
-        return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + gravity
+    def potential(self, positions: Sequence[float] | Array) -> float:
+        """Gravitational energy of the links in J."""
+        return -float(self._model.body_mass @ (self._place(positions).xipos @ self._model.opt.gravity))
 
     def link_point(self, link: str, point: Point, positions: Sequence[float] | Array) -> tuple[Array, Array, Array]:
         """Position (3,) m, rotation (3, 3), Jacobian (6, n) of a point of a link, world frame."""

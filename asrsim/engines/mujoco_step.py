@@ -30,7 +30,7 @@ ROUTINES = {
 
 
 class Record(NamedTuple):
-    """What a step works on beside a state: MuJoCo's model, data of its own, and room."""
+    """Work space of a step: MuJoCo's model, data of its own, and a room."""
 
     room: Room
     model: int
@@ -48,7 +48,7 @@ class Record(NamedTuple):
     wrench_point: Numbers
     """(w, 3) m, in the body's frame."""
     wrench_turn: Numbers
-    """(w, 3, 3): the frame of the wrench's link in that of its body, which other links may be fixed to."""
+    """(w, 3, 3): the frame of the wrench's link in the frame of its body."""
     wrench_local: Numbers
     """(w,) 1 where the wrench is given in the link's frame."""
 
@@ -86,12 +86,12 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: flo
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)
     if len(record.wrench_body):
-        _push(record, wrenches)
+        push(record, wrenches)
     finish(room, state, exchange, fraction)
 
 
-def _push(record: Record, wrenches: Any) -> None:
-    """Generalised forces of forces and torques on links."""
+def push(record: Record, wrenches: Any) -> None:
+    """Generalised forces of forces and torques on links, at the data's positions."""
     force, vectors, xmat = record.room.force, record.vectors, record.xmat
     for i in range(len(force)):
         force[i] = 0.0

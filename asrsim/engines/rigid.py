@@ -1,7 +1,6 @@
-"""A robot that touches nothing, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias that a
-library gives.
+"""A robot without contacts, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias from a library.
 
-:func:`aim` says where the library has to look, :func:`finish` takes the step; both are ordinary code, run as it is or compiled.
+:func:`aim` sets the state at which the library evaluates them, :func:`finish` takes the step; both run as Python or compiled.
 A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s, base in
 rad/s about its own axes, joints), velocities before the last kick, and `held` of :mod:`asrsim.engines.exact_friction`.
 """
@@ -27,7 +26,7 @@ from asrsim.samples import Array
 Numbers = NDArray[Any]
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
-"""Places in `Room.scheme`: s; weights of the last two velocities in that of the whole step; of damping."""
+"""Entries of `Room.scheme`: step in s; weights of the last two velocities in the velocity at the whole step; implicitness."""
 INLINE = (
     "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet_contacts",
 )  # fmt: skip
@@ -35,7 +34,7 @@ INLINE = (
 
 
 class Room(NamedTuple):
-    """What a step works on. n joints, v degrees of freedom, q numbers of a configuration."""
+    """Work space of a step. n joints, v degrees of freedom, q numbers of a configuration."""
 
     scheme: Numbers
     """(4,): see STEP."""
@@ -79,7 +78,7 @@ def make_room(
     joint_v: Sequence[int] | Numbers,
     free: bool,
 ) -> Room:
-    """For a robot whose library looks at `qpos` and `qvel`."""
+    """A room for a robot whose library reads `qpos` and `qvel`."""
     size = len(qvel)
     arrays: dict[str, Any] = {
         name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
@@ -95,13 +94,13 @@ def make_room(
 
 
 def plain(record: Any) -> Any:
-    """The same memory for plain Python, whose floats reckon several times faster one by one than NumPy's."""
+    """The same memory for plain Python, which handles single numbers several times faster than NumPy."""
     kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
     return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
 
 
 def aim(room: Any, state: Any, fraction: float) -> None:
-    """Let the library look at the state's configuration, and at the velocity of the whole step."""
+    """Set configuration and velocity of the whole step, at which the library evaluates matrix and bias."""
     qpos, qvel, scheme = room.qpos, room.qvel, room.scheme
     first, size = len(qpos), len(qvel)
     # A run starts at a whole step.
@@ -112,26 +111,32 @@ def aim(room: Any, state: Any, fraction: float) -> None:
         qvel[i] = now * state[first + i] + before * state[first + size + i]
 
 
-def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
-    """Kick and drift, from the room's matrix, bias and force."""
+def kick(room: Any, exchange: Any, fraction: float) -> None:
+    """Find the room's `change` of velocity in a step, from its matrix, bias, force, `velocity`, `qpos` and `held`."""
     step = room.scheme[STEP]
-    kick = fraction * step
-    first, size = len(room.qpos), len(room.qvel)
-    velocity, impulse, held, change = room.velocity, room.impulse, room.held, room.change
-    for i in range(size):
-        velocity[i] = state[first + i]
-        held[i] = int(state[first + 2 * size + i])
-        impulse[i] = step * room.force[i] - kick * room.bias[i]
+    time = fraction * step
+    for i in range(len(room.velocity)):
+        room.impulse[i] = step * room.force[i] - time * room.bias[i]
     for j in range(len(room.joint_v)):
-        i, position = room.joint_v[j], state[room.joint_q[j]]
-        damping = exchange[j, DAMPING]
-        impulse[i] += kick * (exchange[j, TORQUE] - damping * velocity[i])
-        room.matrix[i, i] += room.scheme[IMPLICITNESS] * kick * damping
-        room.bound[i] = kick * exchange[j, FRICTION]
-        # A joint beyond its stop is held where it is: to push it back would leave it with a velocity of its own.
+        i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[j, DAMPING]
+        room.impulse[i] += time * (exchange[j, TORQUE] - damping * room.velocity[i])
+        room.matrix[i, i] += room.scheme[IMPLICITNESS] * time * damping
+        room.bound[i] = time * exchange[j, FRICTION]
+        # A joint beyond its stop stays there: pushing it back would give it a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
     settle(room)
+
+
+def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
+    """Kick and drift, from the room's matrix, bias and force."""
+    step = room.scheme[STEP]
+    first, size = len(room.qpos), len(room.qvel)
+    velocity, held, change = room.velocity, room.held, room.change
+    for i in range(size):
+        velocity[i] = state[first + i]
+        held[i] = int(state[first + 2 * size + i])
+    kick(room, exchange, fraction)
     for i in range(size):
         # Before a first kick, as if it had been a whole one.
         state[first + size + i] = velocity[i] if fraction == 1.0 else velocity[i] - change[i]
@@ -208,7 +213,7 @@ class Calculation:
 
 
 class RigidEngine:
-    """The part of an engine for a robot that touches nothing which has nothing to do with its library.
+    """The part of an engine for robots without contacts that does not depend on its library.
 
     A library derives from it, has the other members of :class:`asrsim.engines.base.Engine`, and gives :meth:`look`.
     """
@@ -255,13 +260,52 @@ class RigidEngine:
         self._state[:] = values
 
     def scene(self) -> Scene:
-        """Nothing is around a robot whose base is held."""
+        """A robot on a fixed base has no bodies and contacts around it."""
         return Scene({}, {})
 
     @property
     def native(self) -> Native | None:
-        """Steps go through Python."""
+        """None: steps go through Python."""
         return None
 
     def close(self) -> None:
-        """Nothing that Python does not release."""
+        """Nothing to release."""
+
+
+class RigidModel:
+    """The part of :class:`asrsim.engines.base.Model` that does not depend on the library."""
+
+    joints: tuple[str, ...]
+    free: int
+    """Degrees of freedom of a floating base, which come first; else 0."""
+
+    def full_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(v, v) mass matrix of all degrees of freedom."""
+        raise NotImplementedError
+
+    def inverse_dynamics(
+        self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
+    ) -> Array:
+        """(n,) N m that give `accelerations`, on a fixed base."""
+        raise NotImplementedError
+
+    def potential(self, positions: Sequence[float] | Array) -> float:
+        """Gravitational energy of the links in J."""
+        raise NotImplementedError
+
+    def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
+        """(n, n) kg m^2 (kg) mass matrix of the moving joints; of a floating robot, the one with a free base."""
+        matrix = self.full_matrix(positions)
+        if not self.free:
+            return matrix
+        base, cross = matrix[: self.free, : self.free], matrix[: self.free, self.free :]
+        return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
+
+    def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
+        """(n,) N m of gravity, Coriolis and centrifugal forces, on a fixed base."""
+        return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
+
+    def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
+        """Kinetic and gravitational energy of the links in J, on a fixed base."""
+        speeds = np.asarray(velocities, dtype=float)
+        return 0.5 * float(speeds @ self.mass_matrix(positions) @ speeds) + self.potential(positions)

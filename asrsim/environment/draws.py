@@ -1,4 +1,4 @@
-"""What differs from episode to episode: laws of chance by key, declared as sweeps declare them."""
+"""Random values of an episode: distributions by key, in the forms of sweeps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Draws:
-    """Values of keys, one draw an episode."""
+    """Random values of keys, drawn once an episode."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
         """laws: key (`key & key`: tied) -> list of values, range or distribution, in the forms of sweeps. Raises InputError."""
@@ -33,7 +33,7 @@ class Draws:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """In their order."""
+        """All keys, in their order."""
         return tuple(key for axis in self._axes for key in axis.keys)
 
     def draw(self, chance: np.random.Generator) -> dict[str, float]:
@@ -41,13 +41,13 @@ class Draws:
         return {key: float(value) for axis in self._axes for key, value in axis.assign(_drawn(axis.law, chance)).items()}
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Least and largest value of each key; infinite where there is no end."""
+        """Lower and upper bound of each key; infinite where there is none."""
         pairs = [_bounds(axis, key) for axis in self._axes for key in axis.keys]
         return [low for low, _ in pairs], [high for _, high in pairs]
 
 
 def plan(draws: Draws, prepared: Prepared) -> Plan:
-    """Where the values go. Raises InputError for keys that need the scenario to be read anew."""
+    """Places of the keys in the scenario. Raises InputError for keys that need the scenario to be read anew."""
     found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
     wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]
     if wrong:
@@ -63,7 +63,7 @@ def _is_number(value: Any) -> bool:
 def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     if isinstance(law, Values):
         return law.values[int(chance.integers(len(law.values)))]
-    # Shares of (0, 1): a distribution's ends may be infinite.
+    # Open interval: the ends of a distribution may be infinite.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])
 

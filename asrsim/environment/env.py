@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 LARGEST = 8192
-"""Pixels of a picture's edge, at most."""
+"""Largest edge of a picture in pixels."""
 
 
 class SoftRobotEnv(gymnasium.Env[Single, Single]):
@@ -42,7 +42,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._count, self._episode = 0, Episode({}, {}, {})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy begins anew."""
+        """A pickled copy begins anew."""
         return again, (type(self), *self._made_with)
 
     @property
@@ -51,7 +51,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return tuple(f"{joint}.{reference}" for joint, reference in self._task.actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Single, dict[str, Any]]:
-        """Back to the start, with what is drawn anew."""
+        """Return to the start with new random values."""
         super().reset(seed=seed)
         task = self._task
         self._count = 0
@@ -63,7 +63,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return observation, {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
-        """One action for one control period. A motion that leaves what physics allows ends the episode."""
+        """One action for one control period. A motion that diverges ends the episode."""
         simulation, task = self.simulation, self._task
         given, values = task.values_of(action)
         for (joint, reference), value in zip(task.actions, values.tolist(), strict=True):

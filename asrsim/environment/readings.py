@@ -1,4 +1,4 @@
-"""What an environment sees of a simulation, or of many worlds, quantity by quantity."""
+"""Observations of a simulation, or of many worlds, quantity by quantity."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _STEP = (
     "link_torque", "damping_torque", "elastic_torque_1", "elastic_torque_2", "motor_1_torque", "motor_2_torque",
     "friction_torque_1", "friction_torque_2", "reference_1", "reference_2", "external_torque", "stiffness",
 )  # fmt: skip
-"""As they were at the last step; at the start of an episode, in the first one."""
+"""Values of the last step; at the start of an episode, of the first step."""
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3
-"""rad (m) beyond a stop that a position may show, rounded to single precision."""
+"""rad (m): a position may lie so far beyond a stop, rounded to single precision."""
 
 
 class Readings:
@@ -54,21 +54,15 @@ class Readings:
             problems.append(Problem("nothing is observed", choices=KNOWN, code="no-quantity"))
         if problems:
             raise InputError(problems)
-        # A motor that stands at its reference has no position of its own.
-        self._ideal = any(
-            name in _MOTORS and drives[j].dynamic_motors < int(name[6]) for name in names for j in self._joints[name]
-        )
-        self._wanted = [
-            name for name in names if name in _STEP or (self._ideal and name in _MOTORS and name.endswith("position"))
-        ]
+        self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
     @property
     def size(self) -> int:
-        """Numbers in all, of one environment."""
+        """Number of values of one environment."""
         return sum(3 if name == TIP else len(joints) for name, joints in self._joints.items())
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Least and largest value of each number; infinite where there is no end."""
+        """Lower and upper bound of each value; infinite where there is none."""
         low: list[float] = []
         high: list[float] = []
         stops = [drive.joint.stops for drive in self._source.prepared.drives]
@@ -85,7 +79,7 @@ class Readings:
     def read(self) -> dict[str, Array]:
         """Quantity -> (..., n), SI."""
         state = self._source.observe()
-        step = self._source.read(self._wanted) if self._wanted else {}
+        step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
 
     def _one(self, name: str, joints: list[int], state: Any, step: dict[str, Array]) -> Array:
@@ -94,9 +88,8 @@ class Readings:
         if name in _STEP:
             return step[name][..., joints]
         values = np.asarray(getattr(state, name))[..., joints]
-        if self._ideal and name in _MOTORS:
-            return np.where(np.isnan(values), step[name][..., joints] if name in step else 0.0, values)
-        return values
+        # An ideal motor has no state of its own.
+        return np.where(np.isnan(values), step[name][..., joints], values) if name in _MOTORS else values
 
     def _tip_position(self, positions: Array) -> Array:
         model, tip = self._source.model, self._tip

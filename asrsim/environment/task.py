@@ -23,13 +23,13 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.ranges import ranges_of, with_ranges
 
 LARGEST = float(np.finfo(np.float32).max)
-"""Bound of what has no bound of its own."""
+"""Bound of values without a bound of their own."""
 Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class State:
-    """What a reward may look at, after an action."""
+    """State after an action, for rewards."""
 
     time: float
     """s since the start of the episode."""
@@ -37,12 +37,12 @@ class State:
     """Observed quantity -> (n,), SI."""
     goal: Mapping[str, float]
     action: Array
-    """In [-1, 1], as it was given."""
+    """The action as given, in [-1, 1]."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """What was drawn for one."""
+    """Random values of an episode."""
 
     parameters: Mapping[str, float]
     goal: Mapping[str, float]
@@ -57,15 +57,15 @@ class Task:
         scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
         self.prepared = prepared = with_ranges(scenario)
         self.steps = _steps(options["control_rate"], scenario.step)
-        """Of the scenario, in an action."""
+        """Steps of the scenario in one action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
-        """Actions of an episode."""
+        """Number of actions of an episode."""
         self.actions, low, high = _actions(prepared, _listed(options["act"]))
         """Joint and reference of each number of an action."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
         self._random, self._start, self._goal = (Draws(options[name]) for name in ("randomise", "initial", "goal"))
-        # Not at the first draw that lies beyond a stop, long into a training.
+        # A start beyond a stop is an error now, and not long into a training.
         for places in self._start.bounds():
             prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
@@ -73,15 +73,15 @@ class Task:
 
     @property
     def read_names(self) -> list[str]:
-        """Quantities that readings may ask for."""
+        """Quantities that the readings need."""
         return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
 
     def readings(self, simulation: Any) -> Readings:
-        """Of a simulation or of worlds. Raises InputError for what cannot be observed."""
+        """Readings of a simulation or of worlds. Raises InputError for what cannot be observed."""
         return Readings(simulation, self._observe, self._tip)
 
     def spaces(self, readings: Readings) -> tuple[Any, Any]:
-        """Of observations and actions of one environment."""
+        """Spaces of observations and actions of one environment."""
         low, high = readings.bounds()
         ends = self._goal.bounds()
         bounds = [np.clip(np.concatenate(pair), -LARGEST, LARGEST) for pair in ((low, ends[0]), (high, ends[1]))]
@@ -90,19 +90,19 @@ class Task:
         return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def draw(self, chance: np.random.Generator) -> Episode:
-        """What differs in the next episode."""
+        """Random values of the next episode."""
         goal = self._goal.draw(chance)
         parameters = self._random.draw(chance) if self._random.keys else {}
         return Episode(parameters, goal, self._start.draw(chance) if self._start.keys else {})
 
     @property
     def goals(self) -> int:
-        """Numbers of a goal."""
+        """Number of values of a goal."""
         return len(self._goal.keys)
 
     @property
     def draws(self) -> bool:
-        """Whether anything is drawn."""
+        """Whether episodes have random values."""
         return bool(self._random.keys or self._start.keys or self._goal.keys)
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
@@ -128,12 +128,12 @@ class Task:
         return given, self._middle + self._half * np.clip(given, -1.0, 1.0)
 
     def observation(self, found: Mapping[str, Array], goal: Mapping[str, float]) -> Single:
-        """Of one environment."""
+        """Observation of one environment."""
         return np.concatenate([*found.values(), list(goal.values())]).astype(np.float32)
 
     @property
     def judges(self) -> bool:
-        """Whether anybody looks at states."""
+        """Whether rewards or ends need states."""
         return self._reward is not None or self._terminated is not None
 
     def judge(self, state: Callable[[], State]) -> tuple[float, bool]:

@@ -38,18 +38,18 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._episodes = [Episode({}, {}, {})] * num_envs
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
-        """Environments whose next step is a reset."""
+        """Environments that the next step resets."""
         self._goals = np.zeros((num_envs, task.goals))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy begins anew."""
+        """A pickled copy begins anew."""
         return again, (type(self), *self._made_with)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Single, dict[str, Any]]:
-        """All back to the start, with what is drawn anew. seed: that of the first environment, whose followers count on from
-        there, or one for each. options: `reset_mask` (n,): only these."""
+        """Return to the start with new random values. seed: of the first environment, the others count on from it; or one for
+        each. options: `reset_mask` (n,): only these."""
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
         mask = np.broadcast_to(mask, self.num_envs).astype(bool)
         if seed is not None:
@@ -60,7 +60,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
                 if seeds[i] is not None:
                     self._chances[i] = seeding.np_random(seeds[i])[0]
         self._begin(mask)
-        return self._observation(self._readings.read()), self._told(mask)
+        return self._observation(self._readings.read()), self._infos(mask)
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
         task, numbers = self._task, np.flatnonzero(mask).tolist()
@@ -95,13 +95,13 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         truncated = (self._counts >= task.last) & ~ended & going
         ended &= going
         self._over = ended | truncated
-        return self._observation(found), rewards, ended, truncated, self._told(fresh)
+        return self._observation(found), rewards, ended, truncated, self._infos(fresh)
 
     def _observation(self, found: dict[str, Array]) -> Single:
         return np.concatenate([*found.values(), self._goals], axis=1).astype(np.float32)
 
-    def _told(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
-        """What was drawn for the environments that have just begun, as vector environments tell it."""
+    def _infos(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
+        """Random values of the environments that have just begun, as infos of a vector environment."""
         if not fresh.any() or not self._task.draws:
             return {}
         infos: dict[str, Any] = {}

@@ -3,41 +3,39 @@
 from __future__ import annotations
 
 import math
+import os
 import time
+from collections import deque
 from collections.abc import Callable
 
+import numpy as np
+
 SLIP = 0.25
-"""s behind at which a run gives up catching up and goes on from now."""
+"""s behind at which a run stops catching up and goes on from now."""
 NAP = 0.1
-"""s after which a long wait is interrupted, so that commands are heard and a run can be stopped."""
-_PER_DECADE = 40
-"""Classes of lateness for each factor of ten."""
-_LEAST = 1e-6
-"""s of lateness below which ticks are not told apart."""
+"""Longest sleep in s, so that commands are taken and a run can be stopped."""
+RECENT = 10_000
+"""Ticks whose lateness is kept."""
 
 
-class Lateness:
-    """A histogram of waiting times in s, to 6 %; its memory does not grow."""
+def take_priority() -> bool:
+    """Take real-time priority for this thread and those that it starts, where the system grants it.
 
-    def __init__(self) -> None:
-        self._counts = [0] * (8 * _PER_DECADE)
-        self.count, self.worst = 0, 0.0
+    The ordinary scheduler leaves two busy threads on one processor for up to 90 ms while the other has little to do. A process
+    with another policy, or with a positive niceness, keeps that.
+    """
+    try:
+        if os.sched_getscheduler(0) == os.SCHED_OTHER and os.nice(0) <= 0:
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+            return True
+    except (AttributeError, OSError):  # not on this system, or not permitted
+        pass
+    return False
 
-    def add(self, late: float) -> None:
-        """One more, in s."""
-        place = int(_PER_DECADE * math.log10(late / _LEAST)) if late > _LEAST else 0
-        self._counts[min(place, len(self._counts) - 1)] += 1
-        self.count += 1
-        self.worst = max(self.worst, late)
 
-    def quantile(self, share: float) -> float:
-        """s below which this share of them is."""
-        wanted, seen = share * self.count, 0
-        for place, count in enumerate(self._counts):
-            seen += count
-            if seen >= wanted and count:
-                return min(_LEAST * math.pow(10.0, (place + 1) / _PER_DECADE), self.worst)
-        return 0.0
+def leave_priority() -> None:
+    """Take ordinary priority again."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class Pace:
@@ -48,15 +46,12 @@ class Pace:
     ) -> None:
         """speed: simulated s a second; infinite: as fast as it goes."""
         self._now, self._sleep = now, sleep
-        self.lateness = Lateness()
+        self._late: deque[float] = deque(maxlen=RECENT)
+        self.ticks, self.worst = 0, 0.0
         self.slips, self.slipped = 0, 0.0
-        """How often the run fell behind for good, and by how many s in all."""
+        """How often the run stopped catching up, and the s that it lost."""
         self.busy = 0.0
         """s of work."""
-        self.set_speed(speed)
-
-    def set_speed(self, speed: float) -> None:
-        """From here on."""
         self.speed = speed
         self.start()
 
@@ -64,10 +59,16 @@ class Pace:
         """Time counts from now: at the beginning, after a pause."""
         self._due = self._awake = self._now()
 
-    def wait(self, simulated: float) -> float | None:
-        """Sleep until `simulated` s after the tick before this one are due; returns by how many s it is late.
+    def lateness(self) -> tuple[float, float]:
+        """Median and 99th percentile of the lateness of recent ticks, s."""
+        median, high = np.quantile(self._late or [0.0], (0.5, 0.99)).tolist()
+        return median, high
 
-        None: it is not due yet after a nap of 0.1 s; ask again."""
+    def wait(self, simulated: float) -> float | None:
+        """Sleep until `simulated` s after the last tick are due; returns the lateness in s.
+
+        None: the tick is not due yet after a nap; call again.
+        """
         now = self._now()
         self.busy += now - self._awake
         if math.isinf(self.speed):
@@ -80,8 +81,9 @@ class Pace:
         if due - now > NAP:
             return None
         self._due = due
-        late = self._awake - self._due
-        self.lateness.add(late)
+        late = self._awake - due
+        self._late.append(late)
+        self.ticks, self.worst = self.ticks + 1, max(self.worst, late)
         if late > SLIP:
             self.slips += 1
             self.slipped += late

@@ -5,7 +5,7 @@ from __future__ import annotations
 from asrsim.metrics.expect import ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.frequency import frequency_response
 from asrsim.metrics.lag import estimate_lag
-from asrsim.metrics.measures import MEASURES, measure
+from asrsim.metrics.measures import MEASURES, Measure, measure
 from asrsim.metrics.output import MetricRow, write_metrics_csv, write_metrics_json
 from asrsim.metrics.summary import JointSummary, summaries, summarise
 
@@ -13,6 +13,7 @@ __all__ = [
     "MEASURES",
     "ExpectationResult",
     "JointSummary",
+    "Measure",
     "MetricRow",
     "check_expectation",
     "estimate_lag",

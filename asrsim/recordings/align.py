@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,15 +27,9 @@ SeriesOf = Callable[[str, str], tuple[Array, Array] | None]
 
 
 def align_recording(
-    recording: Recording,
-    pairing: Mapping[str, str],
-    series: SeriesOf,
-    *,
-    lag: LagChoice = "auto",
-    limit: float | None = None,
-    on: tuple[str, str] | None = None,
-    infos: Sequence[JointInfo] = (),
-) -> Alignment:
+    recording: Recording, pairing: Mapping[str, str], series: SeriesOf, *, lag: LagChoice = "auto",
+    limit: float | None = None, infos: Sequence[JointInfo] = (),
+) -> Alignment:  # fmt: skip
     """How a recording's clock is moved to that of a run; at most one series of the run is looked at at a time.
 
     Args:
@@ -44,32 +38,35 @@ def align_recording(
         series: Gives the run's series.
         lag: See `LagChoice`.
         limit: s, largest lag that auto may find; None: a quarter of the shorter record.
-        on: Joint (of the run) and quantity to correlate; None: the first of `ALIGN_ON` that moves in both.
         infos: The run's joints: columns in a unit that cannot be theirs come last.
 
     Raises:
-        RecordingError: `on` is not in both; no overlap in time under auto.
+        RecordingError: No quantity is in both; no overlap in time under auto.
     """
-    candidates = list(_candidates(recording, pairing, infos))
+    known = {info.name: info for info in infos}
+
+    def order(column: Column) -> tuple[bool, int]:
+        info = known.get(pairing[str(column.joint)])
+        wrong = info is not None and wrong_unit(column, info.name, prismatic=info.prismatic, mode=info.mode) is not None
+        return wrong, ALIGN_ON.index(column.quantity) if column.quantity in ALIGN_ON else len(ALIGN_ON)
+
     best: tuple[str, Array, Array, Column] | None = None
-    for key, column in candidates:
-        if on is not None and key != on:
-            continue
-        found = series(*key)
-        if found is None:
+    columns = [column for column in recording.channels.values() if column.quantity and column.joint in pairing]
+    for column in sorted(columns, key=order):
+        joint = pairing[str(column.joint)]
+        if (found := series(joint, str(column.quantity))) is None:
             continue
         moves = _moves(found[1]) and _moves(column.values)
         if best is None or moves:
-            best = (f"{key[0]}.{key[1]}", *found, column)
+            best = (f"{joint}.{column.quantity}", *found, column)
         # Without a search any series will do: its times are all that counts.
         if moves or lag != "auto":
             break
     if best is None:
-        name = "a quantity in common" if on is None else f"{on[0]}.{on[1]}"
+        choices = tuple(column.meaning for column in columns)
         raise RecordingError(
-            f"cannot align on {name}, it is not in both", file=recording.path, code="no-such-quantity",
-            choices=tuple(f"{joint}.{quantity}" for (joint, quantity), _ in candidates),
-        )  # fmt: skip
+            "cannot align: no quantity is in both", file=recording.path, choices=choices, code="no-such-quantity"
+        )
     name, time, values, column = best
     try:
         return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
@@ -107,23 +104,6 @@ def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[Joint
     return None if np.all(np.isnan(values)) else values
 
 
-def _candidates(
-    recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo]
-) -> Iterator[tuple[tuple[str, str], Column]]:
-    """Columns of paired joints, those to align on first."""
-    columns = [column for column in recording.channels.values() if column.quantity and column.joint in pairing]
-    rank = {quantity: i for i, quantity in enumerate(ALIGN_ON)}
-    known = {info.name: info for info in infos}
-
-    def order(column: Column) -> tuple[bool, int]:
-        info = known.get(pairing[str(column.joint)])
-        wrong = info is not None and wrong_unit(column, info.name, prismatic=info.prismatic, mode=info.mode) is not None
-        return wrong, rank.get(str(column.quantity), len(rank))
-
-    for column in sorted(columns, key=order):
-        yield (pairing[str(column.joint)], str(column.quantity)), column
-
-
 def _moves(values: Array) -> bool:
     finite = values[np.isfinite(values)]
     return len(finite) > 1 and float(np.ptp(finite)) > 1e-9
@@ -135,10 +115,6 @@ TRUSTED = 0.6
 """Correlation below which a lag is not believed."""
 _CLEARLY = 0.1
 """Correlation by which a series fits better turned round, if it is turned round."""
-_JUMP = 0.1
-"""Share of a series' range that is a jump, where one sample is so far from the next."""
-_SAME = 1e-9
-"""What the correlation of a series with itself may lack by rounding."""
 _GAP = 3.0
 """Steps of the source beyond which nothing is interpolated."""
 
@@ -153,8 +129,6 @@ class Alignment:
     """`cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
     found: Lag | None = None
     findings: tuple[Problem, ...] = ()
-    between: float = 0.0
-    """s by which the lag may be off either way where it was found by jumps: these may be anywhere between two samples."""
 
     @property
     def said(self) -> str:
@@ -184,12 +158,12 @@ def align(
         return Alignment(lag=0.0, how="off")
     if choice == "start":
         return Alignment(lag=float(time_recording[0] - time_simulation[0]), how="start")
-    if choice != "auto":
-        if isinstance(choice, str) or not np.isfinite(choice):
-            raise RecordingError("a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
+    if isinstance(choice, float | int) and np.isfinite(choice):
         return Alignment(lag=float(choice), how="set")
+    if choice != "auto":
+        raise RecordingError("a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
     start = float(time_recording[0] - time_simulation[0])
-    if start and not _overlap(time_simulation, time_recording):
+    if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
         # A clock that began long before: sought from where both begin together, and believed where it fits.
         together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
         if together.how.startswith("not aligned"):
@@ -212,25 +186,12 @@ def align(
             Problem(f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest", code="lag",
                     hint="Set the lag with --lag if another period is meant"),
         )  # fmt: skip
-    steps = [float(np.median(np.diff(time))) for time in (time_simulation, time_recording)]
-    same = found.correlation > 1.0 - _SAME  # sample for sample
-    between = 0.5 * sum(steps) if not same and _jumps(simulation) and _jumps(recording) else 0.0
-    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings, between=between)
+    return Alignment(lag=found.seconds, how=f"cross-correlation of {name}", found=found, findings=findings)
 
 
 def _unaligned(why: str, found: Lag | None) -> Alignment:
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --lag, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
-
-
-def _jumps(values: Array) -> bool:
-    """Whether a series moves mostly by jumps from one sample to the next."""
-    steps = np.abs(np.diff(values[np.isfinite(values)]))
-    return bool(np.sum(steps[steps > _JUMP * np.ptp(values[np.isfinite(values)])]) > 0.5 * np.sum(steps))
-
-
-def _overlap(one: Array, other: Array) -> bool:
-    return bool(min(one[-1], other[-1]) > max(one[0], other[0]))
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import re
 import struct
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
@@ -23,26 +23,30 @@ from asrsim.recordings.text import printable
 _LONGEST = 64
 """Arrays longer than this are pictures, scans or maps, not signals."""
 _NAMES = ("name", "names", "joint_names")
-_OWN_NAMES = ("name", "joint_name", "joint", "label", "id")
-"""Fields by which one object of a list says what it is of."""
+"""Fields with the names of the entries of the arrays beside them."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
-_POINTS = {"positions": "link_position", "velocities": "link_velocity", "effort": "link_torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
-TOPICS: dict[str, str] = {
-    "torque_command": "reference_1", "link_command": "reference_1", "reference_1": "reference_1", "reference_2": "reference_2",
-    "equilibrium_position": "reference_1", "stiffness_preset": "reference_2", "motor_1_command": "reference_1",
-    "motor_2_command": "reference_2", "torque_m1_command": "reference_1", "torque_m2_command": "reference_2",
-    **{f"motor_{i}_{what}_command": f"reference_{i}" for i in (1, 2) for what in ("voltage", "current")},
-    "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
-    **{name: name for name in QUANTITIES},
-}  # fmt: skip
-"""Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and what it carries."""
 _LINK_STATE = {
     "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
     "stiff": "stiffness",
 }  # fmt: skip
+TOPICS: dict[str, str] = {
+    "torque_command": "reference_1", "link_command": "reference_1", "equilibrium_position": "reference_1",
+    "stiffness_preset": "reference_2", "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
+    **{f"{name}{what}_command": f"reference_{i}"
+       for i in (1, 2) for name in (f"motor_{i}", f"torque_m{i}") for what in ("", "_voltage", "_current")},
+    **{name: name for name in QUANTITIES if name != "equilibrium_position"},
+}  # fmt: skip
+"""Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and the quantity that it carries."""
+_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
+            "Diagnostic")  # fmt: skip
+"""Parts of the names of messages that carry no signals."""
+_NO_TIME = 2**63
+"""ns from which on a stamp is damage, not a time."""
 Label = tuple[str, str | None]
 """Path of a number in a message, and the joint that the message names for it."""
+Messages = Iterator[tuple[int, int, bytes]]
+"""Topic's id, ns at which it was recorded, bytes."""
 
 
 class NoSignal(Exception):  # noqa: N818
@@ -51,10 +55,10 @@ class NoSignal(Exception):  # noqa: N818
 
 def stamp_of(message: Any) -> int | None:
     """Stamp of a header, or of a message without one, in ns; None where there is none, or a zero one."""
-    for holder, key in ((member(message, "header"), "stamp"), (message, "stamp"), (message, "timestamp"), (message, "time")):
-        stamp = member(holder, key)
+    for holder, key in ((_member(message, "header"), "stamp"), (message, "stamp"), (message, "timestamp")):
+        stamp = _member(holder, key)
         whole, rest = (
-            next((value for name in names if (value := member(stamp, name)) is not None), None)
+            next((value for name in names if (value := _member(stamp, name)) is not None), None)
             for names in (("sec", "secs"), ("nanosec", "nsec", "nsecs"))
         )
         if isinstance(whole, int) and isinstance(rest, int):
@@ -62,96 +66,54 @@ def stamp_of(message: Any) -> int | None:
     return None
 
 
-def member(message: Any, key: str) -> Any:
-    """A field of a message or of an object of JSON; None where it has none."""
+def _member(message: Any, key: str) -> Any:
     return message.get(key) if isinstance(message, dict) else getattr(message, key, None)
-
-
-def flatten(message: Any) -> Iterator[tuple[Label, float]]:
-    """All numbers of a message, or of plain JSON, with their labels. Raises NoSignal."""
-    return _walk(message, "", ())
-
-
-def _members(message: Any) -> dict[str, Any]:
-    if isinstance(message, dict):
-        return message
-    return {field.name: getattr(message, field.name) for field in fields(message) if not field.name.startswith("__")}
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, bool | int | float | np.number | np.bool_)
 
 
-def _walk(message: Any, prefix: str, names: Sequence[str]) -> Iterator[tuple[Label, float]]:
-    members = _members(message)
-    for key in _NAMES:
-        if isinstance(told := members.get(key), list) and told and isinstance(told[0], str):
-            names = told
-    interfaces, values = members.get("interface_names"), members.get("values")
-    if len(members) == 2 and interfaces is not None and values is not None and len(interfaces) == len(values):
-        # ros2_control: names that stand apart from their values, in any order
-        yield from (((f"{prefix}{name}", None), float(value)) for name, value in zip(interfaces, values, strict=True))
-        return
+def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
+    """All numbers of a message, or of plain JSON, with their labels. Raises NoSignal."""
+    members = message if isinstance(message, dict) else {
+        each.name: getattr(message, each.name) for each in fields(message) if not each.name.startswith("__")
+    }  # fmt: skip
+    names = next((told for key in _NAMES if isinstance(told := members.get(key), list) and isinstance(told[0], str)), [])
     for key, value in members.items():
-        if key in ("header", "layout") or (key in ("stamp", "timestamp", "time") and not _is_number(value)):
+        if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):
             continue
+        path = f"{prefix}{key}"
         if _is_number(value):
-            yield (f"{prefix}{key}", None), float(value)
-        elif isinstance(value, np.ndarray | list | tuple):
-            yield from _entries(f"{prefix}{key}", value, names)
+            yield (path, None), float(value)
         elif isinstance(value, dict) or is_dataclass(value):
-            yield from _walk(value, f"{prefix}{key}.", names)
-
-
-def _entries(label: str, value: Any, names: Sequence[str]) -> Iterator[tuple[Label, float]]:
-    if len(value) > _LONGEST:
-        raise NoSignal
-    objects = [item for item in value if isinstance(item, dict) or is_dataclass(item)]
-    own = next((told for key in _OWN_NAMES if (told := _told(objects, key))), None) if len(objects) == len(value) else None
-    named: Sequence[Any] = own or (names if len(names) == len(value) else ())
-    for i, item in enumerate(value):
-        place = f"{label}[{named[i] if named else i}]"
-        if _is_number(item):
-            yield (place, str(named[i]) if named else None), float(item)
-        elif isinstance(item, dict) or is_dataclass(item):
-            yield from _walk(item, f"{place}.", ())
-
-
-def _told(items: Sequence[Any], key: str) -> list[Any] | None:
-    """What the objects of a list say under `key`, where each says another word or small number; else None."""
-    told = [member(item, key) for item in items]
-    words = all(isinstance(one, str) and one for one in told)
-    numbers = all(isinstance(one, int) and not isinstance(one, bool) and 0 <= one < _LONGEST for one in told)
-    return told if told and (words or numbers) and len(set(told)) == len(told) else None
+            yield from flatten(value, f"{path}.")
+        elif isinstance(value, np.ndarray | list | tuple):
+            if len(value) > _LONGEST:
+                raise NoSignal
+            named = names if len(names) == len(value) else []
+            for i, item in enumerate(value):
+                place = f"{path}[{named[i] if named else i}]"
+                if _is_number(item):
+                    yield (place, str(named[i]) if named else None), float(item)
+                elif isinstance(item, dict) or is_dataclass(item):
+                    yield from flatten(item, f"{place}.")
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None]:
     """Joint and quantity of a labelled number by its topic and message type, as far as these fix them."""
     parts = [part for part in topic.split("/") if part]
-    last, field = parts[-1] if parts else "", label.partition("[")[0]
-    if kind.endswith("/JointState") and field in _JOINT_STATE:
+    last, name = parts[-1] if parts else "", label.partition("[")[0]
+    if kind.endswith("/JointState") and name in _JOINT_STATE:
         if any(word in topic.lower() for word in _COMMANDS):
-            return joint, "reference_1" if field == "position" else None
-        side = next((name for name in ("motor_1", "motor_2") if name in topic.lower()), "link")
-        return joint, f"{side}_{_JOINT_STATE[field]}"
-    if field in ("data", "value") and last in TOPICS and len(parts) > 1 and "[" not in label:
+            return joint, "reference_1" if name == "position" else None
+        side = next((side for side in ("motor_1", "motor_2") if side in topic.lower()), "link")
+        return joint, f"{side}_{_JOINT_STATE[name]}"
+    if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]
-    if last == "link_state" and field in _LINK_STATE and len(parts) > 1:
-        return parts[-2], _LINK_STATE[field]
-    head, _, tail = field.rpartition(".")
-    if joint is not None and tail in _POINTS:
-        # Controller states of ros_control: measured and desired points of named joints.
-        if any(word in head for word in ("desired", "reference")):
-            return joint, "reference_1" if tail == "positions" else None
-        if any(word in head for word in ("actual", "feedback")):
-            return joint, _POINTS[tail]
+    if last == "link_state" and name in _LINK_STATE and len(parts) > 1:
+        return parts[-2], _LINK_STATE[name]
     return joint, None
-
-
-_FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
-            "Diagnostic")  # fmt: skip
-_NO_TIME = 2**63
-"""ns from which on a stamp is damage, not a time."""
 
 
 @dataclass
@@ -163,17 +125,12 @@ class _Topic:
     reason: str = ""
 
 
-Messages = Iterator[tuple[int, int, bytes]]
-"""Topic's id, ns at which it was recorded, bytes."""
-
-
 @dataclass
 class _Group:
     """Messages of one topic with the same labels."""
 
     labels: tuple[Label, ...]
-    order: array[int] = field(default_factory=lambda: array("q"))
-    """Places of the messages among all of the file."""
+    """In the order of the first message."""
     received: array[int] = field(default_factory=lambda: array("q"))
     stamped: array[int] = field(default_factory=lambda: array("q"))
     """ns; 0 without a stamp."""
@@ -184,20 +141,18 @@ def read_bag(path: Path, reading: Reading) -> Content:
     """All numeric series of a bag, but of the topics that are ignored. Raises RecordingError where nothing can be read."""
     findings: list[Problem] = []
     with ExitStack() as stack:
-        if path.suffix.lower() == ".bag" or path.is_dir() or path.suffix.lower() == ".db3":
+        if path.suffix.lower() in (".bag", ".db3") or path.is_dir():
             topics, messages = _open_bag(path, stack, findings)
         elif _is_own_log(path):
             return _own_log(path)
         else:
             topics, messages = _open_mcap(path, stack, findings)
-        groups = _collect(topics, messages, reading.ignored, findings)
-    read = [topic for topic in topics.values() if topic.name not in reading.ignored]
-    unknown = [topic for topic in read if topic.decode is None]
+        tables = tuple(_tables(topics, messages, reading.ignored, findings))
+    unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in reading.ignored]
     findings += [
         Problem(f"topic is not read: {one.reason}", key=one.name, value=one.kind, code="unknown-message-type")
         for one in unknown
     ]
-    tables = tuple(table for id_, own in groups.items() for table in _tables(topics[id_], own, findings))
     if not tables:
         held = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
@@ -223,12 +178,9 @@ def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[di
             hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`",
         ) from None  # fmt: skip
     types = _Types(ros1=ros1)
-    topics = {}
-    for connection in reader.connections:
-        # Enum by name: NONE, MSG or IDL.
-        definition = connection.msgdef.data if connection.msgdef.format.name != "NONE" else ""
-        language = connection.msgdef.format.name.lower()
-        topics[connection.id] = types.topic(connection.topic, connection.msgtype, definition, language)
+    topics = {
+        one.id: types.topic(one.topic, one.msgtype, one.msgdef.data, one.msgdef.format.name) for one in reader.connections
+    }
 
     def messages() -> Messages:
         wanted = [c for c in reader.connections if topics[c.id].decode is not None]
@@ -253,6 +205,16 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
     schemas: dict[int, Schema] = {}
     topics: dict[int, _Topic] = {}
 
+    def topic_of(channel: Channel) -> _Topic:
+        schema, encoding = schemas.get(channel.schema_id), channel.message_encoding
+        kind = schema.name if schema is not None else "without schema"
+        if encoding == "json":
+            return _Topic(channel.topic, kind, json.loads)
+        if encoding not in types or schema is None:
+            return _Topic(channel.topic, kind, None, f"its encoding '{encoding}' is not known here (cdr, ros1 and json are)")
+        language = "IDL" if schema.encoding == "ros2idl" else "MSG"
+        return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
+
     def records() -> Iterator[McapRecord]:
         for record in StreamReader(stream, emit_chunks=True, record_size_limit=path.stat().st_size).records:
             if isinstance(record, Chunk):
@@ -267,7 +229,7 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in topics:
-                    topics[record.id] = _mcap_topic(record, schemas.get(record.schema_id), types)
+                    topics[record.id] = topic_of(record)
                 elif isinstance(record, Message) and record.channel_id in topics and record.log_time < _NO_TIME:
                     yield record.channel_id, record.log_time, record.data
         except (McapError, MemoryError, OverflowError, EOFError, ValueError, struct.error) as error:
@@ -278,17 +240,6 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
             )
 
     return topics, messages()
-
-
-def _mcap_topic(channel: Any, schema: Any, types: dict[str, _Types]) -> _Topic:
-    kind = schema.name if schema is not None else "without schema"
-    if channel.message_encoding == "json":
-        return _Topic(channel.topic, kind, json.loads)
-    if channel.message_encoding not in types or schema is None:
-        reason = f"its encoding '{channel.message_encoding}' is not known here (cdr, ros1 and json are)"
-        return _Topic(channel.topic, kind, None, reason)
-    language = "idl" if schema.encoding == "ros2idl" else "msg"
-    return types[channel.message_encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
 
 
 class _Types:
@@ -302,7 +253,7 @@ class _Types:
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
     def topic(self, name: str, kind: str, definition: str, language: str) -> _Topic:
-        """The topic with its decoder, or with the reason why it has none."""
+        """The topic with its decoder, or with the reason why it has none. language: MSG, IDL, or NONE."""
         from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
@@ -310,9 +261,9 @@ class _Types:
         full = kind if "/msg/" in kind else kind.replace("/", "/msg/", 1)
         store = self.standard
         reason = "its type is none of the standard ones and the file holds no definition of it"
-        if definition.strip():
+        if definition.strip() and language != "NONE":
             try:
-                found = get_types_from_msg(definition, full) if language == "msg" else get_types_from_idl(definition)
+                found = get_types_from_msg(definition, full) if language == "MSG" else get_types_from_idl(definition)
                 self.own.register({key: value for key, value in found.items() if key not in self.own.fielddefs})
                 store = self.own
             except Exception as error:  # rosbags' parser raises errors of several kinds for definitions that it cannot read
@@ -323,72 +274,57 @@ class _Types:
         return _Topic(name, kind, lambda data: read(data, full))
 
 
-def _collect(
-    topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]
-) -> dict[int, list[_Group]]:
-    groups: dict[int, dict[tuple[Label, ...], _Group]] = {}
-    broken: dict[int, int] = {}
-    for count, (topic_id, logged, data) in enumerate(messages):
+def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]) -> Iterator[RawTable]:
+    """A table of the messages of a topic that hold the same numbers, in whatever order they name them."""
+    groups: dict[tuple[int, frozenset[Label]], _Group] = {}
+    broken: Counter[int] = Counter()
+    for topic_id, logged, data in messages:
         topic = topics[topic_id]
         if topic.decode is None or topic.name in ignored:
             continue
         try:
             message = topic.decode(data)
-            numbers = list(flatten(message))
+            numbers = dict(flatten(message))
         except NoSignal:
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
         except Exception:  # a message that does not fit its definition: counted and reported
-            broken[topic_id] = broken.get(topic_id, 0) + 1
+            broken[topic_id] += 1
             continue
-        if not numbers:
-            continue
-        labels = tuple(label for label, _ in numbers)
-        group = groups.setdefault(topic_id, {}).setdefault(labels, _Group(labels))
-        group.order.append(count)
-        group.received.append(logged)
-        group.stamped.append(stamp_of(message) or 0)
-        group.values.extend(value for _, value in numbers)
+        if numbers:
+            group = groups.setdefault((topic_id, frozenset(numbers)), _Group(tuple(numbers)))
+            group.received.append(logged)
+            group.stamped.append(stamp_of(message) or 0)
+            group.values.extend(numbers[label] for label in group.labels)
     findings += [
         Problem(f"{count} messages do not fit their type's definition and are left out", key=topics[id_].name,
                 value=topics[id_].kind, code="broken-message")
         for id_, count in broken.items()
     ]  # fmt: skip
-    return {id_: list(own.values()) for id_, own in groups.items() if topics[id_].decode is not None}
-
-
-def _tables(topic: _Topic, groups: list[_Group], findings: list[Problem]) -> Iterator[RawTable]:
-    """One table of the messages whose numbers have names, in whatever order; one for each length of arrays without names."""
-    named = [group for group in groups if all(joint or not re.search(r"\[\d+\]", label) for label, joint in group.labels)]
-    seen: dict[str, int] = {}
-    for own in ([named] if named else []) + [[group] for group in groups if group not in named]:
-        labels = list(dict.fromkeys(label for group in own for label in group.labels))
-        places = {label: i for i, label in enumerate(labels)}
-        count = sum(len(group.order) for group in own)
+    seen: Counter[str] = Counter()
+    for (topic_id, _), group in groups.items():
+        topic, labels, count = topics[topic_id], group.labels, len(group.received)
+        if topic.decode is None:
+            continue
         if count < 2:
             findings.append(Problem("one message only; not a series", key=topic.name, code="too-short"))
             continue
-        values = np.full((count, len(labels)), np.nan)
-        begin = 0
-        for group in own:
-            rows = np.frombuffer(group.values).reshape(len(group.order), len(group.labels))
-            values[begin : begin + len(rows), [places[label] for label in group.labels]] = rows
-            begin += len(rows)
-        order = np.argsort(np.concatenate([group.order for group in own]), kind="stable")
-        received, stamped = (np.concatenate([getattr(group, name) for group in own])[order] for name in ("received", "stamped"))
+        values = np.frombuffer(group.values).reshape(count, len(labels))
         columns = []
         for i, (label, joint) in enumerate(labels):
             name = printable(topic.name if label == "data" else f"{topic.name}/{label}")
-            seen[name] = seen.get(name, 0) + 1
+            seen[name] += 1
             joint, quantity = understand(topic.name, topic.kind, label, joint)
             columns.append(
                 RawColumn(
-                    name=name if seen[name] == 1 else f"{name}#{seen[name]}", values=values[order, i], quantity=quantity,
-                    joint=None if joint is None else printable(joint),
+                    name=name if seen[name] == 1 else f"{name}#{seen[name]}", values=np.ascontiguousarray(values[:, i]),
+                    quantity=quantity, joint=None if joint is None else printable(joint),
                 )
             )  # fmt: skip
-        own_stamps = stamped.astype(np.int64) if stamped.all() else None
-        yield RawTable(name=topic.name, columns=tuple(columns), received=received.astype(np.int64), stamped=own_stamps)
+        received, stamped = (np.array(times, dtype=np.int64) for times in (group.received, group.stamped))
+        yield RawTable(
+            name=topic.name, columns=tuple(columns), received=received, stamped=stamped if stamped.all() else None
+        )  # fmt: skip
 
 
 def _is_own_log(path: Path) -> bool:

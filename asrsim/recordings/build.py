@@ -15,16 +15,14 @@ from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import KNOWN, Meaning, find_raw, joint_of, meaning_of, stated_unit
 from asrsim.recordings.reading import ColumnMap, Reading
 from asrsim.recordings.suspicions import condense, suspicions
-from asrsim.recordings.units import Unit, find_unit, fits, unknown_unit
+from asrsim.recordings.units import Unit, find_unit, fits
 
 LARGEST = 1e30
 """SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
-_NAMED = 12
-"""Columns that an error names."""
 _TURNS = 20.0
 """Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
-BY_NAME = "by its name"
-"""Origin of a column whose name says what it is."""
+ORIGINS = ("command line", "", "named in the file", "by its name")
+"""Why a column is what it is, the strongest first; "": a document's name."""
 
 
 def build(
@@ -32,19 +30,17 @@ def build(
     findings: list[Problem], epoch: float | None, topics: Sequence[str] = (),
 ) -> Recording:  # fmt: skip
     """The recording; raises RecordingError with all problems of the mapping."""
-    series = _windowed(path, series, reading)
-    explicit = _explicit(path, series, reading, joints, topics)
-    repeated = {re.sub(r"#\d+$", "", one.name) for one in series if "#" in one.name}
+    series = _windowed(series, reading)
+    explicit = _explicit(series, reading, joints, topics)
+    repeated = {_first_of(one.name) for one in series if _first_of(one.name) != one.name}
     with np.errstate(over="ignore", invalid="ignore"):
         columns = [_column(one, explicit.get(i), reading, joints, repeated) for i, one in enumerate(series)]
-    columns = [_measured(column, findings) for column in _without_repeats(path, columns, findings)]
+    columns = [_measured(column, findings) for column in _without_repeats(columns, findings)]
     findings += [*suspicions(columns, series), *_questions(path, columns)]
-    mapped = [column for column in columns if column.quantity]
-    if len({id(column.time) for column in mapped}) > 1:
-        sizes = sorted({len(column.time) for column in mapped}, reverse=True)
-        findings.append(
-            Problem(f"its columns have times of their own, with {listed(sizes, 6)} samples; each is kept", code="several-times")
-        )
+    times = {id(column.time): len(column.time) for column in columns if column.quantity}
+    if len(times) > 1:
+        message = f"its columns have times of their own, with {listed(sorted({*times.values()}), 6)} samples; each is kept"
+        findings.append(Problem(message, code="several-times"))
     return Recording(
         path=path, format=form, time=max(columns, key=lambda column: len(column.time)).time, epoch=epoch,
         channels={column.source: column for column in columns}, reading=reading.origin,
@@ -52,25 +48,28 @@ def build(
     )  # fmt: skip
 
 
-def _windowed(path: Path, series: Sequence[RawSeries], reading: Reading) -> list[RawSeries]:
+def _first_of(name: str) -> str:
+    """The name without the number of its repetition: q of q#2."""
+    return re.sub(r"#\d+$", "", name)
+
+
+def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeries]:
     """The series within the window; raises RecordingError where nothing is left."""
     if reading.window is None:
-        return list(series)
-    times = {id(one.time): (one.time >= reading.start) & (one.time <= reading.end) for one in series}
-    cut = {id(one.time): one.time[times[id(one.time)]] for one in series}
-    kept = [replace(one, time=cut[id(one.time)], values=one.values[times[id(one.time)]])
-            for one in series if len(cut[id(one.time)]) > 1]  # fmt: skip
+        return series
+    inside = {id(one.time): (one.time >= reading.start) & (one.time <= reading.end) for one in series}
+    times = {id(one.time): one.time[inside[id(one.time)]] for one in series}
+    kept = [replace(one, time=times[id(one.time)], values=one.values[inside[id(one.time)]])
+            for one in series if len(times[id(one.time)]) > 1]  # fmt: skip
     if not kept:
         start, end = min(one.time[0] for one in series), max(one.time[-1] for one in series)
-        raise RecordingError(
-            f"has no samples from {reading.start:g} to {reading.end:g} s; it lasts from {start:g} to {end:g} s", file=path,
-            key="window", code="no-overlap",
-        )  # fmt: skip
+        message = f"has no samples from {reading.start:g} to {reading.end:g} s; it lasts from {start:g} to {end:g} s"
+        raise RecordingError(message, key="window", code="no-overlap")
     return kept
 
 
 def _explicit(
-    path: Path, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
+    series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
 ) -> dict[int, ColumnMap]:
     """Index of series -> what is stated of it. Raises RecordingError for columns, units and joints that there are not.
 
@@ -81,126 +80,100 @@ def _explicit(
     problems: list[Problem] = []
     for one in reading.maps:
         parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
-        if one.quantity is None and (parts or one.column in topics) and one.column not in names:
-            found |= dict.fromkeys(parts, one)
-            continue
         index = find_raw(one.column, [one.column for one in series])
-        if index is None:
-            problems.append(
-                Problem(f"there is no such column, named by {one.origin}", key=one.column, choices=_shown(names),
-                        hint=did_you_mean(one.column, names), code="no-such-column")
-            )  # fmt: skip
-            continue
-        unit = one.unit or stated_unit(series[index].name, series[index].column.unit)
-        if one.quantity is not None and unit is not None and not fits(unit.si, KNOWN[one.quantity].unit):
-            problems.append(
-                Problem(f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})", key=one.column,
-                        hint="Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]", code="wrong-unit")
-            )  # fmt: skip
+        if index is None and one.quantity is None and (parts or one.column in topics):
+            found |= dict.fromkeys(parts, one)
+        elif index is None:
+            message, hint = f"there is no such column, named by {one.origin}", did_you_mean(one.column, names)
+            problems.append(Problem(message, key=one.column, choices=_shown(names), hint=hint, code="no-such-column"))
+        elif one.quantity is not None and not fits((unit := _unit(series[index], one)).si, KNOWN[one.quantity].unit):
+            message = f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})"
+            hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
+            problems.append(Problem(message, key=one.column, hint=hint, code="wrong-unit"))
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
-            problems.append(
-                Problem(f"the simulation has no joint '{one.joint}'", key=one.column, choices=_shown(joints),
-                        hint=did_you_mean(one.joint, tuple(joints)), code="no-such-joint")
-            )  # fmt: skip
+            message, hint = f"the simulation has no joint '{one.joint}'", did_you_mean(one.joint, tuple(joints))
+            problems.append(Problem(message, key=one.column, choices=_shown(joints), hint=hint, code="no-such-joint"))
         else:
             found[index] = one
     if problems:
-        raise RecordingError([replace(problem, file=path) for problem in problems])
+        raise RecordingError(problems)
     return found
+
+
+def _unit(series: RawSeries, one: ColumnMap | None) -> Unit:
+    """The unit that is stated, by the mapping or in the file; an empty one where there is none."""
+    stated = None if one is None else one.unit
+    return stated or stated_unit(series.name, series.column.unit) or Unit("", "", 1.0)
 
 
 def _shown(names: Sequence[str]) -> tuple[str, ...]:
     """Names for a message: of very many the first."""
-    return (*names[:_NAMED], f"and {len(names) - _NAMED} more") if len(names) > _NAMED + 1 else tuple(names)
+    return (*names[:12], f"and {len(names) - 12} more") if len(names) > 13 else tuple(names)
 
 
 def _column(
     series: RawSeries, one: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, repeated: Collection[str]
 ) -> Column:
     """The column in SI units: as it is stated, else by what the file or its name says for certain."""
-    unit = stated_unit(series.name, series.column.unit)
     if one is not None:
         return in_si(series, one)
     if reading.columns is not None:
-        return _in_si(series, unit, None, None, f"not used: not in {reading.origin.name if reading.origin else 'the document'}")
-    meaning = _meaning(series, unit, joints)
-    if re.sub(r"#\d+$", "", series.name) in repeated and (meaning.quantity or meaning.asked):
+        return in_si(series, None, f"not used: not in {reading.origin.name if reading.origin else 'the document'}")
+    meaning = _meaning(series, joints)
+    if _first_of(series.name) in repeated and (meaning.quantity or meaning.asked):
         meaning = replace(meaning, reason="several columns have its name", asked=True)
     if meaning.quantity is None or meaning.asked:
-        word = "asked" if meaning.asked else "not used"
-        return _in_si(series, unit, meaning.joint, None, f"{word}: {meaning.reason}")
-    origin = "named in the file" if series.column.quantity else BY_NAME
-    return _in_si(series, unit, meaning.joint, meaning.quantity, origin)
+        column = in_si(series, None, f"{'asked' if meaning.asked else 'not used'}: {meaning.reason}")
+        return replace(column, joint=meaning.joint)
+    origin = ORIGINS[2 if series.column.quantity else 3]
+    return in_si(series, ColumnMap(column=series.name, joint=meaning.joint, quantity=meaning.quantity, origin=origin))
 
 
-def in_si(series: RawSeries, one: ColumnMap | None) -> Column:
-    """A column in SI units by what is stated of it, else by the unit in its header."""
-    unit = stated_unit(series.name, series.column.unit)
-    if one is None:
-        return _in_si(series, unit, None, None, "")
-    origin = one.origin if one.quantity else f"not used: {one.origin}"
-    return _scaled(_in_si(series, one.unit or unit, one.joint, one.quantity, origin), one)
-
-
-def _meaning(series: RawSeries, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
-    column = series.column
+def _meaning(series: RawSeries, joints: Sequence[str] | None) -> Meaning:
+    """What the file, or else the name of a column says."""
+    column, unit = series.column, stated_unit(series.name, series.column.unit)
     if column.quantity is not None:
         place = re.search(r"\[(\d+)\]$", column.name)
         joint, doubt = (column.joint, "") if column.joint else joint_of(int(place[1]) if place else None, joints, indexed=True)
         return Meaning(joint=joint, quantity=column.quantity, reason=doubt, asked=bool(doubt))
     own = column.joint is not None  # then the place in its array counts no joints
-    name = re.sub(r"(?:\[\d+\]|(?<=[a-z])\d+)$", "", column.name) if own else column.name
+    name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", column.name) if own else column.name
     found = meaning_of(name, unit, [str(column.joint)] if own else joints)
-    if found.quantity is None:
-        return replace(found, joint=found.joint or column.joint)
-    doubt = "" if unit is not None else _doubt(series, found.quantity)
-    if column.joint is not None:
+    if own:
         found = replace(found, joint=column.joint)
+    if found.quantity is None or unit is not None:
+        return found
+    doubt = f"its unit [{column.unit}] is not known" if column.unit and find_unit(column.unit) is None else ""
+    values = series.values[np.isfinite(series.values)]
+    angle = KNOWN[found.quantity].unit == "rad" or found.quantity == "reference_1"
+    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
+        doubt = f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
     return replace(found, reason=f"its name says {found.quantity}, but {doubt}", asked=True) if doubt else found
 
 
-def _doubt(series: RawSeries, quantity: str) -> str:
-    """Why numbers without a unit that is known are hardly in SI; "" without doubt."""
-    stated = series.column.unit or unknown_unit(series.name)
-    if stated and find_unit(stated) is None:
-        return f"its unit [{stated}] is not known"
-    values = series.values[np.isfinite(series.values)]
-    angle = KNOWN[quantity].unit == "rad" or quantity == "reference_1"
-    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
-        return f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
-    return ""
-
-
-def _in_si(series: RawSeries, unit: Unit | None, joint: str | None, quantity: str | None, origin: str) -> Column:
-    """The column in SI units, its conversion in words."""
-    si = KNOWN[quantity].unit if quantity is not None else ""
-    values, said = series.values, f"{si} assumed" if si and not origin.startswith("named") else ""
-    if unit is not None:
-        values = values if unit.factor == 1.0 else values * unit.factor
-        said = "" if unit.factor == 1.0 else f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"
-        si = "" if unit.si == "1" else unit.si
-    return Column(time=series.time, values=values, unit=si, joint=joint, quantity=quantity, source=series.name,
-                  conversion=said, stated=unit is not None, origin=origin)  # fmt: skip
-
-
-def _scaled(column: Column, one: ColumnMap) -> Column:
-    """With the mapping's own factor and offset."""
-    values, said = column.values * one.scale, [] if one.scale == 1.0 else [f"x {one.scale:g}"]
-    good = np.isfinite(values)
+def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
+    """A column in SI units by what is stated of it, else by the unit in its header; what was done stands in words."""
+    unit = _unit(series, one)
+    one = one or ColumnMap(column=series.name, origin=origin)
+    quantity = KNOWN[one.quantity].unit if one.quantity is not None else ""
+    stated = bool(unit.symbol)
+    said = [f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"] if unit.factor != 1.0 else []
+    said += [f"{quantity} assumed"] if quantity and not stated and not one.origin.startswith("named") else []
+    values = series.values * unit.factor * one.scale
+    said += [] if one.scale == 1.0 else [f"x {one.scale:g}"]
+    good, zero = np.isfinite(values), 0.0
     if one.unwrapped:
-        values = values.copy()
         values[good] = np.unwrap(values[good])
         said.append("unwrapped")
-    zero = 0.0
     if one.zero and good.any():
         zero = float(values[good][0] if one.zero == "start" else np.mean(values[good]))
         said.append(f"- {zero:.6g} (its {one.zero})")
-    if one.offset:
-        said.append(f"{'+' if one.offset > 0 else '-'} {abs(one.offset):g}")
-    if not said:
-        return column
-    conversion = "; ".join([*([column.conversion] if column.conversion else []), " ".join(said)])
-    return replace(column, values=values - zero + one.offset, conversion=conversion)
+    said += [f"{one.offset:+g}"] if one.offset else []
+    reason = one.origin if one.quantity or origin else f"not used: {one.origin}"
+    return Column(
+        time=series.time, values=values - zero + one.offset, unit="" if unit.si == "1" else unit.si or quantity,
+        joint=one.joint, quantity=one.quantity, source=series.name, conversion="; ".join(said), stated=stated, origin=reason,
+    )  # fmt: skip
 
 
 def _measured(column: Column, findings: list[Problem]) -> Column:
@@ -213,40 +186,31 @@ def _measured(column: Column, findings: list[Problem]) -> Column:
     return replace(column, values=np.where(beyond, np.nan, column.values))
 
 
-def _without_repeats(path: Path, columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """One column a quantity: what is stated wins over what the file names, and that over names; a position that is told over
+def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
+    """One column a quantity: what is stated wins over what the file names, and that over names; a commanded position wins over
     the torque that a controller makes of it; then the first."""
 
-    def rank(column: Column) -> int:
-        words = ("command line", "named in the file", BY_NAME)
-        return next((2 * i for i, word in enumerate(words) if column.origin.startswith(word)), 1)
+    def rank(column: Column) -> tuple[int, bool]:
+        origin = ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
+        return origin, column.quantity == "reference_1" and column.unit in ("N m", "N")
 
-    torques = [column.quantity == "reference_1" and column.unit in ("N m", "N") for column in columns]
-    order = sorted(range(len(columns)), key=lambda i: (rank(columns[i]), torques[i], i))
-    owner: dict[tuple[str | None, str], int] = {}
+    owner: dict[tuple[str | None, str], Column] = {}
     problems: list[Problem] = []
-    result = list(columns)
-    for i in order:
-        column = columns[i]
-        if column.quantity is None:
+    result = {column.source: column for column in columns}
+    for column in sorted(columns, key=rank):
+        if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        first = columns[owner.setdefault((column.joint, column.quantity), i)]
-        if first is column:
-            continue
-        message = f"is a second {column.joint}.{column.quantity} beside '{first.source}'"
-        if rank(column) == rank(first) < 2:
-            problems.append(Problem(message, file=path, key=column.source, code="mapped-twice"))
-        elif rank(column) == rank(first):
-            findings.append(
-                Problem(f"{message}, which is used", key=column.source, code="second-column",
-                        hint=f"Choose with --map '{column.source}={column.joint}.{column.quantity}'")
-            )  # fmt: skip
-        result[i] = replace(
-            column, joint=None, quantity=None, origin=f"not used: {column.joint}.{column.quantity} is '{first.source}'"
-        )
+        message = f"is a second {column.meaning} beside '{first.source}'"
+        if rank(column)[0] == rank(first)[0] < 2:
+            problems.append(Problem(message, key=column.source, code="mapped-twice"))
+        elif rank(column)[0] == rank(first)[0]:
+            hint = f"Choose with --map '{column.source}={column.meaning}'"
+            findings.append(Problem(f"{message}, which is used", key=column.source, code="second-column", hint=hint))
+        origin = f"not used: {column.meaning} is '{first.source}'"
+        result[column.source] = replace(column, joint=None, quantity=None, origin=origin)
     if problems:
         raise RecordingError(problems)
-    return result
+    return list(result.values())
 
 
 def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
@@ -255,16 +219,11 @@ def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
     propose = f"`asrsim init --experiment {path.name}` writes all of them down for you to complete"
     if asked:
         first = asked[0]
-        joint = first.joint or "JOINT"
-        return [
-            Problem(f"not used, since {first.origin.partition(': ')[2]}" + (" (and the like)" if len(asked) > 1 else ""),
-                    key=listed([column.source for column in asked], 6), code="asked",
-                    hint=f"If it is a joint's: --map '{first.source}={joint}.QUANTITY [unit]'; {propose}")
-        ]  # fmt: skip
+        message = f"not used, since {first.origin.partition(': ')[2]}" + (" (and the like)" if len(asked) > 1 else "")
+        hint = f"If it is a joint's: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
+        return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []
-    names = listed([column.source for column in columns], 20)
-    return [
-        Problem(f"no column is a joint's quantity by its name; found {names}", code="nothing-mapped",
-                hint=f"Say what a column is with --map COLUMN=JOINT.QUANTITY [unit]; {propose}")
-    ]  # fmt: skip
+    message = f"no column is a joint's quantity by its name; found {listed([column.source for column in columns], 20)}"
+    hint = f"Say what a column is with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
+    return [Problem(message, code="nothing-mapped", hint=hint)]

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import is_comparable, unit_of
@@ -89,7 +88,6 @@ def compare(
     quantities: Sequence[str] | None = None,
     lag: LagChoice = "auto",
     lag_limit: float | None = None,
-    align_on: tuple[str, str] | None = None,
 ) -> Comparison:
     """Compares all quantities that the simulation and the recording have in common.
 
@@ -101,7 +99,6 @@ def compare(
         quantities: Only these; None: all in common but energies.
         lag: auto, off, start, or s by which the recording is late.
         lag_limit: s, largest lag that auto may find.
-        align_on: Joint (of the simulation) and quantity to correlate; None: the reference if it moves, else the position.
 
     Raises:
         RecordingError: No common joint or quantity, no overlap in time; with what was found and expected.
@@ -127,38 +124,27 @@ def compare(
         raise RecordingError(condense(wrong))
     findings += [replace(problem, message=f"{problem.message}; it is not compared") for problem in wrong]
     if not found:
-        raise _nothing_common(samples, recording, pairing, quantities)
+        recorded = sorted({c.meaning for c in recording.channels.values() if c.joint in pairing and c.quantity})
+        asked = f" of {', '.join(quantities)}" if quantities else ""
+        raise RecordingError(
+            f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
+            f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
+        )  # fmt: skip
 
     def series_of(joint: str, quantity: str) -> tuple[Array, Array] | None:
         values = simulated(samples, joint, quantity, infos)
         return None if values is None else (samples.time, values)
 
     prismatic = {info.name for info in infos if info.prismatic}
-    try:
-        alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, on=align_on, infos=infos)
-        series = tuple(
-            _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
-            for (joint, quantity), (values, column) in found.items()
-        )
-    except RecordingError as error:
-        # Without an overlap in time, a doubt about the time is likely to be the reason.
-        doubts = [one for one in recording.findings if one.code in ("suspected-time", "time-unit-assumed")]
-        raise RecordingError([*error.problems, *doubts]) from None
+    alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, infos=infos)
+    series = tuple(
+        _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
+        for (joint, quantity), (values, column) in found.items()
+    )
     findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
     return Comparison(recording=recording.path, series=series, alignment=alignment, joints=pairing, findings=tuple(findings))
-
-
-def _nothing_common(
-    samples: Samples, recording: Recording, pairing: Mapping[str, str], quantities: Sequence[str] | None
-) -> RecordingError:
-    recorded = sorted({f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.joint in pairing and c.quantity})
-    asked = f" of {', '.join(quantities)}" if quantities else ""
-    return RecordingError(
-        f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
-        f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
-    )  # fmt: skip
 
 
 def _series(
@@ -182,27 +168,12 @@ def _series(
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         findings.append(Problem("has no two samples with numbers in both", code="no-overlap"))
-    metrics = {name: _measured(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
-    if both.sum() > 1 and (problem := _delay_at_limit(grid[both], a[both], b[both])) is not None:
-        findings.append(problem)
-    steps = {name: (_measured(name, grid, a), _measured(name, grid, b)) for name in STEP_MEASURES}
+    metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
+    steps = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b, source=column.source,
         reading=column.reading, metrics=metrics, steps=steps, findings=tuple(findings),
     )  # fmt: skip
-
-
-def _delay_at_limit(time: Array, a: Array, b: Array) -> Problem | None:
-    """Why there is no delay where its search ended at its edge."""
-    lag = estimate_lag(time, a, time, b)
-    if lag is None or not lag.at_limit:
-        return None
-    message = f"its delay is not told: the search ended at its limit, {lag.seconds:.4g} s, and the true one may lie beyond"
-    return Problem(message, code="delay-at-limit")
-
-
-def _measured(name: str, time: Array, a: Array, b: Array | None = None) -> float:
-    return measure(name, time, a, b)
 
 
 def _row(source: str, s: Series, name: str, value: float) -> MetricRow:

@@ -79,7 +79,7 @@ class RawSeries:
         return self.column.name
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Column:
     """One column of a recording, in SI units."""
 

@@ -8,7 +8,6 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, RecordingError
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.units import split_header
 
 
 def match_joints(
@@ -27,24 +26,19 @@ def match_joints(
     pairing = {joint: plain[_plain(joint)] for joint in recorded if _plain(joint) in plain}
     if pairing:
         return pairing, []
-    guessed = [joint for joint in recorded if _made_up(recording, joint)]
-    if guessed and len(guessed) == len(recorded) and len(guessed) <= len(names):
-        pairing = dict(zip(guessed, names, strict=False))
-        said = ", ".join(f"{a} is {b}" for a, b in pairing.items())
-        return pairing, [
-            Problem(f"the file names no joints; taken in order: {said}", file=recording.path, code="joints-by-order",
-                    hint="Say otherwise with --map COLUMN=JOINT.QUANTITY")
-        ]  # fmt: skip
-    doubt = next((f"; {column.source}: {column.origin.partition(': ')[2]}" for column in recording.asked), "")
-    column, joint = next(iter(recording.channels), "COLUMN"), names[0] if names else "JOINT"
-    unit = split_header(column)[1]
-    factor = "0.001*" if unit is not None and unit.si == "counts" else ""
-    stated = "" if unit is not None and not factor else " [rad]"
+    if recorded and all(_made_up(recording, joint) for joint in recorded) and len(recorded) <= len(names):
+        pairing = dict(zip(recorded, names, strict=False))
+        message = f"the file names no joints; taken in order: {', '.join(f'{a} is {b}' for a, b in pairing.items())}"
+        hint = "Say otherwise with --map COLUMN=JOINT.QUANTITY"
+        return pairing, [Problem(message, file=recording.path, code="joints-by-order", hint=hint)]
+    column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
+    doubt = next((f"; {one.source}: {one.origin.partition(': ')[2]}" for one in recording.asked), "")
+    unit = "" if column.unit not in ("", "counts") else " [rad]"
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-        f"--map '{column}={factor}{joint}.link_position{stated}'",
+        f"--map '{column.source}={joint}.link_position{unit}'",
     )  # fmt: skip
 
 

@@ -24,9 +24,9 @@ _WORDS = {
     word: meant
     for meant, words in {
         "position": "q qpos pos positions angle angles", "velocity": "dq qdot qvel vel velocities speed",
-        "torque": "tau torques effort efforts", "motor": "hub mot", "deflection": "defl", "external": "ext",
-        "elastic": "el spring", "reference": "references ref cmd command commanded des desired target setpoint",
-        "equilibrium": "eq",
+        "torque": "tau torques effort efforts", "motor": "hub mot hubangle", "deflection": "defl", "external": "ext",
+        "elastic": "el spring", "equilibrium": "eq",
+        "reference": "references ref cmd command commanded des desired target setpoint qref qdes qcmd",
     }.items()
     for word in words.split()
 }  # fmt: skip
@@ -44,17 +44,12 @@ _QUANTITIES = {
     for words in spellings.split(",")
 }  # fmt: skip
 """Words, in any order, that make a quantity together."""
-_FILLING = {"joint", "joints", "axis", "link", "measured", "meas", "actual", "data", "value", "angular"}
+_FILLING = {"joint", "joints", "axis", "link", "measured", "meas", "actual", "data", "value", "values", "angular", "state",
+            "states"}  # fmt: skip
 """Words that change nothing: `q1_meas`, `joint 1 position`."""
-_DATA = ("data", "value", "values")
-"""Parts of a path that say nothing: `q1.data`."""
 _DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load", "trq",
              "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
 """Words by which a name that is not understood may mean a quantity of a joint: it is asked about."""
-_LETTERS = str.maketrans({"θ": "theta", "τ": "tau", "ω": "omega", "\u0307": "dot",
-                          **{sign: str(number) for number, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")}})  # fmt: skip
-_GLUED = re.compile("(q|pos|position|tau|hub|motor|theta|link|joint)(ref|des|cmd|eq|dot|act|meas|ext|angle|pos)")
-"""`qref`, `hubangle`: two words in one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,18 +58,16 @@ class Meaning:
 
     joint: str | None = None
     quantity: str | None = None
-    reason: str
+    reason: str = ""
+    """Why it is not used, or asked about."""
     asked: bool = False
     """It may be a joint's quantity, and the user is asked."""
 
 
 def tokens_of(name: str) -> list[str]:
     """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
-    text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name.translate(_LETTERS))
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
-    words = [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", text)]
-    glued = [None if word in _WORDS else _GLUED.fullmatch(word) for word in words]
-    return [part for word, both in zip(words, glued, strict=True) for part in (both.groups() if both else (word,))]
+    text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name)
+    return [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text))]
 
 
 def stated_unit(name: str, beside: str = "") -> Unit | None:
@@ -92,7 +85,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     if dot and ALIASES.get(last, last) in KNOWN:
         return _of_joint(head, ALIASES.get(last, last), unit, joints)
     joint, rest = find_joint(plain, joints or ())
-    *above, tail = [part for part in re.split(r"[./]", rest) if part.strip(" _[]") and part not in _DATA] or [""]
+    *above, tail = [part for part in re.split(r"[./]", rest) if {*tokens_of(part)} - {"data"}] or [""]
     array = re.search(r"[\[(](\d+)[\])]$", tail)
     tokens = tokens_of(tail[: array.start()] if array else tail)
     numbers = [int(word) for word in tokens if word.isdecimal()]
@@ -102,11 +95,12 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
         words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
     exact = "_".join(tokens)
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
-    if quantity is None or (words == ["force"] and (unit is None or unit.si != "N")):
+    # Other signs may mean anything: q', q*, a dot above.
+    if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
         mentioned = {_WORDS.get(word, word) for word in tokens_of(rest)}
         asked = bool(_DOUBTFUL & mentioned) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
-        asked = asked and "reference" not in words
-        return Meaning(joint=joint, reason="its name is not certain to be a quantity of a joint", asked=asked)
+        reason = "its name is not certain to be a quantity of a joint"
+        return Meaning(joint=joint, reason=reason, asked=asked and "reference" not in words)
     owner = _called(above[-1]) if above else ""
     count = len(numbers) + (array is not None)
     unclear = bool(numbers) and exact in KNOWN
@@ -114,7 +108,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
         return _fitting(joint or (joints or [""])[0], exact, unit)
     if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
         return Meaning(reason="what the number in its name counts is unclear", asked=True)
-    if joint is None and not count and owner and not {*tokens_of(owner)} <= {*_FILLING, "state", "states"}:
+    if joint is None and not count and {*tokens_of(owner)} - _FILLING:
         return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
     if joint is None:
         place = int(array[1]) if array else numbers[0] if numbers else None
@@ -138,7 +132,7 @@ def _fitting(joint: str | None, quantity: str, unit: Unit | None) -> Meaning:
     """The meaning, where the unit can be the quantity's."""
     if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
         return Meaning(reason=f"its name says {quantity}, but its unit is {unit.symbol}", asked=True)
-    return Meaning(joint=joint, quantity=quantity, reason="")
+    return Meaning(joint=joint, quantity=quantity)
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
@@ -175,18 +169,12 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
 
 
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
-    """Index of a raw column by its name or its number among all columns of the file."""
-    numbers = [column.place or i for i, column in enumerate(columns, start=1)]
-    if wanted.lstrip("#").isdecimal() and wanted not in [column.name for column in columns]:
-        return numbers.index(int(wanted.lstrip("#"))) if int(wanted.lstrip("#")) in numbers else None
-    return find_column(wanted, [column.name for column in columns])
-
-
-def find_column(wanted: str, labels: Sequence[str]) -> int | None:
-    """Index of a column by its header, with or without unit, or by case-blind name."""
+    """Index of a column by its header, with or without unit, by its case-blind name, or by its number in the file."""
+    labels = [column.name for column in columns]
     plain = [split_header(label)[0] for label in labels]
     for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):
         for spelling in (wanted, wanted.lower()):
             if spelling in candidates:
-                return list(candidates).index(spelling)
-    return None
+                return candidates.index(spelling)
+    numbers = [column.place or i for i, column in enumerate(columns, start=1)]
+    return numbers.index(int(wanted)) if wanted.isdecimal() and int(wanted) in numbers else None

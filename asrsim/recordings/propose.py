@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from asrsim.errors import OutputError
-from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.data import Recording
 from asrsim.recordings.names import KNOWN
 from asrsim.recordings.read import read_series
-from asrsim.recordings.reading import ENDING, resolve_reading
+from asrsim.recordings.reading import ENDING, Reading, resolve_reading
 
 
 def propose(
@@ -32,45 +32,42 @@ def propose(
         "# elsewhere it is given in the place of the recording. With `map` nothing is taken from names: check each line,",
         "# answer the questions, and strike what is not to be used.",
         f"file: {_text(called or path.name)}",
-        *(f"{key}: {_text(value)}".ljust(40) + "# as found in the file" for key, value in content.layout.items()),
+        *(_line(f"{key}: {_text(value)}", "as found in the file") for key, value in content.layout.items()),
     ]
     if rate is not None:
-        lines.append(f"time: {{rate: {rate:g}}}".ljust(40) + "# Hz, as stated")
+        lines.append(_line(f"time: {{rate: {rate:g}}}", "Hz, as stated"))
     elif clock := series[0].clock:
         doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
-        lines.append(f"time: {clock}".ljust(40) + (f"# ? {doubt}" if doubt else "# its name and unit"))
-    used = [column for column in recording.channels.values() if column.quantity]
+        lines.append(_line(f"time: {clock}", f"? {doubt}" if doubt else "its name and unit"))
     marks = [one for one in recording.findings if isinstance(one.value, float)]
-    lines += [f"# missing: {one.value:g}".ljust(40) + f"# ? {one.key}: {one.message}" for one in marks]
-    lines += ["map:" if used else "map: {}", *(_line(column, reading.maps) for column in used)]
-    lines += _questions(recording)
+    lines += [_line(f"# missing: {one.value:g}", f"? {one.key}: {one.message}") for one in marks]
+    lines += _map(recording, reading)
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return place, recording
 
 
-def _line(column: Column, maps: Sequence[object]) -> str:
-    given = next((str(getattr(one, "text", "")) for one in maps if getattr(one, "column", "") == column.source), None)
-    unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
-    target = given or f"{column.joint}.{column.quantity}" + (f" [{unit}]" if unit else "")
-    reason = column.origin + ("; ? it states no unit" if not column.stated and KNOWN[str(column.quantity)].unit else "")
-    return f"  {_text(column.source)}: {_text(target)}".ljust(60) + f"  # {reason}"
-
-
-def _questions(recording: Recording) -> list[str]:
-    """What is not used, as comments that need only be completed; and what is odd."""
-    lines = []
-    for column in recording.channels.values():
-        if column.quantity is None and column.origin.startswith("asked"):
-            unit = f" [{column.unit}]" if column.unit else " [unit]"
-            lines.append(
-                f"  # {_text(column.source)}: {column.joint or 'JOINT'}.QUANTITY{unit}".ljust(60) + f"  # ? {column.origin[7:]}"
-            )
-    others = [
-        column.source for column in recording.channels.values() if not column.quantity and not column.origin.startswith("asked")
-    ]
-    lines += [f"# not used: {', '.join(others)}"] if others else []
+def _map(recording: Recording, reading: Reading) -> Iterator[str]:
+    """The columns that are used; as comments that need only be completed those that may be, and what is odd."""
+    columns = list(recording.channels.values())
+    given = {one.column: one.text for one in reading.maps}
+    yield "map:" if any(column.quantity for column in columns) else "map: {}"
+    for column in columns:
+        if column.quantity:
+            unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
+            target = given.get(column.source) or column.meaning + (f" [{unit}]" if unit else "")
+            doubt = "" if column.stated or not KNOWN[column.quantity].unit else "; ? it states no unit"
+            yield _line(f"  {_text(column.source)}: {_text(target)}", column.origin + doubt)
+    for column in recording.asked:
+        target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
+        yield _line(f"  # {_text(column.source)}: {target}", f"? {column.origin[7:]}")
+    others = [column.source for column in columns if not column.quantity and not column.origin.startswith("asked")]
+    yield from [f"# not used: {', '.join(others)}"] if others else []
     odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
-    return [*lines, *(["# odd about the file:", *odd] if odd else [])]
+    yield from ["# odd about the file:", *odd] if odd else []
+
+
+def _line(text: str, reason: str) -> str:
+    return f"{text.ljust(58)}  # {reason}"
 
 
 def _text(value: object) -> str:

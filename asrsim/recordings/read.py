@@ -58,10 +58,12 @@ def read_series(
         content = content_of(path, reading)
         findings += content.findings
         series, epoch = series_of(content, reading, findings)
+        recording = build(
+            path, content.format, series, reading, joints, findings=findings, epoch=epoch, topics=content.topics
+        )  # fmt: skip
     except RecordingError as error:
         # What was read is a recording, whatever its keys are called.
         other = mistaken(path, "recording") if path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro") else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
         raise RecordingError(problems) from None
-    recording = build(path, content.format, series, reading, joints, findings=findings, epoch=epoch, topics=content.topics)
     return content, series, recording

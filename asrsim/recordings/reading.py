@@ -23,8 +23,11 @@ ENDING = ".yaml"
 SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
 """Word in a document -> what stands between cells; None: runs of white space."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-_SHIFT = re.compile(rf"\s+(?P<sign>[-+])\s*(?:(?P<number>{_NUMBER})|(?P<word>start|mean))$")
-_FACTOR = re.compile(rf"(-?{_NUMBER})\s*\*\s*")
+_TARGET = re.compile(
+    rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*(?:(?P<joint>[^\[\]*]+)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
+    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER})|\s+-\s*(?P<zero>start|mean))?"
+)
+"""`-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,17 +50,8 @@ class ColumnMap:
     unwrapped: bool = False
     """An angle goes on where it jumps by a whole turn."""
     origin: str = "command line"
-
-    @property
-    def text(self) -> str:
-        """The same as an item of `--map`, behind `COLUMN=`."""
-        if self.quantity is None:
-            return "ignore"
-        unit = f" [{self.unit.symbol}]" if self.unit is not None else ""
-        unit += " unwrapped" if self.unwrapped else ""
-        factor = "" if self.scale == 1.0 else "-" if self.scale == -1.0 else f"{self.scale:.12g}*"
-        sign = f" {'+' if self.offset > 0 else '-'} {abs(self.offset):.12g}" if self.offset else ""
-        return f"{factor}{self.joint}.{self.quantity}{unit}{f' - {self.zero}' if self.zero else sign}"
+    text: str = "ignore"
+    """What stands behind `COLUMN=` in an item of `--map`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,14 +134,15 @@ class Reading:
         if self.window is not None and not self.start < self.end:
             problems.append(Problem("must be START..END in s", key="window", value=list(self.window), code="range"))
         known = {one.column for one in self.maps}
-        maps = []
+        maps: list[ColumnMap] = []
         for column, text in (self.columns or {}).items():
             try:
-                maps += [] if column in known else [parse_mapping(f"{column}={text}", origin="")]
+                found = parse_item(f"{column}={text}", origin="")
+                if not isinstance(found, ColumnMap):
+                    raise _error(column, "is the time: state it under `time`")
+                maps += [found] if column not in known else []
             except RecordingError as error:
-                problems += [
-                    replace(problem, key="columns", message=f"{column}: {problem.message}") for problem in error.problems
-                ]
+                problems += [replace(one, key="columns", message=f"{column}: {one.message}") for one in error.problems]
         if problems:
             raise RecordingError(problems)
         object.__setattr__(self, "maps", (*self.maps, *maps))
@@ -191,11 +186,7 @@ def load_reading(path: Path) -> Reading:
     try:
         found = read_file(READING, path)
     except InputError as error:
-        old = any(problem.key == "columns" for problem in error.problems)
-        hint = "In asrsim 0.2 they stood under 'columns', beside what was guessed: list all that are used under 'map'"
-        raise RecordingError(
-            [replace(one, hint=hint) if old and one.key == "columns" else one for one in error.problems]
-        ) from None
+        raise RecordingError(error.problems) from None
     return replace(found, maps=tuple(replace(one, origin=path.name) for one in found.maps), origin=path)
 
 
@@ -203,15 +194,14 @@ def resolve_reading(
     mapping: Mapping[str, str] | Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
 ) -> Reading:
     """How a file is read: by the document beside it or that `mapping` names, and by items, which overrule it."""
-    items = [mapping] if isinstance(mapping, str | Path) else [*mapping] if isinstance(mapping, Sequence) else []
+    given = [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else mapping
+    items: Sequence[str | Path] = [given] if isinstance(given, str | Path) else given or []
     documents = [Path(item) for item in items if is_document(item)]
-    texts = [str(item) for item in items if not is_document(item)]
-    texts += [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else []
     document = documents[-1] if documents else reading_file(path) if beside else None
     reading = Reading() if document is None else load_reading(document)
     problems: list[Problem] = []
-    given: list[ColumnMap] = []
-    for text in texts:
+    maps: list[ColumnMap] = []
+    for text in (str(item) for item in items if not is_document(item)):
         try:
             found = parse_item(text)
         except RecordingError as error:
@@ -222,15 +212,15 @@ def resolve_reading(
         elif isinstance(found, tuple):
             reading = replace(reading, window=found)
         else:
-            given.append(found)
+            maps.append(found)
     if rate is not None:
         if not (math.isfinite(rate) and rate > 0):
             problems.append(Problem("the sampling rate must be positive", value=rate, code="bad-rate"))
         reading = replace(reading, time=replace(reading.time, rate=rate))
     if problems:
         raise RecordingError(problems)
-    taken = {one.column for one in given}
-    return replace(reading, maps=(*given, *(one for one in reading.maps if one.column not in taken)))
+    taken = {one.column for one in maps}
+    return replace(reading, maps=(*maps, *(one for one in reading.maps if one.column not in taken)))
 
 
 def is_document(item: str | Path) -> bool:
@@ -238,59 +228,40 @@ def is_document(item: str | Path) -> bool:
     return isinstance(item, Path) or (Path(item).suffix.lower() in (".yaml", ".yml") and Path(item).is_file())
 
 
-def parse_item(text: str) -> ColumnMap | TimeKeys | tuple[float | None, ...]:
-    """One item of `--map`: a column's meaning, `COLUMN=time [ms]`, or `window=2..12`, which gives start and end.
-
-    Raises RecordingError.
-    """
-    column, equals, target = (part.strip() for part in text.rpartition("="))
-    if column == "window" and ".." in target:
-        try:
-            return tuple(float(end) if end.strip() else None for end in target.split(".."))
-        except ValueError:
-            raise _error("window", f"must be START..END in s, is {target}") from None
-    if equals and re.fullmatch(r"time(\s*\[.*\])?", target, re.IGNORECASE):
-        unit = target.partition("[")[2].rstrip("]")
-        return TimeKeys(column=column, unit=unit or None)
-    return parse_mapping(text)
-
-
-def parse_mapping(text: str, *, origin: str = "command line") -> ColumnMap:
-    """What a column is: `COLUMN=JOINT.QUANTITY [unit]`, or `COLUMN=ignore`.
+def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys | tuple[float | None, ...]:
+    """One item of `--map`: what a column is, `COLUMN=JOINT.QUANTITY [unit]` or `COLUMN=ignore`; `COLUMN=time [ms]`;
+    `window=2..12`, which gives start and end.
 
     A minus before the joint turns the sign: `COLUMN=-JOINT.QUANTITY`; a factor stands there as well: `COLUMN=0.01*JOINT...`.
     An offset comes last, in SI: `... [deg] - 0.02`, or `- start`, `- mean` of the column's own numbers; before it `unwrapped`,
     for an angle that jumps by whole turns. Raises RecordingError.
     """
-    column, equals, target = (part.strip() for part in text.rpartition("="))
-    if not equals or not column or not target:
+    column, _, target = (part.strip() for part in text.rpartition("="))
+    if not column or not target:
         raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
-    offset, zero = 0.0, ""
-    if (match := _SHIFT.search(target)) is not None:
-        target, zero = target[: match.start()], match["word"] or ""
-        offset = float(f"{match['sign']}{match['number']}") if match["number"] else 0.0
-        if zero and match["sign"] == "+":
-            raise _error(column, f"'+ {zero}' is no offset", hint=f"A column's own {zero} is taken away: - {zero}")
-    unwrapped, unit = target.endswith(" unwrapped"), None
-    target = target.removesuffix(" unwrapped").rstrip()
-    if target.endswith("]") and "[" in target:
-        target, _, symbol = target[:-1].rpartition("[")
-        target, unit = target.strip(), parse_unit(symbol)
+    if column == "window" and ".." in target:
+        try:
+            return tuple(float(end) if end.strip() else None for end in target.split(".."))
+        except ValueError:
+            raise _error("window", f"must be START..END in s, is {target}") from None
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)
-    scale = -1.0 if target.startswith("-") else 1.0
-    if (factor := _FACTOR.match(target)) is not None:
-        scale, target = float(factor[1]), target[factor.end() :]
-    joint, dot, name = target.removeprefix("-").strip().rpartition(".")
-    if not dot or not joint:
-        hint = f"Did you mean {target}.link_position?" if find_unit(target) is None else None
-        raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=hint)
-    quantity = ALIASES.get(name, name)
+    found = _TARGET.fullmatch(target)
+    if found is None:
+        raise _error(column, f"'{target}' is not JOINT.QUANTITY")
+    if found["name"] == "time" and found["joint"] is None:
+        return TimeKeys(column=column, unit=found["unit"])
+    quantity = ALIASES.get(found["name"], found["name"])
+    if found["joint"] is None:
+        raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=f"Did you mean {found['name']}.link_position?")
     if quantity not in KNOWN:
-        choices = (*KNOWN, *ALIASES)
-        raise _error(column, f"no quantity is called '{name}'", choices=choices, meant=name)
-    return ColumnMap(column=column, joint=joint, quantity=quantity, unit=unit, scale=scale, offset=offset, zero=zero,
-                     unwrapped=unwrapped, origin=origin)  # fmt: skip
+        raise _error(column, f"no quantity is called '{found['name']}'", choices=(*KNOWN, *ALIASES), meant=found["name"])
+    return ColumnMap(
+        column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target, zero=found["zero"] or "",
+        unit=parse_unit(found["unit"]) if found["unit"] else None, unwrapped=found["unwrapped"] is not None,
+        scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
+        offset=float((found["offset"] or "0").replace(" ", "")),
+    )  # fmt: skip
 
 
 def _error(key: str, message: str, **details: Unpack[Details]) -> RecordingError:

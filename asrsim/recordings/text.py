@@ -1,4 +1,4 @@
-"""Reads delimited text: how it is laid out by its first lines, then blocks of lines, fast where they are clean."""
+"""Reads delimited text, and cells of sheets: the layout by the first lines, then blocks of lines, fast where they are clean."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _STAMP = re.compile(r"(\d{4}-\d\d-\d\d)?(?:(?:^|[T ])(\d\d:\d\d:\d\d)(?:[.,](\d+))?)?(Z|[-+]\d\d:?\d\d)?")
 """ISO 8601: a date, a time of day, or both."""
+_SAMPLE = 200
+"""Lines by which the layout of a file is found."""
+_BLOCK = 20_000
+"""Lines read at a time; bounds the memory beside the numbers themselves."""
+Row = tuple[int, list[str]]
+"""Line and cells."""
 
 
 def printable(text: str) -> str:
@@ -32,13 +38,11 @@ def printable(text: str) -> str:
     return text if text.isprintable() else "".join(sign if sign.isprintable() else "?" for sign in text)
 
 
-def split(line: str, separator: str | None, *, quoted: bool) -> list[str]:
-    """Cells of a line, stripped of blanks and quotes."""
-    if quoted and '"' in line:
-        if separator is None:
-            return [inner or plain for inner, plain in re.findall(r'"([^"]*)"|([^\s"]+)', line)]
+def split(line: str, separator: str | None) -> list[str]:
+    """Cells of a line, stripped of blanks and quotes. separator: None for runs of blanks."""
+    if separator is not None and '"' in line:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
-    return [cell.strip() for cell in line.split(separator)]
+    return [cell.strip(' "') for cell in line.split(separator)]
 
 
 def number(cell: str, decimal: str) -> float | None:
@@ -50,7 +54,7 @@ def number(cell: str, decimal: str) -> float | None:
 
 
 def stamp_ns(cell: str) -> int | None:
-    """Nanoseconds since 1970 (UTC where no zone is given; since midnight for a time of day), or None."""
+    """Nanoseconds since 1970 of a date (UTC where no zone is given), since midnight of a time of day, or None."""
     found = _STAMP.fullmatch(cell)
     if found is None or not (found[1] or found[2]):
         return None
@@ -63,7 +67,7 @@ def stamp_ns(cell: str) -> int | None:
 
 
 def share_of_values(cells: Sequence[str], decimal: str) -> float:
-    """Share of cells that are numbers, missing or dates; 0 for a row of missing ones."""
+    """Fraction of cells that are numbers, missing or dates; 0 for a row of missing ones."""
     values = [number(cell, decimal) is not None or stamp_ns(cell) is not None for cell in cells]
     filled = any(value and cell.lower() not in MISSING for value, cell in zip(values, cells, strict=True))
     return sum(values) / len(cells) if filled else 0.0
@@ -77,65 +81,57 @@ def kind_of(cells: Sequence[str], decimal: str) -> str:
     return "number" if 2 * numbers >= len(filled) else "stamp" if 2 * stamps >= len(filled) else "text"
 
 
-_SAMPLE = 200
-"""Lines by which it is found out how a file is laid out."""
-_BLOCK = 20_000
-"""Lines read at a time; bounds the memory beside the numbers themselves."""
-Row = tuple[int, list[str]]
-"""Line and cells."""
+@dataclass(kw_only=True)
+class Rows:
+    """How the rows of a table are read, and what was wrong with lines and cells."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """How the rows of a table are read."""
-
-    separator: str | None = ","
+    separator: str | None
     """None: runs of white space."""
-    decimal: str = "."
-    quoted: bool = False
+    decimal: str
     names: tuple[str, ...]
     units: tuple[str, ...]
     """Of a row of their own beside the names, else empty."""
     kinds: tuple[str, ...]
     """Of columns: number, stamp or text."""
-    header_line: int | None
+    header: int
+    """Line of the names; 0: there are none."""
     first: int
     """Line of the first row of numbers."""
-
-
-@dataclass
-class Rows:
-    """Numbers of rows, and what was wrong with lines and cells."""
-
-    layout: Layout
     faults: dict[tuple[str, int], tuple[list[int], str]] = field(default_factory=dict)
     """Code and column (-1: whole lines) -> lines and the first cell."""
     zeros: dict[int, int] = field(default_factory=dict)
     """Column of dates -> ns of the first."""
 
     def read(self, rows: Iterable[Row]) -> tuple[Array, NDArray[np.int64]]:
-        """Numbers and lines. Rows of another length are left out, cells that are no numbers are NaN; both noted."""
-        columns = len(self.layout.names)
+        """Numbers and lines. Rows of another length are left out, cells that are no numbers are NaN; both are noted."""
         found: list[list[float]] = []
         kept: list[int] = []
         for line, cells in rows:
             if not any(cell.strip("\0") for cell in cells) or cells[0].startswith(COMMENTS):
                 continue
-            while len(cells) > columns and not cells[-1]:
-                cells.pop()
-            if len(cells) != columns:
+            if len(cells) != len(self.names):
                 self._note("ragged-row", line, -1, str(len(cells)))
                 continue
             found.append([self._value(cell, i, line) for i, cell in enumerate(cells)])
             kept.append(line)
-        return np.array(found, dtype=float).reshape(len(found), columns), np.array(kept, dtype=np.int64)
+        return np.array(found, dtype=float).reshape(len(found), len(self.names)), np.array(kept, dtype=np.int64)
+
+    def fast(self, block: Sequence[str]) -> Array | None:
+        """All lines at once by NumPy's reader; None where a line needs a closer look."""
+        if {*self.kinds} != {"number"}:
+            return None
+        try:
+            lines = [line.replace(",", ".") for line in block] if self.decimal == "," else block
+            values = np.loadtxt(lines, delimiter=self.separator, comments=None, ndmin=2)
+        except ValueError:
+            return None
+        # NumPy passes over blank lines, which would shift the line numbers.
+        return values if values.shape == (len(block), len(self.names)) else None
 
     def _value(self, cell: str, column: int, line: int) -> float:
-        kind = self.layout.kinds[column]
-        value = None
-        if kind == "number":
-            value = number(cell, self.layout.decimal)
-        elif kind == "stamp" and (moment := stamp_ns(cell)) is not None:
+        kind = self.kinds[column]
+        value = number(cell, self.decimal) if kind == "number" else None
+        if kind == "stamp" and (moment := stamp_ns(cell)) is not None:
             value = (moment - self.zeros.setdefault(column, moment)) * 1e-9
         if value is None and kind != "text":
             self._note("not-a-number", line, column, cell)
@@ -145,26 +141,26 @@ class Rows:
         self.faults.setdefault((code, column), ([], printable(cell[:30])))[0].append(line)
 
     def content(self, form: str, values: Array, lines: NDArray[np.int64]) -> Content:
-        """The table with its findings, one a kind."""
-        layout, findings = self.layout, []
+        """The table with its findings, one of each kind."""
+        findings = []
         for (code, column), (where, cell) in sorted(self.faults.items()):
-            said = f"{len(where)} cells are no numbers and count as missing, such as '{cell}'"
+            message = f"{len(where)} cells are no numbers and count as missing, such as '{cell}'"
             if column < 0:
-                said = f"{len(where)} rows with {cell} instead of {len(layout.names)} fields, or the like, are left out"
-            key = layout.names[column] if column >= 0 else None
-            message = f"{said}: line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
+                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields, or the like, are left out"
+            message += f": line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
+            key = self.names[column] if column >= 0 else None
             findings.append(Problem(message, line=where[0], key=key, code=code))
-        if texts := [name for name, kind in zip(layout.names, layout.kinds, strict=True) if kind == "text"]:
+        if texts := [name for name, kind in zip(self.names, self.kinds, strict=True) if kind == "text"]:
             findings.append(Problem("text is not read", key=listed(texts, 6), code="text-column"))
-        if layout.header_line is None:
-            said, hint = "has no header; columns are called column_1, column_2, ...", "--map 2=joint_1.link_position"
-            findings.append(Problem(said, hint=f"Name them with {hint}", code="no-header"))
+        if not self.header:
+            message = "has no header; columns are called column_1, column_2, ..."
+            findings.append(Problem(message, hint="Name them with --map 2=joint_1.link_position", code="no-header"))
         columns = tuple(
             RawColumn(
-                name=name, values=np.ascontiguousarray(values[:, i]), unit=layout.units[i], zero=self.zeros.get(i), place=i + 1
+                name=name, values=np.ascontiguousarray(values[:, i]), unit=self.units[i], zero=self.zeros.get(i), place=i + 1
             )
-            for i, name in enumerate(layout.names)
-            if layout.kinds[i] != "text"
+            for i, name in enumerate(self.names)
+            if self.kinds[i] != "text"
         )
         return Content(format=form, tables=(RawTable(columns=columns, lines=lines),), findings=tuple(findings))
 
@@ -173,35 +169,26 @@ def read_text(path: Path, reading: Reading) -> Content:
     """The table of a text file. Raises RecordingError if there is none."""
     encoding = reading.encoding or _encoding(path)
     with path.open(encoding=encoding, errors="replace") as stream:
-        lines = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE + 100), start=1)]
-    comments = [(i, line) for i, line in lines if line.lstrip().startswith(COMMENTS)]
-    filled = [(i, line) for i, line in lines if line.strip("\0 \t") and not line.lstrip().startswith(COMMENTS)][:_SAMPLE]
-    if not filled:
+        lines = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE), start=1)]
+    lines = [(i, line) for i, line in lines if line.strip("\0 \t")]
+    plain = [line for _, line in lines if not line.lstrip().startswith(COMMENTS)]
+    if not plain:
         raise RecordingError("holds no rows", code="empty", hint="Expected a header and rows of numbers")
-    quoted = any('"' in line for _, line in filled)
-    separator, decimal = _separator([line for _, line in filled], reading, quoted=quoted)
-    cells = [(i, split(_glued(line, separator), separator, quoted=quoted)) for i, line in filled]
-    above = [(i, _comment_cells(line, separator)) for i, line in comments]
-    layout = layout_of(cells, above, reading, decimal, separator, quoted=quoted)
-    rows = Rows(layout)
+    separator, decimal = _separator(plain[len(plain) // 2 :], reading)
+    rows = layout_of([(i, _cells(line, separator)) for i, line in lines], reading, decimal, separator)
     blocks: list[tuple[Array, NDArray[np.int64]]] = []
     with path.open(encoding=encoding, errors="replace") as stream:
-        numbered = enumerate(itertools.islice(stream, layout.first - 1, None), start=layout.first)
+        numbered = enumerate(itertools.islice(stream, rows.first - 1, None), start=rows.first)
         while block := list(itertools.islice(numbered, _BLOCK)):
-            values = _fast([line for _, line in block], layout)
+            values = rows.fast([line for _, line in block])
             if values is not None:
                 blocks.append((values, np.array([i for i, _ in block], dtype=np.int64)))
             else:
-                blocks.append(rows.read((i, split(line.strip("\r\n"), separator, quoted=quoted)) for i, line in block))
+                blocks.append(rows.read((i, split(line.strip("\r\n"), separator)) for i, line in block))
     values, kept = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     word = next(word for word, sign in SEPARATORS.items() if sign == separator)
-    told: dict[str, str | int] = {
-        "separator": word,
-        "decimal": decimal,
-        "encoding": encoding,
-        "header": layout.header_line or 0,
-    }
-    return replace(rows.content("text", values, kept), layout=told)
+    layout: dict[str, str | int] = {"separator": word, "decimal": decimal, "encoding": encoding, "header": rows.header}
+    return replace(rows.content("text", values, kept), layout=layout)
 
 
 def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
@@ -210,49 +197,44 @@ def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
     counted = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
     if not counted:
         raise RecordingError("holds no rows", code="empty")
-    layout = layout_of(counted[: 2 * _SAMPLE], [], reading, ".", ",", quoted=False)
-    found = Rows(layout)
-    return found.content(form, *found.read(row for row in counted if row[0] >= layout.first))
+    found = layout_of(counted[:_SAMPLE], reading, ".", ",")
+    return found.content(form, *found.read(row for row in counted if row[0] >= found.first))
 
 
-def layout_of(
-    rows: Sequence[Row], comments: Sequence[Row], reading: Reading, decimal: str, separator: str | None,
-    *, quoted: bool,
-) -> Layout:  # fmt: skip
+def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: str | None) -> Rows:
     """The layout by the first rows. Raises RecordingError where they hold no table, or a header of another length."""
     columns = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
-    share = [
-        share_of_values(cells, decimal) if len(cells) == columns and i > (reading.header or 0) else 0.0 for i, cells in rows
-    ]
-    # "Samples 400 400" above a header is no row of numbers: it has fewer of them than most rows.
-    usual = max(0.5, sorted(share)[len(share) // 2])
-    pairs = enumerate(zip(share, [*share[1:], 1.0], strict=True))
-    place = next((i for i, (own, then) in pairs if own >= 0.5 and max(own, then) >= usual), None)
+
+    def share(row: Row) -> float | None:
+        """Fraction of values in a row; None for rows of another length, and comments."""
+        line, cells = row
+        whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
+        return share_of_values(cells, decimal) if whole else None
+
+    # "Samples 400 400" above a header is no row of numbers: words follow on it.
+    pairs = itertools.pairwise([*map(share, rows), None])
+    place = next((i for i, (own, then) in enumerate(pairs) if (own or 0.0) >= 0.5 and (then is None or then >= 0.5)), None)
     if place is None:
         raise RecordingError(
             "no row of numbers found", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
             hint="Expected columns separated by comma, semicolon, tab or blanks, with at most a header above",
         )  # fmt: skip
-    first = rows[place][0]
-    data = [cells for _, cells in rows[place:] if len(cells) == columns]
-    titles = sorted([*rows[:place], *(row for row in comments if row[0] < first)])
-    if reading.header is not None:
-        titles = [row for row in titles if row[0] == reading.header]
-    fitting = [(i, cells) for i, cells in titles if len(cells) == columns and share_of_values(cells, decimal) < 0.5]
+    fitting = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
+    fitting = [(line, cells) for line, cells in fitting if len(cells) == columns and share_of_values(cells, decimal) < 0.5]
     units = next((row for row in reversed(fitting[-2:]) if len(fitting) > 1 and _are_units(row[1])), None)
-    header = next((row for row in reversed(fitting) if row is not units), None)
-    by_numbers = any(name.lstrip("#").isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
-    if place and header is None and reading.header is None and not by_numbers and len(rows[place - 1][1]) > 2:
+    header, names = next((row for row in reversed(fitting) if row is not units), (0, [""] * columns))
+    by_numbers = any(name.isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
+    if place and not header and reading.header is None and not by_numbers and len(rows[place - 1][1]) > 2:
         line, names = rows[place - 1]
         raise RecordingError(
             f"the header has {len(names)} names, its rows have {columns} fields", line=line, code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
-    return Layout(
-        separator=separator, decimal=decimal, quoted=quoted, names=_unique(header[1] if header else [""] * columns),
-        units=tuple(_unit(cell) for cell in units[1]) if units else ("",) * columns,
+    data = [cells for _, cells in rows[place:] if len(cells) == columns]
+    return Rows(
+        separator=separator, decimal=decimal, names=_unique(names), header=header, first=rows[place][0],
+        units=tuple(map(_unit, units[1])) if units else ("",) * columns,
         kinds=tuple(kind_of([cells[i] for cells in data], decimal) for i in range(columns)),
-        header_line=header[0] if header else None, first=first,
     )  # fmt: skip
 
 
@@ -274,14 +256,14 @@ def _encoding(path: Path) -> str:
     return "utf-8-sig"
 
 
-def _separator(lines: Sequence[str], reading: Reading, *, quoted: bool) -> tuple[str | None, str]:
-    """Separator and decimal mark that turn most cells of the later lines into numbers, of those that are not stated."""
+def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
+    """Separator and decimal mark that turn most cells into numbers, of those that are not stated."""
     best: tuple[float, str | None, str] = (-1.0, None, ".")
     for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
-        rows = [split(line, separator, quoted=quoted) for line in lines[len(lines) // 2 :]]
-        columns = Counter(len(row) for row in rows).most_common(1)[0][0]
+        rows = [split(line, separator) for line in lines]
+        columns = Counter(map(len, rows)).most_common(1)[0][0]
         for decimal in (reading.decimal,) if reading.decimal else (".", ","):
-            if decimal == separator and not quoted:
+            if decimal == separator and not reading.decimal:
                 continue
             # A separator that ends each line makes a blank cell there, which is no sign against it.
             whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
@@ -292,18 +274,17 @@ def _separator(lines: Sequence[str], reading: Reading, *, quoted: bool) -> tuple
     return best[1], best[2]
 
 
-def _glued(line: str, separator: str | None) -> str:
-    """`t [ms]  q1 [deg]`: a unit in brackets belongs to the word before it where blanks separate."""
-    if separator is not None:
-        return line
-    return re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
+def _cells(line: str, separator: str | None) -> list[str]:
+    """Cells of a line above the numbers. Where blanks separate, a unit in brackets belongs to the word before it."""
+    if separator is None:
+        line = re.sub(r"^\s*(#|%|//)\s*", r"\1", line)
+        line = re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
+    return split(line, separator)
 
 
-def _comment_cells(line: str, separator: str | None) -> list[str]:
-    """The cells of a comment, which may be the header: `# t, q1`, `%Time (s)`."""
-    plain = line.lstrip(" #%/").rstrip()
-    used = separator if separator is None or separator in plain else next((sign for sign in "\t;," if sign in plain), None)
-    return split(_glued(plain, used), used, quoted='"' in plain)
+def _uncommented(cells: list[str]) -> list[str]:
+    """The cells of a header, which may stand in a comment: `# t, q1`, `%Time (s)`."""
+    return [cells[0].lstrip(" #%/"), *cells[1:]] if cells[0].startswith(COMMENTS) else cells
 
 
 def _unit(cell: str) -> str:
@@ -320,21 +301,7 @@ def _unique(names: Sequence[str]) -> tuple[str, ...]:
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):
-        name = printable(name.strip()) or f"column_{i + 1}"
+        name = printable(name.strip(" ,;")) or f"column_{i + 1}"
         seen[name] += 1
         result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(result)
-
-
-def _fast(block: list[str], layout: Layout) -> Array | None:
-    """All lines at once by NumPy's C reader; None if any line needs a closer look."""
-    if layout.quoted or {*layout.kinds} != {"number"}:
-        return None
-    if layout.decimal == ",":
-        block = [line.replace(",", ".") for line in block]
-    try:
-        values = np.loadtxt(block, delimiter=layout.separator, comments=None, ndmin=2)
-    except ValueError:
-        return None
-    # Blank lines are passed over by the reader and would shift the line numbers.
-    return values if values.shape == (len(block), len(layout.names)) else None

@@ -23,44 +23,34 @@ _DEGREE = math.pi / 180
 _TABLE: tuple[tuple[str, float, str], ...] = (
     # SI unit, factor, spellings (compared without blanks; the case counts only where two units differ by it)
     ("rad", 1.0, "rad rads radian radians"),
-    ("rad", 1e-3, "mrad millirad"),
-    ("rad", 1e-6, "urad µrad"),
+    ("rad", 1e-3, "mrad"),
     ("rad", _DEGREE, "deg degs degree degrees ° Grad"),
-    ("rad", _DEGREE * 1e-3, "mdeg millideg"),
-    ("rad", _DEGREE / 60, "arcmin"),
-    ("rad", _DEGREE / 3600, "arcsec"),
-    ("rad", math.pi / 200, "gon"),
-    ("rad", 2 * math.pi, "rev revs revolutions turn turns"),
-    ("rad/s", 1.0, "rad/s radps"),
+    ("rad", _DEGREE * 1e-3, "mdeg"),
+    ("rad", 2 * math.pi, "rev revs turn turns"),
+    ("rad/s", 1.0, "rad/s"),
     ("rad/s", 1e-3, "mrad/s"),
-    ("rad/s", _DEGREE, "deg/s dps degps °/s Grad/s"),
-    ("rad/s", 2 * math.pi / 60, "rpm rev/min r/min 1/min"),
-    ("rad/s", 2 * math.pi, "rev/s rps turn/s turns/s"),
+    ("rad/s", _DEGREE, "deg/s dps °/s Grad/s"),
+    ("rad/s", 2 * math.pi / 60, "rpm rev/min 1/min"),
+    ("rad/s", 2 * math.pi, "rev/s rps turns/s"),
     ("rad/s^2", 1.0, "rad/s^2 rad/s2"),
-    ("rad/s^2", _DEGREE, "deg/s^2 deg/s2"),
-    ("N m", 1.0, "Nm newtonmetre newtonmeter"),
+    ("N m", 1.0, "Nm"),
     ("N m", 1e-3, "mNm Nmm"),
-    ("N m", 1e-2, "Ncm cNm"),
-    ("N m", 1e3, "kNm"),
-    ("N m", 1.3558179483, "lbft lbfft ftlb ftlbs ftlbf"),
-    ("N m", 0.1129848290, "lbin lbfin inlb inlbs inlbf"),
-    ("N m", 7.06155183e-3, "ozin ozfin inoz"),
+    ("N m", 1e-2, "Ncm"),
+    ("N m", 1.3558179483, "lbft lbfft ftlb ftlbf"),
+    ("N m", 0.1129848290, "lbin lbfin inlb inlbf"),
+    ("N m", 7.06155183e-3, "ozin ozfin"),
     ("N m", 9.80665e-2, "kgcm kgfcm"),
     ("N m/rad", 1.0, "Nm/rad"),
-    ("N m/rad", 1e-3, "mNm/rad"),
     ("N m/rad", 1 / _DEGREE, "Nm/deg Nm/°"),
     ("N/m", 1.0, "N/m"),
     ("N/m", 1e3, "kN/m N/mm"),
-    ("N", 1.0, "N newton newtons"),
+    ("N", 1.0, "N newton"),
     ("N", 1e3, "kN"),
-    ("N", 1e-3, "mN"),
     ("m", 1.0, "m metre meter metres meters"),
     ("m", 1e-2, "cm"),
     ("m", 1e-3, "mm"),
     ("m", 1e-6, "um µm"),
-    ("m", 0.0254, "inch inches"),
     ("m/s", 1.0, "m/s"),
-    ("m/s", 1e-2, "cm/s"),
     ("m/s", 1e-3, "mm/s"),
     ("m/s^2", 1.0, "m/s^2 m/s2"),
     ("s", 1.0, "s sec secs second seconds"),
@@ -70,19 +60,17 @@ _TABLE: tuple[tuple[str, float, str], ...] = (
     ("s", 60.0, "min minutes"),
     ("s", 3600.0, "h hours"),
     ("s", 86400.0, "days"),
-    ("A", 1.0, "A amp amps ampere"),
+    ("A", 1.0, "A amp"),
     ("A", 1e-3, "mA"),
     ("V", 1.0, "V volt volts"),
     ("V", 1e-3, "mV"),
-    ("J", 1.0, "J"),
     ("W", 1.0, "W"),
     ("Hz", 1.0, "Hz"),
-    ("Hz", 1e3, "kHz"),
     ("degC", 1.0, "°C degC"),
     ("1", 1.0, "1 -"),
     ("1", 1e-2, "% percent"),
     # What a converter or a drive counts in has no SI unit until somebody says how much one count is.
-    ("counts", 1.0, "counts count cnt ticks pulses increments inc lsb adc raw"),
+    ("counts", 1.0, "counts count ticks pulses increments inc lsb adc raw"),
 )  # fmt: skip
 UNITS: dict[str, Unit] = {
     spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings.split()
@@ -92,25 +80,23 @@ _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) i
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
-_LAST = re.compile(r"^(?P<name>.*?\S)(?P<sign>\s*[/:]\s*|\s*,\s+)(?P<unit>[^\s/:,][^:,]*)$")
-"""`t / ms`, `tau1/mNm`, `q1: deg` and `Position, deg`."""
+_SLASH = re.compile(r"^(?P<name>.*?[^\s/])\s*/\s*(?P<unit>[^\s/]+(?:/s)?)$")
+"""`t / ms`, `tau1/mNm`."""
 _SPELT = ("position", "angle", "velocity", "reference", "deflection", "force", "torque", "voltage", "current", "time", "t")
 """Words behind which one letter is a unit: `position_m`, but in `pos_m` or `theta_m` it may be the motor."""
-_AMONG = re.compile(r"(?:(?<=[_\s\d.])|(?<=[a-z])(?=D))(?P<unit>m?deg|mrad|rad|rpm|Deg)(?=[_\s]?\d*$)")
-"""A unit before the number of a joint, `q_deg_1`, or glued to a name, `q1deg`, `shoulderDeg`."""
+_NUMBERED = re.compile(r"_(?P<unit>m?deg|mrad|rad|rpm)(?=_?\d+$|\[\d+\]$)")
+"""A unit before the number of a joint: `q_deg_1`, `q_deg[0]`."""
 
 
 def find_unit(text: str) -> Unit | None:
     """The unit of that spelling, or None."""
-    plain = text.strip().strip("[](){}<>").replace(" ", "").replace("Â", "")
-    for sign, usual in (("º", "°"), ("˚", "°"), ("μ", "µ"), ("²", "^2"), ("⁻¹", "^-1")):
+    plain = text.strip().strip("[](){}<>").replace(" ", "")
+    for sign, usual in (("º", "°"), ("μ", "µ"), ("²", "^2")):
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
-    plain = re.sub(r"^(m?)(?:degree|radian)s?(?=/)", lambda m: m[1] + ("deg" if "deg" in m[0] else "rad"), plain)
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    plain = re.sub(r"[*.·⋅]?s\^?-1$", "/s", plain)
     # newton-metre, N·m, lbf-ft: a force times a length, however they are joined
-    joined = re.sub("(?<=[A-Za-z])[-.*·⋅∙•\u00d7_](?=[A-Za-z])", "", plain)
+    joined = re.sub("(?<=[A-Za-z])[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))
         if unit is not None and (written == plain or unit.si.startswith("N m")):
@@ -136,28 +122,20 @@ def _multiple(text: str) -> Unit | None:
 
 def split_header(header: str) -> tuple[str, Unit | None]:
     """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
-    text = header.strip().strip("\"'").strip()
+    text = header.strip(' "')
     for inner in reversed([*_BRACKETED.finditer(text)]):
         name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
-        if inner["unit"].isdecimal():
-            continue  # q[1] is an entry of an array
-        unit = find_unit(inner["unit"]) or _multiple(inner["unit"])
-        if name and unit is not None and (inner.end() == len(text) or len(unit.symbol) > 1 or unit.symbol == "°"):
+        unit = None if inner["unit"].isdecimal() else find_unit(inner["unit"]) or _multiple(inner["unit"])  # not q[1]
+        if name and unit is not None and (inner.end() == len(text) or len(unit.symbol) > 1):
             return name, unit
-    if (array := re.fullmatch(r"(.*\S)([\[(]\d+[\])])", text)) is not None:
-        name, unit = split_header(array[1])  # q_deg[0]
-        return (name + array[2], unit) if unit is not None else (text, None)
+    if text.endswith("°") and text[:-1].strip():
+        return text[:-1].strip(), UNITS["°"]
     head, _, last = text.rpartition(" ")
     if "/" in last.strip("/") and head and (unit := find_unit(last)) is not None:
         return head.rstrip(), unit  # dq rad/s
-    match = _LAST.match(text)
-    unit = None if match is None else find_unit(match["unit"])
-    if match is not None and unit is not None:
-        sure = len(unit.symbol) > 1 or match["sign"].strip() == "/" or match["name"].lower() in _SPELT
-        if sure:
-            return match["name"], unit
-    if text.endswith("°") and text[:-1].strip():
-        return text[:-1].strip(), UNITS["°"]
+    match = _SLASH.match(text)
+    if match is not None and (unit := find_unit(match["unit"])) is not None:
+        return match["name"], unit
     tokens = re.split(r"[_\s]+", text)
     for count in range(min(3, len(tokens) - 1), 0, -1):
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
@@ -166,21 +144,9 @@ def split_header(header: str) -> tuple[str, Unit | None]:
             continue  # q_min is the least q, t_min a time in minutes
         if len(tail) > 1 or stem in _SPELT:
             return re.sub(r"(?<=.)_in$", "", name), unit
-    if (among := _AMONG.search(text)) is not None and (rest := text[: among.start()].rstrip(" _")):
-        return rest + text[among.end() :], find_unit(among["unit"])
+    if (numbered := _NUMBERED.search(text)) is not None:
+        return text[: numbered.start()] + text[numbered.end() :], find_unit(numbered["unit"])
     return text, None
-
-
-def unknown_unit(header: str) -> str | None:
-    """What a header states in brackets behind a name, if it looks like a unit and is not known.
-
-    In round brackets it may be a remark, `q1 (left)`: only what is short or has a slash is taken for a unit there.
-    """
-    text = header.strip().strip("\"'").strip()
-    match = re.fullmatch(r"(?P<name>.*?)\s*[\[(<{]\s*(?P<unit>[^\d\s\[\](){}<>]{1,8}(?:[/ *][^\d\s]{1,4}\d?)?)\s*[\])>}]", text)
-    if match is None or not match["name"] or find_unit(match["unit"]) is not None:
-        return None
-    return None if text.endswith(")") and len(match["unit"]) > 3 and "/" not in match["unit"] else match["unit"]
 
 
 def fits(unit: str, quantity_unit: str) -> bool:

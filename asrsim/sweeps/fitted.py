@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,15 @@ import numpy as np
 from asrsim.document.mistaken import mistaken
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
+from asrsim.plain import misfit
 from asrsim.samples import Array
+
+SHAPE = {
+    "keys": [str], "mean": [float], "covariance": [[float]], "logarithmic?": (bool, [bool]), "bounds?": [[(float, None)]],
+    "ties?": [{"key": str, "to": str, "factor": float, "*": object}], "fits?": bool,
+    "estimates?": [{"key": str, "verdict": str, "*": object}], "*": object,
+}  # fmt: skip
+"""Shape of the data, see :func:`asrsim.plain.misfit`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,34 +76,24 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
         hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
         return InputError(message, file=file, key="fit", hint=hint, code="sweep-fit")
 
-    if not isinstance(data, Mapping) or not {"keys", "mean", "covariance"} <= set(data):
-        raise wrong("lacks keys, mean or covariance")
-    if not isinstance(data["keys"], list | tuple) or not data["keys"]:
-        raise wrong(f"keys must be a list of names, not {ascii(data['keys'])[:40]}")
-    keys = tuple(map(str, data["keys"]))
-    n = len(keys)
-    try:
-        mean, covariance = np.array(data["mean"], float), np.array(data["covariance"], float)
-        pairs = [(_number(low, -math.inf), _number(high, math.inf)) for low, high in data.get("bounds") or [(None, None)] * n]
-        ties = {str(one["key"]): (str(one["to"]), float(one["factor"])) for one in data.get("ties") or ()}
-    except (TypeError, ValueError, KeyError):
-        message = "mean and covariance must be numbers, bounds pairs of numbers or null, ties must have key, to and factor"
-        raise wrong(message) from None
-    if mean.shape != (n,) or covariance.shape != (n, n):
-        raise wrong(f"{n} keys need {n} means and {n} x {n} covariances")
+    if fault := misfit(data, SHAPE):
+        raise wrong(fault)
+    keys, n = tuple(data["keys"]), len(data["keys"])
+    flags, pairs = data.get("logarithmic", False), data.get("bounds") or [[None, None]] * n
+    flags = [flags] * n if isinstance(flags, bool) else flags
+    rows = data["covariance"]
+    if not n or {len(row) for row in (data["mean"], rows, *rows, flags, pairs)} != {n} or {len(pair) for pair in pairs} != {2}:
+        raise wrong(f"{n} keys need {n} means, {n} x {n} covariances, and {n} entries of `logarithmic` and `bounds`")
+    mean, covariance = np.array(data["mean"], float), np.array(rows, float)
+    low = np.array([-np.inf if pair[0] is None else pair[0] for pair in pairs])
+    high = np.array([np.inf if pair[1] is None else pair[1] for pair in pairs])
     scale = float(np.abs(covariance).max())
-    if not (np.isfinite(mean).all() and np.isfinite(scale)):
-        raise wrong("mean and covariance must be finite")
+    if not (np.isfinite(mean).all() and np.isfinite(scale) and (low <= high).all()):
+        raise wrong("mean and covariance must be finite, and bounds have the least first")
     values, vectors = np.linalg.eigh(covariance)
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or values[0] < -1e-9 * scale:
         raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
-    flags = data.get("logarithmic", False)
-    flags = [flags] * n if isinstance(flags, bool) else flags
-    if not isinstance(flags, list) or len(flags) != n or not all(isinstance(flag, bool) for flag in flags):
-        raise wrong(f"logarithmic must be true, false, or a list of {n} of these")
-    if len(pairs) != n or any(not low <= high for low, high in pairs):
-        raise wrong(f"bounds must be {n} pairs, the least first")
-    low, high = np.array(pairs).T
+    ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
     return Joint(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
         low=low, high=high, fits=data.get("fits") is not False, ties=tuple(_followers(keys, ties)),
@@ -104,16 +101,10 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     )  # fmt: skip
 
 
-def _number(value: Any, default: float) -> float:
-    return default if value is None else float(value)
-
-
 def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array) -> Iterator[str]:
     if data.get("fits") is False:
         yield "the model of the fit does not fit its recordings: the intervals of the draws are too narrow"
-    estimates = data.get("estimates")
-    listed = estimates if isinstance(estimates, list | tuple) else ()
-    verdicts = {str(one.get("key")): one.get("verdict") for one in listed if isinstance(one, Mapping)}
+    verdicts = {one["key"]: one["verdict"] for one in data.get("estimates") or ()}
     fixed = {key for key, variance in zip(keys, np.diag(covariance), strict=True) if variance == 0.0}
     kept = [f"{key} ({verdict})" for key, verdict in verdicts.items() if key not in keys]
     constant = [f"{key} ({verdict})" for key, verdict in verdicts.items() if key in fixed]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -49,11 +48,6 @@ class Progress:
     def rate(self) -> float:
         """Runs a second."""
         return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
-
-    @property
-    def remaining(self) -> float:
-        """s."""
-        return (self.total - self.done) / self.rate if self.rate else math.inf
 
 
 def sweep(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -239,10 +240,11 @@ def make_study(
     """
     read_document(Path(scenario), "scenario")
     pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
+    data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
     try:
         study = Study(
             scenario=Path(scenario), over=dict(pairs),
-            fit=fit if fit is None or isinstance(fit, Mapping) else load_fit(Path(fit)),
+            fit=data,
             plugins=tuple(Path(path) for path in one_or_more(plugins)), name=name or Path(scenario).stem,
             **{**options, **{key: one_or_more(options.get(key, ())) for key in ("variants", "signals")},
                "overrides": override_texts(options.get("overrides", ()))},

@@ -23,8 +23,8 @@ def test_more_draws_than_a_study_may_have_are_refused() -> None:
 @pytest.mark.parametrize(
     ("fit", "message"),
     [
-        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys must be a list"),
-        ({"keys": [], "mean": [], "covariance": []}, "keys must be a list"),
+        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys is no list"),
+        ({"keys": [], "mean": [], "covariance": []}, "0 keys need"),
     ],
 )
 def test_a_fit_names_its_keys_in_a_list(fit: dict[str, object], message: str) -> None:

@@ -21,9 +21,7 @@ from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
 from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario, make_scenario
-from support.lab_files import TIME as MOVED
-from support.lab_files import B as ELBOW
-from support.lab_files import write_bag
+from support.bags import ARM_ELBOW, ARM_TIME, write_arm
 from support.paths import ROOT
 
 pytestmark = pytest.mark.once
@@ -148,10 +146,10 @@ def test_matlab_is_written_beside(tmp_path: Path) -> None:
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
 def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
     monkeypatch.chdir(tmp_path)
-    write_bag(tmp_path / "bag", storage, "own")
+    write_arm(tmp_path / "bag", storage)
     made, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
     assert "s_commands.csv" in {file.name for file in made.files}
-    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(MOVED), ELBOW, atol=1e-6)
+    np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(ARM_TIME), ARM_ELBOW, atol=1e-6)
     run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--set", "duration=1.0"])
     shutil.rmtree(tmp_path / "bag")
     plot = CliRunner().invoke(app, ["plot", "out/s/default/log.mcap"])

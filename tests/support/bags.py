@@ -32,3 +32,23 @@ def write_bag(path: Path, ros1: bool) -> Path:
             bag.write(topics[0], time, serialise(number(data=0.1 * index), number.__msgtype__))
             bag.write(topics[1], time, serialise(message, state.__msgtype__))
     return path
+
+
+ARM_TIME = 0.01 * np.arange(300)
+ARM_ELBOW = 0.32 * (1 - np.cos(2 * np.pi * 0.7 * ARM_TIME))
+
+
+def write_arm(path: Path, storage: str) -> Path:
+    """A ROS 2 bag of two joints with a message of its own: positions `q`, and `q_des`, which they follow exactly."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg("float64[] q\nfloat64[] q_des\n", "lab_msgs/msg/Arm"))
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage]) as bag:
+        connection = bag.add_connection("/arm_state", "lab_msgs/msg/Arm", typestore=store)
+        for t, elbow in zip(ARM_TIME, ARM_ELBOW, strict=True):
+            q = np.array([0.6 * np.sin(np.pi * t) * np.exp(-0.2 * t) + 0.1 * t, elbow])
+            message = store.types["lab_msgs/msg/Arm"](q, q)
+            bag.write(connection, 1_700_000_000_000_000_000 + round(t * 1e9), store.serialize_cdr(message, "lab_msgs/msg/Arm"))
+    return path

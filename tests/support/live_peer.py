@@ -125,7 +125,7 @@ def main():
     came_late = late.handle.take_message(message_class("std_msgs/msg/String"), False) if late is not None else None
     answers = [
         call(node, SetBool, "/asrsim/pause", SetBool.Request(data=True)),
-        call(node, Trigger, "/asrsim/step", Trigger.Request()),
+        call(node, Trigger, "/asrsim/release", Trigger.Request()),
         call(node, SetBool, "/asrsim/pause", SetBool.Request(data=False)),
     ]
     state = last.get("/joint_states")

@@ -1,4 +1,4 @@
-"""Run every check and write the page; `--figures` makes its picture.
+"""Run every check and write the page.
 
 Usage: PYTHONPATH=tests python -m validation --out docs/validation.md
 """
@@ -12,22 +12,12 @@ from pathlib import Path
 from validation.document import document, measure
 from validation.sections import SECTIONS
 
-PICTURE = "images/work_precision.png"
-
 
 def main() -> int:
     """Exit status 1 where a check failed."""
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     parser.add_argument("--out", type=Path, help="write the page here (Markdown)")
-    parser.add_argument("--figures", type=Path, nargs="?", const=Path("docs"), help="write the picture into this folder (docs)")
     arguments = parser.parse_args()
-    if arguments.figures is not None:
-        from validation.figures import work_precision
-
-        work_precision(arguments.figures / PICTURE)
-        sys.stdout.write(f"{arguments.figures / PICTURE}\n")
-        if arguments.out is None:
-            return 0
     results, failed = [], False
     for section, by_engine in measure(SECTIONS):
         checks = [check for listed in by_engine.values() for check in listed]

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS
 from asrsim.samples import Array
-from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
+from asrsim.signals import PulseTrain, Signal
 from asrsim.simulation.run import Run
 from validation.check import Check
 from validation.fitting import orders
@@ -95,40 +95,6 @@ def long_swings() -> Iterator[Check]:
 
 
 PRESETS = {"sea": 0.0, "qbmove": 0.3, "bavs": 0.1, "awas_ii": 0.01}
-
-
-def _inputs(actuator: str, mode: int, signal: Signal) -> dict[str, Signal | float]:
-    second: Signal | float = PRESETS.get(actuator, ACTUATORS.get(actuator).typical_preset)
-    if ACTUATORS.get(actuator).adjuster:
-        second = Sinusoid(amplitude=0.002, frequency=3.0, offset=0.01)
-    if mode == 4:
-        return {"motor_1_torque": signal, "motor_2_torque": second if ACTUATORS.get(actuator).adjuster else -0.1}
-    return {"equilibrium_position": signal, "stiffness_preset": second}
-
-
-def balance() -> Iterator[Check]:
-    """The logged balance of each joint closes to second order: smooth inputs, and jumps on and off the grid; all losses on."""
-    inputs: dict[str, Signal] = {
-        "sinusoid": Sinusoid(amplitude=0.3, frequency=2.0),
-        "jump on the grid": Step(at=0.3, before=0.1, after=0.4),
-        "jump off the grid": Step(at=0.3 + 1e-3 / 3.0, before=0.1, after=0.4),
-    }
-    for actuator in PRESETS:
-        for mode in (4, 6):
-            for label, signal in inputs.items():
-                figures = []
-                for step in (1e-3, 2.5e-4):
-                    result = run(
-                        chain(replace(BODY, actuator=actuator, damping=0.02)),
-                        mode=mode, duration=0.6, step=step, substeps=1, motor_substeps=1,
-                        references=_inputs(actuator, mode, signal), external={"joint_1": Step(at=0.15, after=0.1)},
-                    )  # fmt: skip
-                    residual = float(np.max(np.abs(column(result, "energy_residual"))))
-                    figures.append(residual / float(np.max(np.abs(column(result, "motor_work")))))
-                name = f"{ACTUATORS.get(actuator).title}, mode {mode}, {label}"
-                yield Check(name=f"energy balance, {name}", figure=figures[0], bound=3e-3, source="0 of the motors' work")
-                order = orders(figures, 4.0)[0]
-                yield Check(name=f"its order, {name}", figure=order, bound=1.9, at_least=True, source="2")
 
 
 def passivity() -> Iterator[Check]:

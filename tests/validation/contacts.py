@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.samples import Array
 from asrsim.scenario import Scenario
 from asrsim.scenario.data import World, WorldObject, Wrench
-from asrsim.signals import Constant, Ramp, Sinusoid
+from asrsim.signals import Constant, Sinusoid
 from asrsim.simulation.run import Run, simulate
 from validation.check import Check, engine
 from validation.models import Body, chain, column, read, run
@@ -150,27 +150,6 @@ def landing() -> Iterator[Check]:
     yield Check(name="force on a fallen robot by the ground", figure=error, bound=5e-2, unit="N", source="its weight")
     height = abs(float(samples.bodies["body"][-1, 2]) - 0.05)
     yield Check(name="its height", figure=height, bound=1e-4, unit="m", source="half its thickness")
-
-
-def slip_threshold() -> Iterator[Check]:
-    """A push that rises slowly: the box goes at mu times its load (the ball carries some of its weight by its own friction)."""
-    result = push(Ramp(final=6.0, start=0.5, duration=6.0), duration=6.0)
-    x = box_positions(result)[:, 0]
-    if result.samples is None:
-        return
-    ground = result.samples.contacts["box/ground"]
-    moved = int(np.argmax(x - x[400] > 1e-5))
-    # From the threshold on box and ball accelerate with the push's excess: x = rate t^3 / (6 m), 1 N/s.
-    late = (6.0 * (MASS + 1.0) * float(x[moved] - x[400])) ** (1.0 / 3.0)
-    found = float(result.samples.time[moved]) - 0.5 - late
-    load = float(np.mean(ground[moved - 100 : moved, 2]))
-    error = abs(found / (FRICTION * load) - 1.0)
-    bound = {"bullet": 3e-3}.get(engine(), 1e-2)
-    yield Check(name="force at which a pushed box slips", figure=error, bound=bound, source="mu times the box's load")
-    sliding = np.mean(ground[moved + 100 :], axis=0)
-    error = abs(float(-sliding[0] / sliding[2] / FRICTION) - 1.0)
-    bound = {"bullet": 1e-3}.get(engine(), 3e-2)
-    yield Check(name="friction of the pushed box while it slides", figure=error, bound=bound, source="mu times its load, means")
 
 
 def link_wrench() -> Iterator[Check]:

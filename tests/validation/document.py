@@ -14,11 +14,6 @@ tests (`tests/physics/test_truth.py`). A figure is what came out, a bound is wha
 convergence: reach).
 Angles are in rad, steps 1 ms unless said. What depends on the engine was measured in each, with a column of its own; a dash
 stands where a check is another engine's.
-
-![Error against cost](images/work_precision.png)
-
-The picture (`--figures`) has the largest error of the joint positions over the time that one simulated second takes, for
-each stepping and for steps from 4 ms to 1/16 ms, without substeps.
 """
 
 

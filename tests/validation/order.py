@@ -11,7 +11,6 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.samples import Array
-from asrsim.scenario.data import Effects, LinkDamping, Wrench
 from asrsim.signals import Signal, Sinusoid, Step
 from validation.check import Check
 from validation.conservation import motors
@@ -192,43 +191,6 @@ def first_order_schemes() -> Iterator[Check]:
         yield Check(
             name=f"error over the default's, {name}", figure=coarse / best[0], bound=10.0, at_least=True, source="DOP853"
         )
-
-
-def refined() -> Iterator[Check]:
-    """Second order where no independent solution was written down: against the same run with steps 64 times finer."""
-    body = replace(LINK, actuator="qbmove", damping=0.02)
-    wave = {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=2.0), "stiffness_preset": 0.3}
-    smooth = {"mode": 6, "references": wave, "parameters": motors("qbmove", SMOOTH_MOTOR)}
-    push = Wrench(link="link_1", force=(Step(at=OFF_GRID, after=1.0), None, None), point=(0.0, 0.0, -0.1), frame="link")
-    slide = replace(LINK, actuator="sea", prismatic=True, axis="1 0 0", limits=RAIL)
-    cases: dict[str, tuple[list[Body], dict[str, Any]]] = {
-        "damping that follows the stiffness": (
-            [body] * 2, {**smooth, "link_damping": {"*": LinkDamping(constant=0.01, ratio=0.3, inertia=4e-3)}},
-        ),
-        "controllers that see the motors 4 ms late": ([body], {**smooth, "sensor_effects": {"*": Effects(delay=4e-3)}}),
-        "commands held at 100 Hz and 3.3 ms late": (
-            [body], {**smooth, "command_effects": {"*": Effects(rate=100.0, delay=3.3e-3)}},
-        ),
-        "three motor steps a world step": ([body], {**smooth, "motor_substeps": 3}),
-        "a force that jumps off the grid": ([replace(LINK, damping=0.02)], {"wrenches": (push,)}),
-        "a sliding and a turning joint": (
-            [slide, replace(LINK, actuator="sea")],
-            {"mode": 3, "references": {"equilibrium_position": wave["equilibrium_position"]}, "parameters": SOFT},
-        ),
-    }  # fmt: skip
-    for name, (bodies, options) in cases.items():
-        positions = []
-        for step in (FASTEST, FASTEST / 4.0, FASTEST / 64.0):
-            settings = {"motor_substeps": 1, **options}
-            result = run(chain(*bodies), duration=0.5, step=step, substeps=1, **settings)
-            if result.samples is not None:
-                positions.append(result.samples.values["link_position"][:: round(FASTEST / step)])
-        coarse, fine = (float(np.max(np.abs(q - positions[-1]))) for q in positions[:2])
-        yield Check(name=f"error at 1 ms, {name}", figure=coarse, bound=1e-3, unit="rad", source="the same at 1/64 ms")
-        yield Check(name=f"order, {name}", figure=orders([coarse, fine], 4.0)[0], bound=1.8, at_least=True, source="2")
-
-
-RAIL = '<limit lower="-2" upper="2" effort="100" velocity="10"/>'
 
 
 def friction_orders() -> Iterator[Check]:

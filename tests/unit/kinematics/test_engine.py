@@ -63,15 +63,6 @@ def test_gravity_torques_are_the_slope_of_the_potential(turned_arm):
         assert model.gravity_torques(q) == pytest.approx(slope, abs=2e-3)
 
 
-def test_the_root_link_does_not_move():
-    scenario = make_scenario(ARM, duration=1.0, base={"position": [0.1, 0.2, 0.3]})
-    with model_of(scenario, load_robot(ARM)) as model:
-        place, rotation = model.pose(np.zeros(5), "world", (0.0, 0.0, 0.1))
-        assert place == pytest.approx([0.1, 0.2, 0.4])
-        assert rotation == pytest.approx(np.eye(3))
-        assert not model.jacobian(np.zeros(5), "world", (0.0, 0.0, 0.1)).any()
-
-
 def box_push():
     scenario = load_scenario(EXAMPLES / "scenarios" / "box_push_5dof.yaml", variant="soft")[0]
     return scenario, load_robot(scenario.robot)

@@ -12,7 +12,6 @@ from asrsim.actuators import QbMove
 from asrsim.actuators.rest import increasing_roots
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
-from asrsim.kinematics.clik import bounded_step
 from asrsim.kinematics.reach import ORIENTATION_WEIGHT
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
@@ -115,12 +114,6 @@ def test_stops_are_never_passed_and_the_free_joint_takes_over():
     # The first joint ends where the tip is closest to the goal on its circle: in the goal's direction.
     tip, _ = model.pose(path.positions[-1], "tip", ORIGIN)
     assert math.atan2(tip[1], tip[0]) == pytest.approx(math.atan2(0.25, 0.1), abs=1e-6)
-
-
-def test_a_bounded_step_hands_the_task_to_the_other_joints():
-    jacobian = np.array([[1.0, 1.0, 1.0]])
-    step = bounded_step(jacobian, np.array([3.0]), np.full(3, -9.0), np.array([0.5, 9.0, 9.0]), np.full(3, True), 0.0)
-    assert step == pytest.approx([0.5, 1.25, 1.25])
 
 
 def test_minimum_jerk_rests_at_both_ends():

@@ -59,27 +59,6 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
-@pytest.mark.parametrize("limits", [(6.0, 20.0, 24.0), (0.2, 20.0, 24.0), (6.0, 0.1, 24.0), (6.0, 20.0, 1.0)])
-def test_a_servo_of_volts_holds_as_one_whose_gain_and_limit_are_its_torques(tmp_path, limits):
-    """Its gain is in V/rad, its torque the least of what its limits of torque, current and voltage leave; and what is proposed
-    raises the one that is too low. Twelve V/rad through 1.6 ohm are 3.75 N m/rad."""
-    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(2.0,))
-    constants = {"torque_constant": 0.05, "gear_ratio": 10.0, "resistance": 1.6}
-    names = ("max_torque", "max_current", "max_voltage")
-    volts = {f"motor_1_{name}": value for name, value in {**constants, **dict(zip(names, limits, strict=True))}.items()}
-    plain = {"motor_1_max_torque": min(limits[0], 0.5 * limits[1], 0.5 / 1.6 * limits[2])}
-
-    def scenario(values):
-        actuator = {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 60.0, **values}}
-        return scenario_of(robot, actuators={"*": actuator}, references={"*": {"equilibrium_position": 0.9}})
-
-    servo = judged(scenario({**volts, "controller_1_proportional": 12.0}))
-    motor = judged(scenario({**plain, "controller_1_proportional": 3.75}))
-    assert servo.joints == motor.joints
-    proposal = servo.proposal["joint_1"]
-    assert not judged(scenario({**volts, "controller_1_proportional": 12.0, **proposal}), propose=False).weak
-
-
 @pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
 def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
     """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
@@ -103,19 +82,6 @@ def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path,
     rest = fsolve(unbalanced, np.full(len(lengths), 0.01), xtol=1e-10)
     found = [one.sag for one in judged(scenario, propose=False).joints]
     assert found == pytest.approx(np.abs(rest - goal), abs=2e-3)
-
-
-def test_two_motors_asked_apart_are_an_equilibrium_and_a_preset(tmp_path):
-    """Mode 2 gives the motors' positions, mode 3 where the link would rest and how stiff: the same springs, the same sag."""
-    robot = write_plain_arm(tmp_path, lengths=(0.2,), masses=(0.3,))
-    found = []
-    apart, mapped = {"reference_1": 0.8, "reference_2": 0.2}, {"equilibrium_position": 0.5, "stiffness_preset": 0.3}
-    for mode, references in ((2, apart), (3, mapped)):
-        keys = {"actuators": {"*": {"type": "qbmove", "mode": mode}}, "references": {"*": references}}
-        (one,) = judged(scenario_of(robot, **keys), propose=False).joints
-        found.append((one.sag, one.load))
-    assert found[0] == pytest.approx(found[1], abs=1e-4)
-    assert found[0][0] > 0.01
 
 
 def test_the_sag_of_one_spring_in_closed_form(tmp_path):
@@ -262,26 +228,6 @@ def test_a_heavy_arm_is_held_too(tmp_path, actuator):
     assert set(proposal) == {"joint_1", "joint_2"}
     assert not judged(scenario_of(robot, **keys, parameters=proposal), propose=False).weak
     assert proposal["joint_1"]["motor_1_max_torque"] > 50
-
-
-def test_motors_have_what_the_swing_after_the_first_step_asks_of_them(tmp_path, monkeypatch):
-    from asrsim.kinematics import sizing
-
-    robot = write_plain_arm(tmp_path, lengths=(0.4, 0.4, 0.1), masses=(8.0, 3.0, 1.2), effort=500.0)
-
-    monkeypatch.setattr(sizing, "calming", lambda *_: (0.0, {}))
-
-    def at_their_limit(name):
-        (file,), _ = write_starter(robot, tmp_path / name, actuators={"*": "sea"}, schema=False)
-        scenario = asrsim.load_scenario(file, overrides=["duration=1.5", "compiled=false"])[0]
-        blocks = apply_to_robot(scenario, checked_robot(scenario)[0]).actuators
-        result = asrsim.run(scenario)
-        most = {block.joint: 0.999 * block.values()["motor_1_max_torque"] for block in blocks}
-        return max(np.mean(np.abs(result[joint].motor_1_torque) >= limit) for joint, limit in most.items())
-
-    held = at_their_limit("held.yaml")
-    monkeypatch.setattr(sizing, "steadying", lambda *_: {})
-    assert held < 0.03 < at_their_limit("before.yaml")
 
 
 def test_an_arm_without_damping_gets_some_and_comes_to_rest_within_its_first_run(tmp_path):

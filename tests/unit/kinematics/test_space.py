@@ -1,4 +1,4 @@
-"""Trajectories and inverse kinematics in space, where turns do not commute: against quaternions, and an arm of six joints."""
+"""Trajectories and inverse kinematics in space, where turns do not commute."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from asrsim.kinematics import ClikSettings, PoseTrajectory, follow
 from asrsim.kinematics.trajectory import INTERPOLATIONS
@@ -22,30 +23,6 @@ AXES = np.array([[0, 0, 1], [0, 1, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0
 OFFSETS = np.array([[0, 0, 0.2], [0, 0, 0], [0, 0, 0.3], [0.25, 0, 0], [0, 0, 0], [0.08, 0, 0]], dtype=float)
 
 
-def quaternion(rpy):
-    """(w, x, y, z) of turns about x, then y, then z of the world."""
-    result = np.array([1.0, 0.0, 0.0, 0.0])
-    for axis, angle in ((3, rpy[2]), (2, rpy[1]), (1, rpy[0])):
-        one = np.zeros(4)
-        one[0], one[axis] = np.cos(angle / 2), np.sin(angle / 2)
-        w, v = result[0], result[1:]
-        result = np.array([w * one[0] - v @ one[1:], *(w * one[1:] + one[0] * v + np.cross(v, one[1:]))])
-    return result
-
-
-def matrix(q):
-    w, v = q[0], q[1:]
-    cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross
-
-
-def between_quaternions(a, b, way):
-    """The great circle (Shoemake 1985)."""
-    b = b if a @ b >= 0.0 else -b
-    angle = np.arccos(a @ b)
-    return (np.sin((1 - way) * angle) * a + np.sin(way * angle) * b) / np.sin(angle)
-
-
 @dataclass
 class SixJoints:
     """An arm with a wrist: each joint turns what follows about its axis."""
@@ -60,7 +37,7 @@ class SixJoints:
         for axis, offset, angle in zip(AXES, OFFSETS, positions, strict=True):
             place = place + turned @ offset
             frames.append((place, turned @ axis))
-            turned = turned @ matrix(np.r_[np.cos(angle / 2), np.sin(angle / 2) * axis])
+            turned = turned @ Rotation.from_rotvec(angle * axis).as_matrix()
         return frames, place, turned
 
     def pose(self, positions, link, point):
@@ -78,18 +55,19 @@ class SixJoints:
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 def test_between_poses_the_turn_is_the_great_circle_of_their_quaternions(interpolation: str) -> None:
-    trajectory = PoseTrajectory.through(POSES, interpolation, (START[0], matrix(quaternion(START[1]))))
+    begin = Rotation.from_euler("xyz", START[1])
+    trajectory = PoseTrajectory.through(POSES, interpolation, (START[0], begin.as_matrix()))
     times = [0.0, *(pose.time for pose in POSES)]
-    turns = [quaternion(START[1]), *(quaternion(pose.rpy) for pose in POSES)]
+    turns = Rotation.concatenate([begin, *(Rotation.from_euler("xyz", pose.rpy) for pose in POSES)])
     places = [START[0], *(np.array(pose.position) for pose in POSES)]
     for i in range(3):
         share = np.linspace(0.0, 1.0, 9)
         positions, rotations = trajectory.at(times[i] + share * (times[i + 1] - times[i]))
-        for way, place, turned in zip(INTERPOLATIONS[interpolation](share), positions, rotations, strict=True):
-            assert place == pytest.approx((1 - way) * places[i] + way * places[i + 1], abs=1e-12)
-            assert turned == pytest.approx(matrix(between_quaternions(turns[i], turns[i + 1], way)), abs=1e-12)
+        way = INTERPOLATIONS[interpolation](share)
+        assert positions == pytest.approx(np.outer(1 - way, places[i]) + np.outer(way, places[i + 1]), abs=1e-12)
+        assert rotations == pytest.approx(Slerp([0.0, 1.0], turns[i : i + 2])(way).as_matrix(), abs=1e-12)
     _, beyond = trajectory.at(np.array([-1.0, 9.0]))
-    assert beyond == pytest.approx(np.array([matrix(turns[0]), matrix(turns[-1])]), abs=1e-12)
+    assert beyond == pytest.approx(turns[[0, -1]].as_matrix(), abs=1e-12)
 
 
 def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import base64
+import gc
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import socket
@@ -21,21 +23,28 @@ from support.paths import ROOT
 pytest.importorskip("foxglove")
 
 from asrsim.errors import InputError
-from asrsim.live.foxglove import FoxgloveTransport, read
+from asrsim.live.foxglove import FoxgloveTransport, decoded
 from asrsim.live.origin import origin_of
-from asrsim.live.transport import Access, Interface, Parameter
+from asrsim.live.transport import Access, Interface, Outlet, Service, received
 from asrsim.runs.repeat import repeat
 
 FLOAT, ARRAY, STATE = "std_msgs/Float64", "std_msgs/Float64MultiArray", "sensor_msgs/JointState"
 
 
+def read(message, encoding, data):
+    return received(1, decoded, message, encoding, data)
+
+
 def test_messages_in_both_encodings():
-    assert read(1, FLOAT, "json", b'{"data": 0.5}').values == [0.5]
-    assert read(1, FLOAT, "cdr", b"\x00\x01\x00\x00" + struct.pack("<d", 0.5)).values == [0.5]
-    assert read(2, ARRAY, "json", b'{"data": [1, null]}').values[0] == 1.0
-    assert math.isnan(read(2, ARRAY, "json", b'{"data": [1, null]}').values[1])
-    state = read(3, STATE, "json", b'{"name": ["a"], "position": [], "effort": [2.0]}')
+    assert read(FLOAT, "json", b'{"data": 0.5}').values == [0.5]
+    assert read(FLOAT, "cdr", b"\x00\x01\x00\x00" + struct.pack("<d", 0.5)).values == [0.5]
+    assert read(ARRAY, "json", b'{"data": [1, null]}').values[0] == 1.0
+    assert math.isnan(read(ARRAY, "json", b'{"data": [1, null]}').values[1])
+    state = read(STATE, "json", b'{"name": ["a"], "position": [], "effort": [2.0]}')
     assert (state.names, state.values) == (["a"], [2.0])
+    point = b'{"positions": [0.5], "time_from_start": {"sec": 1, "nanosec": 500000000}}'
+    found = read("trajectory_msgs/JointTrajectory", "json", b'{"joint_names": ["a"], "points": [' + point + b"]}")
+    assert (found.names, found.points) == (["a"], [(1.5, [0.5], [])])
 
 
 @pytest.mark.parametrize(
@@ -49,16 +58,15 @@ def test_messages_in_both_encodings():
         (FLOAT, "cdr", b""),
         (FLOAT, "cdr", b"\x00\x01\x00\x00\x00"),
         (FLOAT, "protobuf", b"\x00"),
-        (ARRAY, "json", b'{"data": 3}'),
         (ARRAY, "cdr", b"\x00\x01\x00\x00" + b"\xff" * 40),
         (STATE, "json", b'{"position": [1]}'),
         (STATE, "cdr", b"\x00\x01\x00\x00" + b"\xff" * 40),
     ],
 )
 def test_bytes_that_cannot_be_read_say_so(message, encoding, data):
-    received = read(1, message, encoding, data)
-    assert received.fault
-    assert not received.values
+    found = read(message, encoding, data)
+    assert found.fault
+    assert not found.values
 
 
 def connected(transport, *headers):
@@ -78,9 +86,9 @@ def connected(transport, *headers):
 
 @pytest.fixture
 def transport():
-    interface = Interface(
-        "/asrsim", outlets=(), inlets=(), latched={}, parameters={"speed": Parameter("", lambda: 1.0, lambda speed: "")}
-    )
+    services = {"pause": Service("", lambda flag: (True, ""), takes_flag=True)}
+    outlets = (Outlet("/clock", "rosgraph_msgs/Clock"),)
+    interface = Interface("/asrsim", outlets=outlets, inlets=(), latched={}, services=services)
     transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))
     yield transport
     transport.close()
@@ -126,23 +134,37 @@ def test_an_origin_is_a_scheme_and_a_host(text):
         origin_of(text)
 
 
+def test_topics_are_advertised_in_cdr(transport):
+    client, _ = connected(transport)
+    gc.collect()
+    answer = b""
+    while b'"op":"advertise",' not in answer:
+        answer += client.recv(65536)
+    client.close()
+    assert b'"topic":"/clock","encoding":"cdr","schemaName":"rosgraph_msgs/msg/Clock"' in answer
+
+
 def test_closing_does_not_wait_for_clients_whose_requests_wait(transport):
     client, _ = connected(transport)
-    text = b'{"op": "setParameters", "parameters": [{"name": "speed", "value": 2}], "id": "1"}'
-    client.sendall((b"\x81" + bytes([0x80 | len(text)]) + bytes(4) + text) * 100)
+    answer = b""
+    while (found := re.search(rb'"services":\[{"id":(\d+),', answer)) is None:
+        answer += client.recv(65536)
+    # A service request: operation, numbers of service and call, the encoding's length and name, and the data.
+    call = b"\x02" + struct.pack("<III", int(found[1]), 1, 4) + b'json{"data": true}'
+    client.sendall((b"\x82" + bytes([0x80 | len(call)]) + bytes(4) + call) * 1500)
     until = time.monotonic() + 10
-    while not transport._errands and time.monotonic() < until:
+    while not transport._requests and time.monotonic() < until:
         time.sleep(0.01)
-    assert transport._errands
+    assert transport._requests
     began = time.monotonic()
     transport.close()
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 2.0
     client.close()
 
 
 @pytest.mark.slow
 def test_a_client_of_the_protocol(tmp_path):
-    """Channels, client publish, parameters and services, by npm's @foxglove/ws-protocol."""
+    """Channels, client publish and services, by npm's @foxglove/ws-protocol."""
     if shutil.which("npm") is None or shutil.which("node") is None:
         pytest.skip("node and npm are not installed")
     packages = tmp_path / "node"
@@ -162,7 +184,10 @@ def test_a_client_of_the_protocol(tmp_path):
         assert "ws://127.0.0.1:" in line, line + process.stderr.read()
         address = line.split("foxglove: ")[1].strip()
         client = subprocess.run(
-            ["node", ROOT / "tests" / "live_client.mjs", address, packages], capture_output=True, text=True, check=False
+            ["node", ROOT / "tests" / "support" / "live_client.mjs", address, packages],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=120)
@@ -177,11 +202,8 @@ def test_a_client_of_the_protocol(tmp_path):
     assert seen["messages"]["/robot_description"] == 1
     assert seen["values"]["/joint_1/applied/equilibrium_position"] == 0.1
     assert seen["values"]["/joint_2/applied/equilibrium_position"] == -0.1
-    first, second = (seen["parameters"][name] for name in ("first", "second"))
-    assert [(one["name"], one["value"]) for one in first] == [("speed", 1)]
-    assert [(one["name"], one["value"]) for one in second] == [("speed", 2)]
-    assert sorted(seen["services"]) == [f"/asrsim/{name}" for name in ("pause", "release", "reset", "step")]
-    assert [seen["answers"][number]["success"] for number in "1234"] == [True, True, True, False]
+    assert sorted(seen["services"]) == [f"/asrsim/{name}" for name in ("pause", "release", "reset")]
+    assert [seen["answers"][number]["success"] for number in "134"] == [True, True, False]
     live = json.loads((tmp_path / "out" / "summary.json").read_text())["live"]
     assert live["commands"] == 200
     assert sum(live["dropped"].values()) == 5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from asrsim.confined import ConfinedError, run_confined
 from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import READERS, Reader, Recording, read_recording
 from asrsim.recordings.data import Content, RawColumn, RawTable
@@ -50,21 +52,29 @@ WRITERS = {
     "lab.xlsx": excel,
     "lab.parquet": parquet,
     "lab.feather": parquet,
-    "lab.mat": lambda path: savemat(path, {"run": {"time": TIME, "q1": Q1, "q2_deg": np.degrees(Q2)}}),
+    "vectors.mat": lambda path: savemat(path, {"time": TIME, "q1": Q1[:, None], "q2_deg": np.degrees(Q2)}),
+    "struct.mat": lambda path: savemat(path, {"run": {"time": TIME, "gain": 3.0, "q1": Q1, "q2_deg": np.degrees(Q2)}}),
+    "nested.mat": lambda path: savemat(
+        path, {"log": {"t": TIME, "joints": {"a": {"q1": Q1}, "b": {"q2_deg": np.degrees(Q2)}}}}
+    ),
+    "milliseconds.mat": lambda path: savemat(path, {"time_ms": TIME * 1e3, "q1": Q1, "q2_deg": np.degrees(Q2)}),
+    "ascii.mat": lambda path: np.savetxt(path, ROWS, header="time q1 q2_deg"),
     "lab73.mat": hdf5,
     "lab.npz": lambda path: np.savez(path, time=TIME, q1=Q1, q2_deg=np.degrees(Q2)),
+    "table.npy": lambda path: np.save(path, np.array([*map(tuple, ROWS)], dtype=[(name, float) for name in HEADER])),
     "lab.jsonl": lambda path: path.write_text("\n".join(json.dumps(dict(zip(HEADER, row, strict=True))) for row in ROWS)),
+    "cut.jsonl": lambda path: path.write_text(
+        "\n".join(json.dumps(dict(zip(HEADER, row, strict=True))) for row in ROWS) + '\n{"t'
+    ),
     "records.json": lambda path: path.write_text(json.dumps([dict(zip(HEADER, row, strict=True)) for row in ROWS])),
     "lists.json": lambda path: path.write_text(
-        json.dumps({"run": 3, "units": {"q2": "deg"}, "time": TIME.tolist(), "q1": Q1.tolist(), "q2": np.degrees(Q2).tolist()})
+        json.dumps({"run": 3, **dict(zip(HEADER, zip(*ROWS, strict=True), strict=True))})
     ),
-    "split.json": lambda path: path.write_text(json.dumps({"columns": HEADER, "data": ROWS})),
 }
 
 
 def book(path: Path, sheets: dict[str, list[list[object]]]) -> None:
     """A workbook by hand: what it holds is what Excel writes."""
-    import zipfile
     from xml.sax.saxutils import escape
 
     def cell(value: object) -> str:
@@ -134,12 +144,11 @@ def test_lists_in_cells_of_parquet_are_columns(tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet as writer
 
-    writer.write_table(
-        pyarrow.table({"time": TIME, "q": np.stack([Q1, Q2], axis=1).tolist(), "task": ["a"] * 50}), tmp_path / "a.parquet"
-    )
+    table = {"time": TIME, "q": np.stack([Q1, Q2], axis=1).tolist(), "task": ["a"] * 50}
+    writer.write_table(pyarrow.table(table), tmp_path / "a.parquet")
     recording = read_recording(tmp_path / "a.parquet")
-    np.testing.assert_allclose(recording.channels["q[1]"].values, Q2)
-    assert recording.channels["q[1]"].quantity == "link_position"
+    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2)
+    assert [one.key for one in recording.findings if one.code == "text-column"] == ["task"]
 
 
 def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path) -> None:
@@ -151,21 +160,21 @@ def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path)
     np.testing.assert_allclose(second, TIME + 0.5, atol=3e-7)
 
 
-def test_every_matrix_has_the_time_in_its_first_column(tmp_path: Path) -> None:
-    np.savez(tmp_path / "lab.npz", run=np.column_stack([TIME, Q1]), slow=np.column_stack([2 * TIME, Q2]))
-    recording = read_recording(tmp_path / "lab.npz", mapping=["run_2=joint_1.link_position", "slow_2=joint_1.link_velocity"])
-    np.testing.assert_allclose(recording.column("joint_1", "link_position").time, TIME)
-    np.testing.assert_allclose(recording.column("joint_1", "link_velocity").time, 2 * TIME)
+def test_the_time_of_a_matrix_is_stated(tmp_path: Path) -> None:
+    savemat(tmp_path / "lab.mat", {"M": np.column_stack([TIME, Q1, 2 * Q1])})
+    with pytest.raises(RecordingError, match="no time column found among M_1, M_2"):
+        read_recording(tmp_path / "lab.mat")
+    recording = read_recording(tmp_path / "lab.mat", mapping=["M_1=time", "M_2=elbow.link_position"])
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)
+    np.testing.assert_allclose(read_recording(tmp_path / "lab.mat", rate=500.0).time, 0.002 * np.arange(50))
 
 
-@pytest.mark.parametrize("bits", [8, 16, 32])
-def test_negative_numbers_that_were_read_without_their_sign_are_suspected_and_kept(tmp_path: Path, bits: int) -> None:
-    counts = np.round(3 * np.sin(20 * TIME)).astype(int) % 2**bits
-    path = tmp_path / "lab.csv"
-    np.savetxt(path, np.column_stack([TIME, counts]), delimiter=",", header="time,q1", comments="", fmt="%.10g")
-    recording = read_recording(path, mapping=["q1=0.01*elbow.link_position [rad]"])
-    assert [one.key for one in recording.findings if one.code == "unsigned"] == ["q1"]
-    np.testing.assert_allclose(recording.column("elbow", "link_position").values, 0.01 * counts)
+def test_vectors_of_another_length_are_not_read_and_that_is_said(tmp_path: Path) -> None:
+    savemat(tmp_path / "lab.mat", {"a": {"t": TIME, "q1": Q1, "gains": np.arange(2.0)}, "b": {"t": TIME[::2], "q2": Q2[::2]}})
+    recording = read_recording(tmp_path / "lab.mat")
+    assert [f.key for f in recording.findings if f.code == "length"] == ["a.gains"]
+    assert [len(one.time) for one in recording.channels.values()] == [50, 25]
+    assert [one.source for one in recording.channels.values()] == ["a.q1", "b.q2"]
 
 
 def test_objects_of_python_are_never_run(tmp_path: Path) -> None:
@@ -181,14 +190,10 @@ def test_objects_of_python_are_never_run(tmp_path: Path) -> None:
     assert not marker.exists()
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [(b"PK\x03\x04" + bytes(40), "zip archive"), (b"\x1f\x8b" + bytes(40), "gzip"), (b"\x80\x04" + bytes(40), "pickle"),
-     (b"TDSm" + bytes(40), "TDMS"), (b"<html>" + b"a" * 40, "HTML"), (b"ab\0cd" * 40, "zero bytes")],
-)  # fmt: skip
-def test_what_is_not_read_is_named(tmp_path: Path, data: bytes, words: str) -> None:
-    (tmp_path / "lab.bin").write_bytes(data)
-    with pytest.raises(RecordingError, match=words):
+@pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x80\x04"])
+def test_a_format_that_is_not_read_is_refused(tmp_path: Path, head: bytes) -> None:
+    (tmp_path / "lab.bin").write_bytes(head + bytes(40) + b"1")
+    with pytest.raises(RecordingError, match="not a text file"):
         read_recording(tmp_path / "lab.bin")
 
 
@@ -206,3 +211,59 @@ def test_a_users_reader_is_one_entry_of_the_registry(tmp_path: Path, monkeypatch
     check(recording)
     assert recording.format == "mine"
     assert recording.findings[0].code == "mine"
+
+
+@pytest.mark.parametrize(("place", "value"), [(634, 3), (345, 13), (472, 13)])
+def test_a_matlab_file_that_crashes_scipy_is_an_error(tmp_path: Path, place: int, value: int) -> None:
+    path = tmp_path / "lab.mat"
+    savemat(
+        path, {"t": TIME[:6] * 10, "s": {"q": TIME[:6] * 10, "n": "abc"}, "c": np.array([TIME[:6] * 10, "x"], dtype=object)}
+    )
+    data = bytearray(path.read_bytes())
+    data[place] = value
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"lab\.mat"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("bytearray(2**28)", "more than 0.25 GiB"),
+        ("while True: pass", "did not finish within 1 s"),
+        ("os.kill(os.getpid(), 11)", "crashed"),
+    ],
+)
+def test_a_confined_script_ends_at_its_limits(tmp_path: Path, line: str, message: str) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(f"import os\n{line}\nprint(1)\n")
+    with pytest.raises(ConfinedError, match=message):
+        run_confined(script, {}, seconds=1.0 if "while" in line else 20.0, memory=2**28)
+
+
+@pytest.mark.parametrize("name", ["lab.xlsx", "lab.npz"])
+def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr("asrsim.recordings.formats.LEAST", 2**20)
+    with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as target:
+        target.writestr("t.npy", bytes(10**7))
+    with pytest.raises(RecordingError, match=rf"{name}: would unpack to 10 MiB"):
+        read_recording(tmp_path / name)
+
+
+def test_a_chunk_that_lies_about_its_size_is_damage(tmp_path: Path) -> None:
+    from mcap.writer import CompressionType, Writer
+
+    path = tmp_path / "lab.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=10**8, compression=CompressionType.ZSTD)
+        writer.start()
+        channel = writer.register_channel("/q", "json", 0)
+        for i in range(100):
+            writer.add_message(channel, i, b" " * 10**5, i)
+        writer.finish()
+    data = path.read_bytes()
+    place = data.index(b"\x04\0\0\0zstd") - 12  # the chunk's uncompressed size stands before its checksum and compression
+    for number in (1, 2**62, 10_000_000):
+        path.write_bytes(data[:place] + number.to_bytes(8, "little") + data[place + 8 :])
+        with pytest.raises(RecordingError, match=r"lab\.mcap"):
+            read_recording(path)

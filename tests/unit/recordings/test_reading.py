@@ -98,7 +98,7 @@ def test_two_columns_are_one_time(tmp_path: Path) -> None:
         ("mapp: {q1: a.link_position}", "Did you mean 'map'"),
         ("map: {q1: a.link_positon}", "q1: no quantity is called 'link_positon'"),
         ("map: {absent: a.link_position}", "no such column"),
-        ("columns: {q1: a.link_position}", "list all that are used under 'map'"),
+        ("map: {q1: time}", "state it under `time`"),
         ("separator: ':'", "not one of the choices"),
         ("encoding: klingon", "no encoding"),
         ("time: {column: absent}", "no such column for the time"),

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -136,3 +139,18 @@ def test_compiled_has_the_bits_of_plain(tmp_path: Path, engine: str, fixed: bool
     plain = record(scenario, WHOLE)
     assert_same(plain, record(scenario, WHOLE, compiled=True))
     assert_same(plain, record(scenario, (1, 3, 2, 64, 7), compiled=True, flushed=True))
+
+
+def test_fresh_processes_have_the_same_bits() -> None:
+    code = (
+        "from validation.models import LOAD, chain, run; from dataclasses import replace\n"
+        "arm = chain(*[replace(LOAD, actuator='qbmove', friction=0.01)] * 2)\n"
+        "found = run(arm, mode=6, duration=0.1, references={'equilibrium_position': 0.3, 'stiffness_preset': 0.1})\n"
+        "print(found.samples.values['link_position'][-1].tobytes().hex())"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    outputs = {
+        subprocess.check_output([sys.executable, "-c", code], text=True, env={**environment, "PYTHONHASHSEED": seed})
+        for seed in ("1", "2")
+    }
+    assert len(outputs) == 1

@@ -1,0 +1,132 @@
+"""The topics of a live run, and their messages at a whole step, with the numbers that the log holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.live.transport import Outlet
+from asrsim.log.cdr import CdrBuilder, Column
+from asrsim.log.frames import FrameMessages
+from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, robot_topics, topic_paths
+from asrsim.samples import JointInfo, RunInfo, Samples
+from asrsim.simulation.simulation import Simulation
+
+APPLIED = "applied"
+"""Part of the names of topics with the references in force; the toolbox's own names are those of commands."""
+CONTROL = "/ros2_control"
+STIFFNESS_JOINT = "_stiffness"
+"""Ending of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
+
+
+class Publisher:
+    """Messages of all topics from the simulation's last step."""
+
+    def __init__(self, simulation: Simulation, info: RunInfo, *, namespace: str = "") -> None:
+        """info: description of the run; namespace: stands before all names but `/clock` and `/tf`."""
+        self._simulation = simulation
+        self._joints = tuple(simulation.joints)
+        self.prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+        topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
+        topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
+        # Answers to commands go first: each message takes some microseconds.
+        topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
+        self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
+        outlets = [Outlet(topic.name, topic.message) for topic in topics]
+        self.latched: dict[str, bytes] = {}
+        if self._frames is not None:
+            outlets.append(Outlet("/tf", self._frames.topic.message))
+        if info.urdf:
+            outlets.append(Outlet(self.prefix + DESCRIPTION_TOPIC, "std_msgs/String", latched=True))
+            self.latched[outlets[-1].name] = CdrBuilder().string(info.urdf).build().data
+        if self._frames is not None and self._frames.static is not None:
+            outlets.append(Outlet("/tf_static", self._frames.static_topic.message, latched=True))
+            self.latched[outlets[-1].name] = self._frames.static
+        self.outlets = tuple(outlets)
+        self._quantities = tuple(dict.fromkeys(name for joint in info.joints for name in joint.quantities))
+        self._listened: list[bool] = []
+        self._lay_out(topics, {joint.name: joint.quantities for joint in info.joints})
+
+    def _lay_out(self, topics: Sequence[Topic], known: dict[str, tuple[str, ...]]) -> None:
+        """All messages in one piece of memory, into which the numbers of a step are written at once."""
+        data = bytearray()
+        self._places: list[tuple[int, int]] = []
+        floats, sources, stamps = [], [], []
+        for topic in topics:
+            # Numbers are aligned behind the four bytes of CDR's header.
+            data += bytes((4 - len(data)) % 8)
+            start = len(data)
+            data += topic.template.data
+            self._places.append((start, len(data)))
+            for offset, column in topic.template.floats:
+                floats.append((start + offset) // 8)
+                joint = str(column.part)
+                there = column.name in known[joint]
+                place = self._quantities.index(column.name) * len(self._joints) + self._joints.index(joint) if there else -1
+                sources.append(place)
+            stamps += [(start + offset) // 4 for offset in topic.template.stamps]
+        self._data = np.frombuffer(bytes(data) + bytes(-len(data) % 8), np.uint8).copy()
+        self._numbers, self._words = self._data.view("<f8"), self._data.view("<u4")
+        self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.add.outer(stamps, (0, 1))
+
+    def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
+        """Messages of the outlets that are not latched, in their order; empty where nobody subscribes, or none is due.
+
+        time: of the last step in ns; wanted: of each transport, see :attr:`asrsim.live.transport.Transport.wanted`.
+        """
+        listened = [any(each) for each in zip(*wanted, strict=True)]
+        if not any(listened):
+            return [b""] * len(listened)
+        found = self._simulation.read(self._quantities)
+        numbers = np.concatenate([*found.values(), [np.nan]])
+        self._numbers[self._floats] = numbers[self._sources]
+        self._words[self._stamps] = divmod(time, 1_000_000_000)
+        whole = self._data.tobytes()
+        messages = [whole[start:end] if one else b"" for (start, end), one in zip(self._places, listened, strict=False)]
+        if self._frames is not None:
+            due = listened[-1] and self._frames.due(time * 1e-9)
+            position = found["link_position"][None]
+            samples = Samples(time=np.array([time * 1e-9]), joints=self._joints, values={"link_position": position})
+            messages.append(self._frames.messages(samples)[0][1] if due else b"")
+        return messages
+
+    def begin_again(self) -> None:
+        """The simulation is back at its start."""
+        if self._frames is not None:
+            self._frames.rewind()
+
+
+def reference_names(joint: JointInfo) -> tuple[str, ...]:
+    """The toolbox's names of the topics of a joint's references."""
+    return REFERENCE_TOPICS.get(joint.mode, ())[: 1 if joint.motors == 1 else None]
+
+
+def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
+    paths = dict(zip((joint.name for joint in joints), topic_paths(joints), strict=True))
+    settable = {f"{paths[joint.name]}/{name}" for joint in joints for name in REFERENCE_TOPICS.get(joint.mode, ())}
+    settable |= {f"{path}/external_torque" for path in paths.values()}
+    for topic in robot_topics(joints):
+        if topic.name in settable:
+            path, _, name = topic.name.rpartition("/")
+            yield replace(topic, name=f"{path}/{APPLIED}/{name}")
+        elif topic.name != TIME_TOPIC and topic.message != "asrsim_msgs/JointDetails":
+            yield topic
+    for joint in joints:
+        if "stiffness" in joint.quantities:
+            template = CdrBuilder().float64(Column("value", "stiffness", joint.name)).build()
+            yield Topic(name=f"{paths[joint.name]}/stiffness", message="std_msgs/Float64", template=template)
+    # The layout of JointStateTopicSystem: stiffness presets are positions of pseudo-joints.
+    driven = [joint for joint in joints if joint.mode is not None]
+    preset = [joint for joint in driven if "stiffness_preset" in reference_names(joint)]
+    builder = CdrBuilder().header().strings([*(j.name for j in driven), *(j.name + STIFFNESS_JOINT for j in preset)])
+    builder.float64s([*_columns(driven, "link_position"), *_columns(preset, "reference_2")])
+    for name in ("link_velocity", "link_torque"):
+        builder.float64s([*_columns(driven, name), *(None for _ in preset)])
+    if driven:
+        yield Topic(name=f"{CONTROL}/joint_states", message="sensor_msgs/JointState", template=builder.build())
+
+
+def _columns(joints: Sequence[JointInfo], quantity: str) -> list[Column | None]:
+    return [Column("value", quantity, joint.name) if quantity in joint.quantities else None for joint in joints]

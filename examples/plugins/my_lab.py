@@ -1,0 +1,37 @@
+"""More that `--plugin` can bring: a signal, a measure and a recording format of one's own.
+
+asrsim run lab.yaml --plugin examples/plugins/my_lab.py
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from asrsim.document.block import declare
+from asrsim.document.kinds import Number
+from asrsim.metrics import MEASURES, Measure
+from asrsim.signals import SIGNALS, Signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangle(Signal):
+    """A triangle wave. In a scenario: `{triangle: {amplitude: 0.5, period: 2}}`."""
+
+    kind: ClassVar[str] = "triangle"
+
+    amplitude: float = declare(Number(), doc="largest value", unit="value")
+    period: float = declare(Number(above=0.0), doc="length of a period", unit="s", default=1.0)
+
+    def values(self, time):
+        phase = np.asarray(time) / self.period
+        return self.amplitude * (4.0 * np.abs(phase - np.floor(phase + 0.5)) - 1.0)
+
+
+def crest_factor(time, values):
+    """Largest magnitude over the root mean square. In `expect:`: `measure: crest_factor`."""
+    return float(np.max(np.abs(values)) / np.sqrt(np.mean(values**2)))
+
+
+SIGNALS.add(Triangle.kind, Triangle)
+MEASURES.add("crest_factor", Measure(name="crest_factor", function=crest_factor, unit="1", needs="series"))

@@ -1,0 +1,110 @@
+"""Numbers that cannot be true together are said, with their cure, and never changed; those that can be are not mentioned."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.recordings import Recording, read_recording, suspect_scale
+
+pytestmark = pytest.mark.once
+
+DEGREES = 180 / math.pi
+TIME = np.arange(0.0, 5.0, 0.005)
+Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3
+V = 1.8 * np.cos(3 * TIME) + 2.2 * np.cos(11 * TIME)
+FOLLOWED = np.r_[Q[5:], Q[-5:]]
+SUSPECTED = {
+    "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times the slope of 'q1'"),
+    "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
+    "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1'.*9.55: rpm"),
+    "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
+    "a turned axis": ("q1,dq1", (Q, -V), "goes down where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
+    "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
+    "a command in degrees": ("q1,q1_ref", (Q, FOLLOWED * DEGREES), "q1_ref: is 57.3 times as large as 'q1', which follows it"),
+    "a followed one in degrees": ("q1,q1_ref", (Q * DEGREES, FOLLOWED), "q1_ref: is 0.0174. times as large as 'q1'"),
+}
+"""Header, columns behind the time, and what is said."""
+NOISE = np.random.default_rng(0).normal(size=(2, len(TIME)))
+FINE = {
+    "what was measured": ("q1,dq1", (Q + 0.002 * NOISE[0], V + 0.3 * NOISE[1] + 0.05)),
+    "a slow filter": ("q1,dq1", (Q, np.convolve(V, np.ones(9) / 9, "same"))),
+    "numbers missing": ("q1,dq1", (np.where(TIME % 1 < 0.2, np.nan, Q), V)),
+    "units that are stated": ("q1 [deg],dq1 [deg/s],q1_ref [rad]", (Q * DEGREES, V * DEGREES, FOLLOWED)),
+    "a link at rest": ("q1,dq1", (0 * Q + 0.3, V)),
+    "a motor that moves for itself": ("q1,dq1,theta_m1", (Q, V, DEGREES * Q)),
+    "an angle that jumps by turns": ("q1,dq1", ((9 * Q) % math.tau, 9 * V)),
+    "a few samples": ("q1,dq1", (Q[:15], 50 * V[:15])),
+    "a command that is not followed": ("q1,q1_ref", (Q, DEGREES * np.sign(np.sin(TIME)))),
+}
+
+
+def read(folder: Path, header: str, columns: tuple[np.ndarray, ...], **options: object) -> Recording:
+    table = np.column_stack([TIME[: len(columns[0])], *columns])
+    np.savetxt(folder / "lab.csv", table, delimiter=",", header=f"t,{header}", comments="", fmt="%.12g")
+    return read_recording(folder / "lab.csv", joints=("joint_1",), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", SUSPECTED)
+def test_columns_that_cannot_be_true_together_are_said(tmp_path: Path, kind: str) -> None:
+    header, columns, words = SUSPECTED[kind]
+    (said,) = [str(one) for one in read(tmp_path, header, columns).findings if one.code.startswith("suspected-")]
+    assert re.search(words, said)
+
+
+@pytest.mark.parametrize("kind", FINE)
+def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path: Path, kind: str) -> None:
+    assert not [one for one in read(tmp_path, *FINE[kind]).findings if one.code.startswith("suspected-")]
+
+
+@pytest.mark.parametrize(("factor", "words"), [(DEGREES, "in degrees"), (1000.0, "in thousandths"),
+                                               (1 / DEGREES, "from degrees"), (0.001, "from thousandths")])  # fmt: skip
+def test_a_factor_of_a_unit_is_suspected(factor: float, words: str) -> None:
+    problem = suspect_scale(Q, 1.1 * factor * Q[::5])
+    assert problem is not None
+    assert words in problem.message
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0])
+def test_other_factors_are_physics(factor: float) -> None:
+    assert suspect_scale(Q, factor * Q) is None
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_negative_numbers_read_without_their_sign_are_suspected(tmp_path: Path, bits: int) -> None:
+    counts = np.round(3 * np.sin(20 * TIME)).astype(int) % 2**bits
+    recording = read(tmp_path, "q1", (counts,), mapping=["q1=0.01*joint_1.link_position [rad]"])
+    assert [one.key for one in recording.findings if one.code == "unsigned"] == ["q1"]
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, 0.01 * counts)
+
+
+def test_an_angle_that_jumps_by_turns_can_be_unwrapped(tmp_path: Path) -> None:
+    recording = read(tmp_path, "q1", ((9 * Q) % math.tau,))
+    (finding,) = (one for one in recording.findings if one.code == "wrapped")
+    item = re.search("--map '(.*)'", str(finding.hint))
+    assert item is not None
+    values = read_recording(recording.path, mapping=[item[1]]).column("joint_1", "link_position").values
+    np.testing.assert_allclose(values - values[0], 9 * (Q - Q[0]), atol=1e-6)
+
+
+@pytest.mark.parametrize(("largest", "far"), [(15.0, True), (25.0, False)])
+def test_a_number_far_from_all_others_may_stand_for_a_missing_one(tmp_path: Path, largest: float, far: bool) -> None:
+    values = largest * np.sin(0.3 * np.arange(60))
+    values[[5, 6, 20]] = -999.0
+    recording = read(tmp_path, "q1", (values,))
+    assert any(one.code == "missing-mark" for one in recording.findings) == far
+    assert np.sum(recording.channels["q1"].values == -999.0) == 3
+    (tmp_path / "lab.csv.yaml").write_text("missing: -999\n")
+    stated = read_recording(recording.path).channels["q1"].values
+    assert np.flatnonzero(np.isnan(stated)).tolist() == [5, 6, 20]
+
+
+def test_constant_columns_and_missing_numbers_are_said(tmp_path: Path) -> None:
+    recording = read(tmp_path, "q1,dq1", (np.where((TIME >= 1.0) & (TIME < 1.05), np.nan, Q), 0 * V + 4.0))
+    said = {one.code: one for one in recording.findings}
+    assert said["missing-numbers"].message == "10 of 1000 samples have no number, the first at t = 1 s"
+    assert said["constant-column"].key == "dq1"

@@ -1,0 +1,284 @@
+"""Delimited text as laboratories write it: every layout gives the same numbers, every oddity a finding with its line."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asrsim.errors import Problem, RecordingError
+from asrsim.recordings import read_recording
+from asrsim.recordings.times import rising
+
+pytestmark = pytest.mark.once
+
+
+N = 50
+TIME = np.arange(N) * 0.01
+Q1 = np.sin(2 * np.pi * TIME)
+Q2 = np.cos(2 * np.pi * TIME)
+
+
+def rows(time_scale: float = 1.0, scale: float = 1.0, separator: str = ",", decimal: str = ".", zero: float = 0.0) -> list[str]:
+    lines = []
+    for t, a, b in zip(TIME, Q1, Q2, strict=True):
+        cells = [f"{(t + zero) * time_scale:.9f}", f"{a * scale:.12f}", f"{b * scale:.12f}"]
+        lines.append(separator.join(cell.replace(".", decimal) for cell in cells))
+    return lines
+
+
+def dated(pattern: str) -> list[str]:
+    """Rows whose time is written in another way: s of a minute, or ROS's s and ns that begin 0.9 s after a whole second."""
+    whole = [divmod(round(t * 1e9) + 1_700_000_000_900_000_000, 10**9) for t in TIME]
+    stamps = [pattern.format(*ns) if "{1" in pattern else pattern.format(t) for t, ns in zip(TIME, whole, strict=True)]
+    return [f"{stamp},{row.partition(',')[2]}" for stamp, row in zip(stamps, rows(), strict=True)]
+
+
+def write(path: Path, lines: list[str], encoding: str = "utf-8") -> Path:
+    path.write_bytes(("\n".join(lines) + "\n").encode(encoding))
+    return path
+
+
+def codes(findings: tuple[Problem, ...]) -> set[str]:
+    return {finding.code for finding in findings}
+
+
+def finding(findings: tuple[Problem, ...], code: str) -> Problem:
+    return next(one for one in findings if one.code == code)
+
+
+def check(path: Path, **options: object) -> None:
+    recording = read_recording(path, **options)  # type: ignore[arg-type]
+    np.testing.assert_allclose(recording.time, TIME, atol=3e-7)  # a float of 1.7e9 s resolves 2.4e-7 s
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2, atol=1e-9)
+
+
+DEGREES = 180 / np.pi
+LAYOUTS: dict[str, list[str]] = {
+    "plain": ["time,q1,q2", *rows()],
+    "semicolon and decimal comma": ["time;q1;q2", *rows(separator=";", decimal=",")],
+    "tab and decimal comma": ["time\tq1\tq2", *rows(separator="\t", decimal=",")],
+    "spaces": ["  time   q1  q2", *rows(separator="   ")],
+    "pipe": ["t|q1|q2", *rows(separator="|")],
+    "brackets": ["t [s],q1 [deg],q2 [deg]", *rows(scale=DEGREES)],
+    "brackets and spaces": ["t [s]  q1 [deg]  q2 [deg]", *rows(scale=DEGREES, separator="  ")],
+    "parentheses": ["t (s),pos_1 (rad),pos_2 (rad)", *rows()],
+    "suffixes": ["time_ms,q1_deg,q2_deg", *rows(time_scale=1e3, scale=DEGREES)],
+    "slash": ["t / ms,q1 / mrad,q2 / mrad", *rows(time_scale=1e3, scale=1e3)],
+    "unit row": ["time,q1,q2", "ms,deg,deg", *rows(time_scale=1e3, scale=DEGREES)],
+    "milliseconds unsaid": ["time,q1,q2", *rows(time_scale=1e3)],
+    "microseconds unsaid": ["t,q1,q2", *rows(time_scale=1e6)],
+    "comments": ["# recorded on a Monday", "% by hand", "// twice", "time,q1,q2", *rows()],
+    "header in a comment": ["# arm, run 3", "# time q1 q2", *rows(separator=" ")],
+    "labview": ["%Time (s)\tq1 (rad)\tq2 (rad)", *rows(separator="\t")],
+    "labview measurement": ["Samples\t400\t400", "X_Value\tq1\tq2", *rows(separator="\t")],
+    "date and zone": ["when,q1,q2", *dated("2024-05-06T10:00:{:012.9f}+02:00")],
+    "time of day": ["Zeit,q1,q2", *dated("10:00:{:06.3f}")],
+    "ros stamp": ["header.stamp.sec,header.stamp.nanosec,q1,q2", *dated("{0:.0f},{1:.0f}")],
+    "preamble": ["Laboratory 5", "Operator,Ada", "time,q1,q2", *rows()],
+    "excel": ["sep=;", "time;q1;q2", *rows(separator=";", decimal=",")],
+    "quoted": ['"time","q1","q2"', *['"' + line.replace(",", '","') + '"' for line in rows()]],
+    "trailing separator": ["time,q1,q2,", *[line + "," for line in rows()]],
+    "blank lines": ["", "time,q1,q2", "", *[line for row in rows() for line in (row, "")]],
+    "epoch seconds": ["stamp,q1,q2", *rows(zero=1.7e9)],
+    "epoch milliseconds": ["timestamp,q1,q2", *rows(zero=1.7e9, time_scale=1e3)],
+    "text column": ["time,q1,q2,status", *[line + ",OK" for line in rows()]],
+    "windows ends": ["time,q1,q2\r", *[line + "\r" for line in rows()]],
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_every_layout_gives_the_same_numbers(tmp_path: Path, layout: str) -> None:
+    check(write(tmp_path / "lab.csv", LAYOUTS[layout]))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_encodings(tmp_path: Path, encoding: str) -> None:
+    check(write(tmp_path / "lab.csv", ["t [s];q1 [°];q2 [°]", *rows(scale=DEGREES, separator=";")], encoding))
+
+
+def test_bad_rows_are_reported_with_their_lines_and_nothing_else_is_lost(tmp_path: Path) -> None:
+    lines = ["time,q1,q2", *rows()]
+    lines[10] = "0.09,abc,0.5"
+    lines[20] = "0.19,1.0"
+    lines[30] = "0.29,,0.5"
+    recording = read_recording(write(tmp_path / "lab.csv", lines))
+    assert finding(recording.findings, "not-a-number").line == 11
+    assert "line 11" in str(finding(recording.findings, "not-a-number"))
+    assert finding(recording.findings, "ragged-row").line == 21
+    values = recording.column("joint_1", "link_position").values
+    assert len(recording.time) == N - 1
+    assert np.isnan(values).sum() == 2
+    assert recording.column("joint_2", "link_position").values[9] == 0.5
+
+
+def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
+    path = write(tmp_path / "lab.csv", ["q1,q2", *[line.partition(",")[2] for line in rows()]])
+    check(path, rate=100.0)
+    with pytest.raises(RecordingError, match="positive"):
+        read_recording(path, rate=0.0)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "words"),
+    [
+        (["q1"], "COLUMN=JOINT.QUANTITY"),
+        (["q1=elbow.link_positon"], "Did you mean 'link_position'"),
+        (["q1=elbow.link_position [degg]"], "not a unit"),
+        (["absent=elbow.link_position"], "no such column"),
+        (["q1=elbow.link_position [V]"], "cannot be a link_position"),
+        (["q1=elbow.link_position", "q2=elbow.link_position"], "second elbow.link_position"),
+        (["absent=time"], "no such column for the time"),
+        (["time=time [rad]"], "time cannot be in rad"),
+    ],
+)
+def test_bad_mappings_say_what_is_expected(tmp_path: Path, mapping: list[str], words: str) -> None:
+    path = write(tmp_path / "lab.csv", ["time,q1,q2", *rows()])
+    with pytest.raises(RecordingError, match=words.replace(".", r"\.")):
+        read_recording(path, mapping=mapping)
+
+
+class TestRealRecordings:
+    """Files of real machines, read as they are."""
+
+    def test_quanser(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "quanser_2dsfl_lqr_10deg.csv")
+        assert recording.joints == ("joint_1", "joint_2")
+        assert len(recording.time) == 10_000
+        assert np.median(np.diff(recording.time)) == pytest.approx(0.002)
+        assert recording.column("joint_1", "motor_1_position").source == "hub1_rad"
+        assert recording.column("joint_2", "reference_1").source == "hub2_ref_rad"
+        assert recording.channels["current1_A"].quantity is None
+
+    def test_hebi(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "hebi_sine_1hz.csv")
+        assert "jitter" in codes(recording.findings)
+        assert set(recording.quantities("joint_1")) >= {"link_position", "reference_1", "deflection", "link_torque"}
+        # The firmware computes the effort from the deflection, so that a fit of stiffness to it finds the firmware's 40.
+        torque = recording.column("joint_1", "link_torque").values
+        deflection = recording.column("joint_1", "deflection").values
+        assert np.max(np.abs(torque + 40.0 * deflection)) < 1e-6
+
+    def test_emps(self, shared: Path) -> None:
+        recording = read_recording(shared / "recordings" / "emps_estimation.csv")
+        column = recording.column("joint_1", "link_position")
+        assert column.unit == "m"
+        assert recording.column("joint_1", "link_torque").unit == "N"
+        assert len(recording.time) == 24_841
+
+
+@pytest.mark.parametrize("value", ["1e308", "-1e40"])
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_what_cannot_have_been_measured_is_no_number(tmp_path: Path, value: str, unit: str) -> None:
+    """Slopes, squares and units of such numbers overflow, wherever they are used."""
+    lines = [f"time,elbow.position [{unit}]", *(f"{0.01 * i},{value if i == 7 else 0.1 * i}" for i in range(20))]
+    recording = read_recording(
+        write(tmp_path / "a.csv", lines), joints=["elbow"], mapping=["elbow.position=elbow.link_position"]
+    )
+    values = recording.column("elbow", "link_position").values
+    assert np.flatnonzero(np.isnan(values)).tolist() == [7]
+    assert "1 of 20 samples" in finding(recording.findings, "no-measurement").message
+
+
+def test_dates_count_from_the_first_whose_date_is_kept(tmp_path: Path) -> None:
+    recording = read_recording(write(tmp_path / "lab.csv", LAYOUTS["date and zone"]))
+    assert recording.epoch == pytest.approx(1714982400.0)
+    assert read_recording(write(tmp_path / "lab.csv", ["time,q1,q2", *rows(zero=12.5)])).epoch is None
+
+
+def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path: Path) -> None:
+    path = write(tmp_path / "lab.csv", rows())
+    with pytest.raises(RecordingError, match=r"no time column found among column_1, column_2.*--map COLUMN=time"):
+        read_recording(path)
+    check(path, mapping=["1=time", "2=joint_1.link_position", "3=joint_2.link_position"])
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ([], "file is empty"),
+        (["# only", "# comments"], "holds no rows"),
+        (["time,q1"], "no row of numbers"),
+        (["q1,q2", *["0.3,0.4", "0.5,0.3"] * 9], "no time column"),
+        (["time", *[f"{t}" for t in TIME]], "no column beside its time"),
+        (["time,q1", "0.0,1"], "at least 2"),
+        (["time,q1", *[f"{0.1 * t},1" for t in [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 5]]], "lab.csv:8: time: 6 .*two recordings"),
+        (["time,q1", *[f"{t},1" for t in [0.0, 0.1, 0.2, 1.7e9, 1.7e9 + 0.1, 1.7e9 + 0.2]]], "two time bases"),
+        (["time,q1", *[f"{0.1 * (i // 3)},1" for i in range(30)]], "20 repeated time stamps.*too few digits"),
+        (["time,q1", *[f"{738000 + i * 1e-7:.9f},{i}" for i in range(50)]], "unit is not clear"),
+        (["time,q1", *[f"{i * 3e9:.9f},{i}" for i in range(50)]], "unit is not clear"),
+        (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, its rows have 2"),
+        (["<html>", "</html>"], "no row of numbers"),
+        (["ab\0cd"], "zero bytes"),
+    ],
+)
+def test_what_is_no_recording_is_refused_with_the_reason(tmp_path: Path, lines: list[str], message: str) -> None:
+    (tmp_path / "lab.csv").write_text("\n".join(lines))
+    with pytest.raises(RecordingError, match=message):
+        read_recording(tmp_path / "lab.csv")
+
+
+def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path: Path) -> None:
+    for path, message in ((tmp_path / "absent.csv", "no such file"), (tmp_path, r"metadata\.yaml")):
+        with pytest.raises(RecordingError, match=message):
+            read_recording(path)
+
+
+def test_the_samples_that_rise_in_time_are_kept_and_the_others_reported(tmp_path: Path) -> None:
+    """A repeated row, one that falls back, one far ahead, a stamp that differs by nothing, one that is no number."""
+    lines = ["time,q1,q2", *rows()]
+    for place, line in ((45, "nan,9,9"), (40, f"{0.36 + 1e-300},9,9"), (35, "1e9,9,9"), (30, "0.05,9,9"), (12, lines[11])):
+        lines.insert(place, line)
+    recording = read_recording(write(tmp_path / "lab.csv", lines))
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-9)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q1, atol=1e-9)
+    assert finding(recording.findings, "repeated-time").line == 13
+    assert "line 32, 38" in finding(recording.findings, "two-time-bases").message
+    assert finding(recording.findings, "bad-time").line == 50
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_longest_rising_part_is_found(seed: int) -> None:
+    """Against a search over all subsets; of equal values the first."""
+    values = np.random.default_rng(seed).integers(0, 6, 9).astype(float)
+    found = rising(values)
+    assert np.all(np.diff(values[found]) > 0)
+    best = max(
+        (part for n in range(10) for part in itertools.combinations(range(9), n) if np.all(np.diff(values[list(part)]) > 0)),
+        key=len,
+    )
+    assert len(found) == len(best)
+
+
+@pytest.mark.parametrize("missing", [1, 2, 5])
+def test_every_missing_sample_is_counted(tmp_path: Path, missing: int) -> None:
+    time = np.delete(np.arange(100) * 0.01, range(40, 40 + missing))
+    found = read_recording(write(tmp_path / "gap.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
+    assert finding(found, "dropped-samples").message.startswith(f"{missing} samples are missing")
+    assert finding(found, "dropped-samples").line == 41
+
+
+def test_uneven_steps_are_jitter_and_not_gaps(tmp_path: Path) -> None:
+    time = np.arange(100) * 0.01 + 0.006 * (np.arange(100) >= 50)
+    found = read_recording(write(tmp_path / "step.csv", ["time,q1", *[f"{t:.3f},{t * t}" for t in time]])).findings
+    assert codes(found) == {"jitter"}
+
+
+def test_columns_behind_a_second_time_are_not_read_on_the_first(tmp_path: Path) -> None:
+    lines = ["time,q1,time,q2", *[f"{0.01 * i:.3f},{0.1 * i},{0.013 * i:.3f},{-0.1 * i}" for i in range(30)]]
+    recording = read_recording(write(tmp_path / "lab.csv", lines))
+    assert recording.joints == ("joint_1",)
+    assert "not read: q2" in finding(recording.findings, "second-time").message
+    second = read_recording(tmp_path / "lab.csv", mapping=["time#2=time", "q1=ignore"])
+    np.testing.assert_allclose(second.column("joint_2", "link_position").time, 0.013 * np.arange(30))
+
+
+def test_numbers_of_fields_that_rostopic_prints_are_asked_about(tmp_path: Path) -> None:
+    header = "%time,field.header.stamp,field.name0,field.position0"
+    lines = [header, *[f"{1.7e18 + t * 1e9:.0f},{1.7e18 + t * 1e9:.0f},elbow,{a}" for t, a in zip(TIME, Q1, strict=True)]]
+    recording = read_recording(write(tmp_path / "lab.csv", lines), joints=["shoulder", "elbow"])
+    assert [column.source for column in recording.asked] == ["field.position0"]
+    np.testing.assert_allclose(recording.time, TIME, atol=1e-6)
