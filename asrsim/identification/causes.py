@@ -64,8 +64,7 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
         for i in range(1, ACTUATORS.get(block.actuator).motors + 1):
             name = f"motor_{i}_friction_stiffness"
             root = f"{block.joint}.motor_{i}_friction_torque"
-            while root in tied:
-                root = tied[root]
+            root = tied.get(root, root)
             if block.parameters[name].origin == "default" and f"{block.joint}.{name}" not in taken:
                 groups.setdefault(root, []).append(f"{block.joint}.{name}")
     for first, *others in groups.values():

@@ -15,8 +15,10 @@ from typer.testing import CliRunner
 import asrsim
 from asrsim import identify
 from asrsim.cli.app import app
+from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import door, progress, task_of
+from asrsim.identification.advice import advice, design_line
 from asrsim.identification.balance import is_driven_by_torque, regressed
 from asrsim.identification.data import Command
 from asrsim.identification.layout import Tie
@@ -271,9 +273,8 @@ def test_two_recordings_share_what_is_the_robots(lab):
     [
         (["joint_1.spring_stifness"], [], "Did you mean 'joint_1.spring_stiffness'"),
         ([], [], "nothing is free"),
-        (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "tied to itself"),
+        (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "is not free"),
         (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
-        (["joint_1.damping"], ["joint_1.friction=link_1.mass", "link_1.mass=joint_1.friction"], "tied to itself over others"),
         (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
         (["joint_1.damping=0:9:5"], [], "its start is out of range"),
         (["joint_1.damping=x"], [], "is no free parameter"),
@@ -329,6 +330,19 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
     assert len(changed) == 2
     assert all("<!-- guessed -->" in b for a, b in changed if "guessed" in a)
     assert load_robot(tmp_path / "fit/lab.urdf").joint("joint_1").damping == pytest.approx(0.02, rel=0.05)
+
+
+def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
+    """Where only ratios are known, a torque sensor is worth a try."""
+    result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    (path,), line = design_line(result, tmp_path)
+    read = read_limits(path)
+    place = np.genfromtxt(lab / "a.csv", delimiter=",", names=True)["joint_1link_position_rad"]
+    assert read.limits["joint_1"]["link_position"] == pytest.approx((place.min(), place.max()), abs=5e-3)
+    assert read.sensors == ("elastic_torque",)
+    assert read.rate == pytest.approx(500.0)
+    assert line.startswith(f"asrsim design {lab / 'lab.yaml'} --free joint_1.spring_stiffness")
+    assert any("move joint_1 at" in text and "Hz" in text for text in advice(result))
 
 
 @pytest.mark.parametrize("every", [2, 10])

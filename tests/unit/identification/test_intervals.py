@@ -24,7 +24,7 @@ from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
-from support.identify_files import modelled, write
+from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT
 
 
@@ -371,11 +371,10 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
 
 @pytest.mark.parametrize("tied", range(4))
 def test_motors_whose_friction_is_one_number_have_bristles_of_one_stiffness(tied: int) -> None:
-    """Over as many ties as it takes; what is free, or was given, is left alone."""
+    """A stiffness that is free, or given, is left alone."""
     robot = load_robot(ROOT / "examples/urdf/dof2_horizontal.urdf")
     motors = [f"joint_{j}.motor_{i}" for j in (1, 2) for i in (1, 2)]
-    # Each is tied to the one before it.
-    ties = [Tie(key=f"{motors[n + 1]}_friction_torque", to=f"{motors[n]}_friction_torque") for n in range(tied)]
+    ties = [Tie(key=f"{motors[n + 1]}_friction_torque", to=f"{motors[0]}_friction_torque") for n in range(tied)]
     found = _freed(robot, ties=ties)
     assert list(found) == [f"{motors[n]}_friction_stiffness" for n in (0, *range(tied + 1, 4))]
     tied_to, *others = found.values()
@@ -394,3 +393,15 @@ def _freed(robot, free=(), ties=()):
         layout.entries[-1].parameter.key: [tie.key for tie in layout.ties if tie.to == layout.entries[-1].parameter.key]
         for layout in layouts
     }
+
+
+@pytest.mark.parametrize(("name", "tag", "limit"), [("max_torque", "mot_tauMax", 1.0), ("max_velocity", "mot_maxVel", 1.5)])
+def test_a_limit_that_the_recording_runs_into_is_suspected(tmp_path: Path, name: str, tag: str, limit: float) -> None:
+    free = {**SEA, "mode": 6, "tags": f"{SEA['tags']}<mot_tauMax>100</mot_tauMax><mot_maxVel>100</mot_maxVel>"}
+    tight = {**SEA, "mode": 6, "tags": free["tags"].replace(f"<{tag}>100", f"<{tag}>{limit}")}
+    true = write(tmp_path, "true", tight, f"{{equilibrium_position: {CHIRP}}}")
+    record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"))
+    lab = write(tmp_path, "lab", {**free, "damping": 0.025})
+    result = identify(lab, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"], starts=2)
+    assert not result.fits
+    assert any(f"motor_1_{name}" in text for text in result.causes), (result.misfit, result.causes)
