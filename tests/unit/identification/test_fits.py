@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -213,38 +212,6 @@ def test_a_delay_that_is_ignored_is_suspected(tmp_path):
     result = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert not result.fits
     assert any("a delay of the commands (12" in text for text in result.causes), result.causes
-
-
-@pytest.mark.slow
-def test_a_spring_of_another_law_does_not_fit(tmp_path):
-    cubic = Path(tmp_path / "cubic.py")
-    cubic.write_text(
-        "from asrsim.actuators import Actuator, Parameter\n"
-        "class Cubic(Actuator):\n"
-        "    name, title, source, motors = 'cubic_test', 'Cubic', 'none', 1\n"
-        "    parameters = (Parameter(name='k', default=2.0, unit='N m/rad', doc='k', minimum=0.0),)\n"
-        "    @staticmethod\n"
-        "    def elastic_torques(q, theta_1, theta_2, parameters):\n"
-        "        d = theta_1 - q\n"
-        "        return parameters[0] * (d + 60.0 * d * d * d), 0.0\n"
-        "    @staticmethod\n"
-        "    def stiffness(q, theta_1, theta_2, parameters):\n"
-        "        d = theta_1 - q\n"
-        "        return parameters[0] * (1.0 + 180.0 * d * d)\n"
-    )
-    from asrsim.actuators.user import load_plugin_file
-
-    load_plugin_file(cubic)
-    other = {**SEA, "actuator": "cubic_test", "tags": "<k>2.0</k>"}
-    true = write(tmp_path, "true", other, f"{{equilibrium_position: {CHIRP}}}")
-    record(true, tmp_path / "a.csv")
-    write(tmp_path, "lab", GUESS)
-    write(tmp_path, "own", {**other, "tags": "<k>3.0</k>"})
-    wrong = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
-    assert not wrong.fits
-    right = identify(tmp_path / "own.yaml", [tmp_path / "a.csv"], free=["joint_1.k"])
-    assert right.fits, right.misfit
-    assert right.find("joint_1.k").value == pytest.approx(2.0, rel=0.01)
 
 
 @pytest.mark.slow

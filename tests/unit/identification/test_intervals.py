@@ -22,8 +22,6 @@ from asrsim.identification.noise import quantum_of
 from asrsim.identification.problem import Meter, Problem, jacobian, residuals
 from asrsim.identification.uncertainty import uncertainty, with_faint_directions
 from asrsim.robot import load_robot, with_overrides
-from asrsim.scenario import load_scenario
-from asrsim.simulation.run import simulate
 from support.identify_files import CHIRP, SEA, modelled, record, write
 from support.paths import ROOT
 
@@ -280,66 +278,6 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
         assert one.value == pytest.approx(value, rel=near)
         assert abs(one.value - value) < 0.75 * (one.high - one.low)
-
-
-VSA = {"a": 6.7328, "k": 0.0222, "motor_inertia": 0.0233, "motor_damping": 0.2698, "motor_friction": 0.02}
-"""A qbMove's springs and motors, both alike."""
-LINK = {"damping": 0.02, "friction": 0.03, "izz": 0.009}
-FREE = ("spring_a_1", "spring_k_1", "motor_1_inertia", "motor_1_damping", "motor_1_friction_torque", "damping", "friction")
-MOTIONS = {
-    "a step on a sample, then a chirp": (0.2, 0.4, 6.0, 1),
-    "a step in the chirp": (3.0, 0.4, 6.0, 1),
-    "a chirp": (None, 0.4, 6.0, 1),
-    "a chirp of five samples a period": (None, 0.4, 20.0, 1),
-    "a digital controller at 100 Hz": (0.2, 0.4, 6.0, 10),
-}
-"""Step's time and height, the chirp's last frequency, samples of 1 ms for which a command is held."""
-
-
-def _vsa(folder: Path, name: str, numbers: dict[str, float], references: str) -> Path:
-    tags = {"spring_k{}": "k", "spring_a{}": "a", "mot_{}_J": "motor_inertia", "mot_{}_D": "motor_damping"}
-    tags |= {"mot_{}_tauFric": "motor_friction", "mot_{}_tauMax": "much", "mot_{}_maxVel": "much"}
-    told = {**numbers, "much": 1000.0}
-    text = "".join(f"<{tag.format(i)}>{told[key]}</{tag.format(i)}>" for tag, key in tags.items() for i in (1, 2))
-    link = {key: numbers[key] for key in LINK}
-    return write(folder, name, {"actuator": "qbmove", "mode": 6, "tags": text, **link}, references, 4.0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("motion", MOTIONS)
-def test_intervals_of_coarse_recordings_hold_the_truth(tmp_path: Path, motion: str) -> None:
-    """100 Hz, commands too, 1 mrad of noise, starts within a factor of 1.35: at least 88 % of 95 % intervals."""
-    at, height, last, held = MOTIONS[motion]
-    truth = {**VSA, **LINK}
-    signals = [f"{{chirp: {{amplitude: 0.3, from: 0.5, to: {last}, duration: 3.6, start: 0.4}}}}"]
-    signals += [] if at is None else [f"{{step: {{at: {at}, to: {height}}}}}"]
-    references = f"{{equilibrium_position: {{sum: [{', '.join(signals)}]}}, stiffness_preset: 0.3}}"
-    samples = simulate(load_scenario(_vsa(tmp_path, "true", truth, references))[0]).samples
-    assert samples is not None
-    if held > 1:
-        command = np.column_stack([samples.time, samples.joint("joint_1")["reference_1"]])[::held]
-        np.savetxt(tmp_path / "sent.csv", command, delimiter=",", header="time [s],sent", comments="", fmt="%.9g")
-        play = "{playback: {file: sent.csv, column: sent, interpolation: hold}}"
-        again = _vsa(tmp_path, "true", truth, f"{{equilibrium_position: {play}, stiffness_preset: 0.3}}")
-        samples = simulate(load_scenario(again)[0]).samples
-        assert samples is not None
-    joint, hits = samples.joint("joint_1"), []
-    columns = {"time [s]": samples.time, **{f"joint_1.{name}": joint[name] for name in ("reference_1", "reference_2")}}
-    ties = [f"joint_1.{name.replace('_1', '_2', 1)} = joint_1.{name}" for name in FREE if "_1" in name]
-    for seed in range(8):
-        generator = np.random.default_rng(seed)
-        start = {key: value * float(np.exp(generator.uniform(-0.3, 0.3))) for key, value in truth.items()}
-        lab = _vsa(tmp_path, "lab", start, "{stiffness_preset: 0.3}")
-        for name in ("link_position", "motor_1_position", "motor_2_position"):
-            columns[f"joint_1.{name} [rad]"] = joint[name] + 1e-3 * generator.normal(size=len(samples.time))
-        table = np.column_stack(list(columns.values()))[::10]
-        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-        free = [*(f"joint_1.{name}" for name in FREE), "link_1.izz"]
-        result = identify(lab, [tmp_path / "a.csv"], free=free, ties=ties)
-        assert result.fits, (seed, result.misfit)
-        known = [(result.find(key), value) for key, value in zip(free, truth.values(), strict=True)]
-        hits += [one.low <= value <= one.high for one, value in known if not math.isnan(one.low)]
-    assert np.mean(hits) >= 0.88
 
 
 @pytest.mark.parametrize(("noise", "late", "offset"), [(3e-6, 0.0, 0.0), (1e-7, 0.0051, -40.0)])
