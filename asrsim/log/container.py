@@ -6,7 +6,7 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -135,20 +135,6 @@ _ZSTD_LEVEL = 1
 """Compact rows are 3 % smaller than by level -1, in two thirds more of their time; 3 is slower still and no smaller."""
 
 
-def compressor(compression: str) -> Callable[[bytes | memoryview], bytes]:
-    """The function that compresses a chunk; `zstd`, `lz4` or empty for none."""
-    if compression == "zstd":
-        import zstandard
-
-        return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
-    if compression == "lz4":
-        import lz4.frame
-
-        compress: Callable[[bytes | memoryview], bytes] = lz4.frame.compress
-        return compress
-    return bytes
-
-
 class McapContainer:
     """Writes an MCAP of profile ros2. Memory grows by one packed chunk index (some hundred bytes) a chunk only."""
 
@@ -158,11 +144,11 @@ class McapContainer:
         *,
         attachments: Mapping[str, tuple[str, bytes]],
         metadata: Mapping[str, Mapping[str, str]],
-        compression: str,
     ) -> None:
         """attachments: name -> (media type, data); metadata: name -> record."""
-        self._compression = compression
-        self._compress = compressor(compression)
+        import zstandard
+
+        self._compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[tuple[str, str], Channel] = {}
         self._pending = b""
@@ -236,7 +222,7 @@ class McapContainer:
         if prefix:
             content = b"".join((prefix, content))
         packed = self._compress(content)
-        name = self._compression.encode()
+        name = b"zstd"
         head = struct.pack("<QQQII", start, end, len(content), zlib.crc32(content), len(name)) + name
         head += struct.pack("<Q", len(packed))
         record = struct.pack("<BQ", Opcode.CHUNK, len(head) + len(packed)) + head

@@ -21,7 +21,6 @@ class LogWriter:
     """Writes one run to one MCAP file that ROS 2 tools, viewers and :func:`asrsim.log.read_log` open.
 
     path: the file; an existing one is replaced. info: the run; its joints' `quantities` say what is recorded.
-    compression: `zstd`, `lz4`, or empty for none.
 
     The file is readable at any time, up to the last whole chunk (some hundred to 2048 samples), also if the process
     is killed. Memory does not depend on the duration. Times are simulated times.
@@ -29,7 +28,7 @@ class LogWriter:
     Raises OutputError if the file cannot be written; what is in it by then stays readable.
     """
 
-    def __init__(self, path: str | os.PathLike[str], info: RunInfo, *, compression: str = "zstd") -> None:
+    def __init__(self, path: str | os.PathLike[str], info: RunInfo) -> None:
         self.path = Path(path)
         self.info = info
         self.samples = 0
@@ -38,7 +37,6 @@ class LogWriter:
             self.path,
             attachments=info_attachments(info),
             metadata={RUN_METADATA: info_metadata(info)},
-            compression=compression,
         )
         scenario = info.resolved.get("scenario", {})
         compact = scenario.get("log") == "compact"

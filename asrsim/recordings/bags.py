@@ -6,7 +6,7 @@ import json
 import struct
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
 from asrsim.quantities import QUANTITIES, unit_of
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
@@ -26,17 +27,11 @@ _NAMES = ("name", "names", "joint_names")
 """Fields with the names of the entries of the arrays beside them."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
-_LINK_STATE = {
-    "q": "link_position", "dq": "link_velocity", "ref_1": "reference_1", "ref_2": "reference_2", "tau": "link_torque",
-    "stiff": "stiffness",
-}  # fmt: skip
 TOPICS: dict[str, str] = {
-    "torque_command": "reference_1", "link_command": "reference_1", "equilibrium_position": "reference_1",
-    "stiffness_preset": "reference_2", "torque_el1_state": "elastic_torque_1", "torque_el2_state": "elastic_torque_2",
-    **{f"{name}{what}_command": f"reference_{i}"
-       for i in (1, 2) for name in (f"motor_{i}", f"torque_m{i}") for what in ("", "_voltage", "_current")},
-    **{name: name for name in QUANTITIES if name != "equilibrium_position"},
-}  # fmt: skip
+    **{name: name for name in QUANTITIES},
+    **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in (1, 2)},
+    **{name: f"reference_{i}" for names in REFERENCE_TOPICS.values() for i, name in enumerate(names, start=1)},
+}
 """Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and the quantity that it carries."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
@@ -79,7 +74,8 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
     members = message if isinstance(message, dict) else {
         each.name: getattr(message, each.name) for each in fields(message) if not each.name.startswith("__")
     }  # fmt: skip
-    names = next((told for key in _NAMES if isinstance(told := members.get(key), list) and isinstance(told[0], str)), [])
+    named = [members[key] for key in _NAMES if isinstance(members.get(key), list)]
+    names: Sequence[str] = next((entries for entries in named if entries and isinstance(entries[0], str)), [])
     for key, value in members.items():
         if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):
             continue
@@ -91,11 +87,11 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
         elif isinstance(value, np.ndarray | list | tuple):
             if len(value) > _LONGEST:
                 raise NoSignal
-            named = names if len(names) == len(value) else []
+            fitting = len(names) == len(value)
             for i, item in enumerate(value):
-                place = f"{path}[{named[i] if named else i}]"
+                place = f"{path}[{names[i] if fitting else i}]"
                 if _is_number(item):
-                    yield (place, str(named[i]) if named else None), float(item)
+                    yield (place, str(names[i]) if fitting else None), float(item)
                 elif isinstance(item, dict) or is_dataclass(item):
                     yield from flatten(item, f"{place}.")
 
@@ -111,8 +107,8 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
         return joint, f"{side}_{_JOINT_STATE[name]}"
     if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]
-    if last == "link_state" and name in _LINK_STATE and len(parts) > 1:
-        return parts[-2], _LINK_STATE[name]
+    if last == "link_state" and name in LINK_STATE_FIELDS and len(parts) > 1:
+        return parts[-2], LINK_STATE_FIELDS[name]
     return joint, None
 
 
@@ -154,10 +150,10 @@ def read_bag(path: Path, reading: Reading) -> Content:
         for one in unknown
     ]
     if not tables:
-        held = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
+        names = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
         raise RecordingError(
-            f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""),
+            f"holds no numeric messages that can be read; it holds {names}" + (f"; {reasons}" if reasons else ""),
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
             "in the file",
@@ -275,7 +271,7 @@ class _Types:
 
 
 def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]) -> Iterator[RawTable]:
-    """A table of the messages of a topic that hold the same numbers, in whatever order they name them."""
+    """A table for each set of numbers that messages of a topic hold, in any order."""
     groups: dict[tuple[int, frozenset[Label]], _Group] = {}
     broken: Counter[int] = Counter()
     for topic_id, logged, data in messages:

@@ -6,7 +6,7 @@ import json
 import pickle
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,7 @@ class Reader:
     read: Callable[[Path, Reading], Content]
     """Raises RecordingError with what is wrong; other errors are taken for damage of the file."""
     magic: tuple[bytes, ...] = ()
-    """First bytes by which it is known, whatever its name ends in."""
-    doc: str
-    """For tables: what is read."""
+    """First bytes by which the format is known, under any ending."""
     confined: bool = True
     """It is read in a process of its own, bounded in time and memory: every format but text."""
 
@@ -48,26 +46,17 @@ LEAST, RATIO = 256 * 2**20, 50
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 for _name, _reader in {
     "text": Reader(
-        suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False, doc="delimited text"
-    ),
-    "json": Reader(suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, confined=False, doc="records, or lists by name"),
+        suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
+    "json": Reader(suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, confined=False),
     "excel": Reader(
-        suffixes=(".xlsx", ".xlsm", ".xls", ".ods"), read=read_excel, magic=(b"\xd0\xcf\x11\xe0",),
-        doc="workbooks of Excel and LibreOffice",
-    ),
+        suffixes=(".xlsx", ".xlsm", ".xls", ".ods"), read=read_excel, magic=(b"\xd0\xcf\x11\xe0",)),
     "matlab": Reader(
-        suffixes=(".mat", ".h5", ".hdf5"), read=read_matlab, magic=(b"MATLAB ", b"\x89HDF"),
-        doc="MATLAB; version 7.3 and other HDF5 files with the extra `hdf5`",
-    ),
-    "numpy": Reader(suffixes=(".npz", ".npy"), read=read_numpy, magic=(b"\x93NUMPY",), doc="NumPy's arrays"),
+        suffixes=(".mat", ".h5", ".hdf5"), read=read_matlab, magic=(b"MATLAB ", b"\x89HDF")),
+    "numpy": Reader(suffixes=(".npz", ".npy"), read=read_numpy, magic=(b"\x93NUMPY",)),
     "arrow": Reader(
-        suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1"),
-        doc="Parquet and Feather, with the extra `sweep`",
-    ),
+        suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
     "bag": Reader(
-        suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG"),
-        doc="ROS 1 and ROS 2 bags, MCAP files, our own logs",
-    ),
+        suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
 }.items():  # fmt: skip
     READERS.add(_name, _reader)
 
@@ -169,7 +158,7 @@ def pack(answer: Content | Sequence[Problem]) -> bytes:
 
     def plain(one: Any) -> Any:
         if not isinstance(one, np.ndarray):
-            return vars(one)
+            return vars(one) if is_dataclass(one) else str(one)
         arrays.append(one)
         return f"arr_{len(arrays) - 1}"
 
@@ -185,7 +174,7 @@ def unpack(data: bytes) -> Content:
     arrays = {None: None, **np.load(BytesIO(rest), allow_pickle=False)}
 
     def problems(items: list[dict[str, Any]]) -> tuple[Problem, ...]:
-        return tuple(Problem(**{**one, "choices": tuple(one["choices"])}) for one in items)
+        return tuple(Problem(**{**one, "file": None, "choices": tuple(one["choices"])}) for one in items)
 
     found = json.loads(head)
     if isinstance(found, list):

@@ -101,7 +101,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
         asked = bool(_DOUBTFUL & mentioned) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
         reason = "its name is not certain to be a quantity of a joint"
         return Meaning(joint=joint, reason=reason, asked=asked and "reference" not in words)
-    owner = _called(above[-1]) if above else ""
+    owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
     unclear = bool(numbers) and exact in KNOWN
     if unclear and (joint or len(joints or ()) == 1):  # reference_1, motor_1_torque
@@ -120,7 +120,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
 
 def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
     """The meaning where a name of a joint stands before the quantity."""
-    called = find_joint(name, joints or ())[0] or _called(re.split("[./]", name)[-1])
+    called = find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
     place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
         return _fitting(called, quantity, unit)
@@ -143,11 +143,6 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
             if match and len(spelling) > 1:
                 return joint, name[: match.start()] + " " + name[match.end() :]
     return None, name
-
-
-def _called(name: str) -> str:
-    """The name in `joints[elbow]`, else the name itself."""
-    return re.sub(r"^[^\[]*\[(\D[^\]]*)\]$", r"\1", name)
 
 
 def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:

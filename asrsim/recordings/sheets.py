@@ -36,6 +36,7 @@ def read_json(path: Path, reading: Reading) -> Content:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
         data = _of_lines(text, error)
+    units = data.get("units") if isinstance(data, dict) else None
     if isinstance(data, dict):
         lists = {name: one for name, one in data.items() if isinstance(one, list)}
         length = max(map(len, lists.values()), default=0)
@@ -48,7 +49,8 @@ def read_json(path: Path, reading: Reading) -> Content:
             hint="Expected records with a time and signals: one a line, a list of them, or lists by name",
         )  # fmt: skip
     labels = list(dict.fromkeys(label for record in records for label in record))
-    return read_cells("json", [labels, *([record.get(label, "") for label in labels] for record in records)], reading)
+    names = [f"{label} [{units[label]}]" if isinstance(units, dict) and label in units else label for label in labels]
+    return read_cells("json", [names, *([record.get(label, "") for label in labels] for record in records)], reading)
 
 
 def _of_lines(text: str, whole: Exception) -> list[Any]:
@@ -94,7 +96,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
     found = read_cells("excel", [[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:
         return found
-    message = f"has {len(full)} sheets with numbers, of which the first is read: {listed(full, 6)}"
+    message = f"has {len(full)} sheets with numbers; the first is read: {listed(full, 6)}"
     note = Problem(message, code="several-sheets", hint="State another in the document beside it: `sheet:`")
     return replace(found, findings=(note, *found.findings))
 

@@ -211,9 +211,13 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
         whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
         return share_of_values(cells, decimal) if whole else None
 
-    # "Samples 400 400" above a header is no row of numbers: words follow on it.
-    pairs = itertools.pairwise([*map(share, rows), None])
-    place = next((i for i, (own, then) in enumerate(pairs) if (own or 0.0) >= 0.5 and (then is None or then >= 0.5)), None)
+    # "Samples 400 400" above a header is no row of numbers: it has fewer of them than most rows, and words follow.
+    shares = [*map(share, rows), None]
+    usual = max(0.5, float(np.median([one for one in shares if one is not None] or [1.0])))
+    whole = [one is not None and one >= usual for one in shares]
+    place = next(
+        (i for i, own in enumerate(shares) if (own or 0.0) >= 0.5 and (whole[i] or shares[i + 1] is None or whole[i + 1])), None
+    )
     if place is None:
         raise RecordingError(
             "no row of numbers found", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",

@@ -34,8 +34,6 @@ _DIGITS = 9
 """Decimals of a second: stamps that differ by less are equal; slopes between them would leave the range of numbers."""
 _SAME_CLOCK = 1.0
 """s by which the stamps in headers may differ from the time of recording and still be of the same clock."""
-_OVERTAKEN = 500_000_000
-"""ns by which messages may overtake each other on their way to the recorder."""
 _GAP = 1.7
 """Steps in units of the usual step above which samples are missing."""
 
@@ -47,7 +45,7 @@ class Clock:
     name: str
     seconds: Array
     """(n,) s; NaN where there is none."""
-    zero: int | None = None
+    zero: int = 0
     """Of dates and stamps: ns of the clock at which `seconds` is 0."""
     used: frozenset[int] = frozenset()
     """Indices of columns that are no signals."""
@@ -58,7 +56,7 @@ class Clock:
 def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tuple[list[RawSeries], float | None]:
     """All columns on clean times, and the Unix time in s of time 0 where the file has dates.
 
-    Dates and stamps count from the earliest of the file. Raises RecordingError where no table has a time.
+    Dates count from the earliest of the file. Raises RecordingError where no table has a time.
     """
     faults: list[Problem] = []
     found: list[tuple[RawTable, Clock, NDArray[np.bool_]]] = []
@@ -67,15 +65,16 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
             if table.received is None or any(find_raw(name, table.columns) is not None for name in reading.time.columns):
                 clock = _of_columns(table, reading, findings)
             else:
-                table, clock = _of_messages(table, reading, findings)
+                clock = _of_messages(table, reading, findings)
             found.append((table, clock, clean_time(clock.seconds, table.lines, name=clock.name, findings=findings)))
         except RecordingError as error:
             faults += error.problems
-    starts = [clock.zero + round(clock.seconds[keep][0] * 1e9) for _, clock, keep in found if clock.zero is not None]
+    starts = [clock.zero + round(clock.seconds[keep][0] * 1e9) for _, clock, keep in found if clock.zero > EPOCH * 1e9]
     first = min(starts, default=0)
     series: list[RawSeries] = []
     for table, clock, keep in found:
-        time = clock.seconds[keep] + (0.0 if clock.zero is None else (clock.zero - first) * 1e-9)
+        zero = clock.zero - first if clock.zero > EPOCH * 1e9 else clock.zero if table.received is not None else 0
+        time = clock.seconds[keep] + zero * 1e-9
         series += [
             RawSeries(column=column, time=time, values=column.values[keep], clock=clock.described)
             for i, column in enumerate(table.columns) if i not in clock.used
@@ -85,14 +84,11 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
         hint = "For a signal without a time give the sampling rate with --rate"
         raise RecordingError(faults or Problem(message, code="one-column", hint=hint))
     findings += [replace(one, message=f"is not read: {one.message}", code="unread") for one in faults]
-    return series, first * 1e-9 if first > EPOCH * 1e9 else None
+    return series, first * 1e-9 if starts else None
 
 
-def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> tuple[RawTable, Clock]:
-    """The time of messages: of their headers where it agrees with the time of recording, or where that is stated.
-
-    Messages that overtook each other on their way to the recorder are put in order.
-    """
+def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
+    """The time of messages: of their headers where it agrees with the time of recording, or where that is stated."""
     received, stamped = np.asarray(table.received), table.stamped
     lag = np.inf if stamped is None else float(np.median(stamped - received)) * 1e-9
     by_header = reading.time.columns == ("header",) or (reading.time.columns != ("received",) and abs(lag) < _SAME_CLOCK)
@@ -108,16 +104,8 @@ def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> 
                     hint=f"Use it with --map '{column.name}=time [unit]'")
             for column in table.columns if is_named_time(column)
         ]  # fmt: skip
-    late = np.maximum.accumulate(ns) - ns
-    # Where no newer stamp comes for long, a clock began anew and nothing was overtaken.
-    stalled = np.diff(np.append(received[late == 0], received[-1])).max()
-    if late.any() and late.max() <= _OVERTAKEN and stalled <= max(_OVERTAKEN // 5, 0.5 * late.max()):
-        order = np.argsort(ns, kind="stable")
-        message = f"{int((late > 0).sum())} messages were recorded after later ones; all are put in the order of their stamps"
-        findings.append(Problem(message, key=table.name, code="overtaken"))
-        table, ns = replace(table, columns=tuple(replace(one, values=one.values[order]) for one in table.columns)), ns[order]
     zero = int(np.median(ns))
-    return table, Clock(name=table.name, seconds=np.asarray((ns - zero) * 1e-9, dtype=np.float64), zero=zero)
+    return Clock(name=table.name, seconds=np.asarray((ns - zero) * 1e-9, dtype=np.float64), zero=zero)
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
@@ -173,10 +161,13 @@ def _last_word(column: RawColumn) -> str:
 
 
 def _seconds_and_rest(columns: Sequence[RawColumn], named: list[int]) -> list[int]:
-    """The first of the columns that are named as a time; of a ROS stamp whole seconds and their nanoseconds."""
+    """The first column that is named as a time, with those that complete it: nanoseconds, or the time of day of a date."""
     whole = [i for i in named if _last_word(columns[i]) in ("sec", "secs", "seconds")]
     parts = [i for i in named if _last_word(columns[i]) in _FRACTIONS]
-    return [whole[0], parts[0]] if whole and parts else named[:1]
+    if whole and parts:
+        return [whole[0], parts[0]]
+    stamps = [columns[i].zero for i in named[:2]]
+    return named[:2] if len(stamps) == 2 and stamps[0] and stamps[1] and stamps[1] < 86_400_000_000_000 else named[:1]
 
 
 def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: list[Problem]) -> Clock:
@@ -240,11 +231,11 @@ def _factor(values: Array, factor: float | None, *, name: str, findings: list[Pr
     return factor
 
 
-def _since_first_date(values: Array, factor: float) -> tuple[Array, int | None]:
-    """Time in s, and the Unix time in ns of its zero: of dates the first, else None."""
+def _since_first_date(values: Array, factor: float) -> tuple[Array, int]:
+    """Time in s, and the Unix time in ns of its zero: of dates the first, else 0."""
     size = float(np.nanpercentile(values, 50, method="nearest"))
     if size * factor <= EPOCH:
-        return values * factor, None
+        return values * factor, 0
     zero = float(values[np.abs(values - size) * factor < EPOCH][0])
     # A float of 1.7e9 s resolves 2.4e-7 s: rounded to what was written, a sample at 0.2 s is at 0.2 s again.
     digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
@@ -273,7 +264,7 @@ def clean_time(
             raise RecordingError(message, key=name, line=line, hint="Split the file, or give --rate", code=code)
         findings.append(Problem(f"{message}, left out: {noun} {listed(where[bad], 8)}", key=name, code=code, line=line))
 
-    leave_out(np.flatnonzero(~np.isfinite(time)), "times are no numbers", "bad-time", 1.0, "")
+    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "times are no numbers", "bad-time", 1.0, "")
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]

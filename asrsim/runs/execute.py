@@ -44,7 +44,7 @@ class Executed:
     folder: Path
     log: Path
     certificate: Certificate | None = None
-    """Numerical error, if it was asked for and the run came to its end."""
+    """Numerical error, if it was requested and the run came to its end."""
     error: DivergenceError | None = None
     """Why the run ended early, if it diverged."""
 
@@ -70,7 +70,7 @@ def execute(
     held of an earlier run goes only when this one's log is whole: until then that is written aside. keep: keep all samples in
     `.run.samples` too; certify: run again with finer steps for the numerical error, which goes into log and summary;
     cross_check: run again in another engine for the differences, which go into the summary (certify does so too, where there
-    is one); started: told the run's description when it is built; progress, stop: see
+    is one); started: called with the run's description when it is built; progress, stop: see
     :func:`asrsim.simulation.run.simulate`; certifying: progress of the further runs.
 
     Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
@@ -113,7 +113,7 @@ def execute(
 
 
 def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
-    """A sink for what summary and claims need. Raises ScenarioError for claims that cannot be evaluated, whatever comes."""
+    """A sink for what summary and claims need. Raises ScenarioError for claims that no run can satisfy or fail."""
     check_claims(scenario.expect, info.joints, file=scenario.path)
     return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
 

@@ -114,9 +114,11 @@ def write_from_recording(
     for name, text in extracted.items():
         write_new(out.parent / name, text, force=force)
     write = partial(recording_text, names=names, mode=mode, mounted=mounted, mapping=tuple(mapping), rate=rate)
-    held = _springs_that_hold(write(plan, claims=placeholders(plan), parameters=unknown), plan.robot, out.parent, mounted)
-    plan = replace(plan, robot=with_overrides(plan.robot, parameters=held))
-    text_with = partial(write, plan, parameters={joint: {**unknown.get(joint, {}), **held.get(joint, {})} for joint in mounted})
+    springs = _springs_that_hold(write(plan, claims=placeholders(plan), parameters=unknown), plan.robot, out.parent, mounted)
+    plan = replace(plan, robot=with_overrides(plan.robot, parameters=springs))
+    text_with = partial(
+        write, plan, parameters={joint: {**unknown.get(joint, {}), **springs.get(joint, {})} for joint in mounted}
+    )
     write_new(out, text_with(claims=placeholders(plan)), force=force)
     files = [out]
     proposed = out.with_name(experiment.name + ENDING)
@@ -149,8 +151,8 @@ def write_from_recording(
 def _mounted(
     robot: Robot, recording: Recording, actuators: Mapping[str, str], joints: Sequence[str], mode: int | None
 ) -> tuple[Robot, dict[str, dict[str, float]]]:
-    """The robot with these actuators on `joints`, in the modes of their recorded commands, and parameters of which nothing is
-    known."""
+    """The robot with these actuators on `joints`, in the modes of their recorded commands, and guesses for
+    unknown parameters."""
     robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
     modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, joints)
     unknown = open_parameters(robot, modes, joints)

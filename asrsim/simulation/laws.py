@@ -11,8 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from asrsim.actuators.base import Actuator
-from asrsim.actuators.vectorised import GAUSS
+from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 MOTOR_NUMBERS = 16
@@ -66,23 +65,3 @@ def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
                 s[STIFFNESS] = s[LAW_ENERGY] = math.nan
 
     return laws
-
-
-def energy_law(actuator: Any) -> Callable[..., float]:
-    """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
-    if actuator.elastic_energy is not Actuator.elastic_energy:
-        own: Callable[..., float] = actuator.elastic_energy
-        return own
-    torques, adjusted = actuator.elastic_torques, actuator.adjuster
-
-    def energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        total = 0.0
-        for node, weight in GAUSS:
-            second = theta_2 if adjusted else q + node * (theta_2 - q)
-            torque_1, torque_2 = torques(q, q + node * (theta_1 - q), second, parameters)
-            total += weight * (torque_1 * (theta_1 - q))
-            if not adjusted:
-                total += weight * (torque_2 * (theta_2 - q))
-        return total
-
-    return energy

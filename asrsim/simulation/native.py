@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from asrsim import compiling
+from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation import kernel
-from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
+from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import STIFFNESS
 
 INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")

@@ -168,7 +168,7 @@ def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: P
     assert (tmp_path / name).read_bytes() == text
 
 
-@pytest.mark.parametrize("zero", [0.0, 0.5, 0.7004, 3.1, 100.0, 100.0037, 86399.9, 1.7e9, 1_715_000_000.123, -2.0, -0.35])
+@pytest.mark.parametrize("zero", [0.0, 0.7004, 100.0037, 1_715_000_000.123, -0.35])
 @pytest.mark.parametrize("decimals", [3, 9])
 def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
     """However the clock is offset, and however the offset's rounding falls."""

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES, deflection, equilibrium_position, position_error
-from asrsim.quantities import DERIVED
+from asrsim.log.derived import DERIVED_FUNCTIONS, deflection, equilibrium_position, position_error
 from asrsim.samples import JointInfo, Samples
 
 RNG = np.random.default_rng(0)
@@ -30,11 +29,6 @@ def test_equilibrium_and_deflection_of_the_motors(actuator: str) -> None:
     expected = np.array([law(a, b) for a, b in zip(THETA_1.tolist(), THETA_2.tolist(), strict=True)])
     np.testing.assert_allclose(equilibrium_position(samples, joints)[:, 0], expected, rtol=1e-15)
     np.testing.assert_allclose(deflection(samples, joints)[:, 0], expected - Q, rtol=1e-12)
-
-
-def test_a_single_motor_needs_no_second_column() -> None:
-    samples, joints = make(JointInfo(name="j", actuator="sea", mode=5), link_position=Q, motor_1_position=THETA_1)
-    np.testing.assert_array_equal(deflection(samples, joints)[:, 0], THETA_1 - Q)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +97,3 @@ def test_a_users_law_with_plain_mathematics_works() -> None:
 def test_an_actuator_that_is_not_here_gives_nan() -> None:
     samples, joints = make(JointInfo(name="j", actuator="elsewhere", mode=6), link_position=Q, motor_1_position=THETA_1)
     assert np.isnan(equilibrium_position(samples, joints)).all()
-
-
-def test_every_derived_quantity_has_its_function_and_sources() -> None:
-    assert set(DERIVED_FUNCTIONS) == set(DERIVED_SOURCES) == set(DERIVED)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from mcap_ros2.decoder import DecoderFactory
 
 import asrsim
 from asrsim.log import LogWriter
-from asrsim.robot.poses import quaternion, rotation_matrix
-from asrsim.simulation.describe import link_frames
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from support.paths import EXAMPLES
@@ -116,35 +113,3 @@ def test_every_frame_is_written_once_however_the_log_is_cut(tmp_path, size, ever
     moving, still = transforms(tmp_path / "a.mcap").values()
     assert [time for time, _ in moving] == pytest.approx(one.samples.time[::every])
     assert len(still) <= 1
-
-
-def test_no_rate_no_frames(tmp_path):
-    path = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
-    result = asrsim.run(path, variant="soft", overrides={"duration": 0.1, "tf_rate": 0, "expect": []}, out=tmp_path)
-    assert transforms(result.log) == {"/tf": [], "/tf_static": []}
-
-
-@pytest.mark.parametrize("rpy", [(0.3, -1.2, 2.0), (3.0, 1.5707963, -0.4), (0.0, 0.0, 0.0)])
-def test_quaternions_are_the_rotations_that_they_stand_for(rpy):
-    x, y, z, w = quaternion(rpy)
-
-    class Turn:
-        rotation = type("Q", (), {"x": x, "y": y, "z": z, "w": w})
-        translation = type("V", (), {"x": 0.0, "y": 0.0, "z": 0.0})
-
-    np.testing.assert_allclose(matrix(Turn)[:3, :3], rotation_matrix(rpy), atol=1e-12)
-
-
-@pytest.mark.parametrize("root", ["world", "base_link"])
-@pytest.mark.parametrize(
-    "pose", [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)), ((0.0,) * 3, (0.1, 0.0, 0.0))]
-)
-@pytest.mark.parametrize("fixed", [True, False])
-def test_the_root_has_a_frame_wherever_it_is_not_the_world_itself(root, pose, fixed):
-    """One that floats is a body; the world that the scenario moves stands in another."""
-    position, rpy = pose
-    scenario = SimpleNamespace(fixed_base=fixed, base_position=position, base_rpy=rpy)
-    frames = link_frames(scenario, SimpleNamespace(joints=(), root=SimpleNamespace(name=root)))
-    told = [(frame.parent, frame.child, frame.position, frame.rotation) for frame in frames]
-    wanted = ("map" if root == "world" else "world", root, position, quaternion(rpy))
-    assert told == ([wanted] if fixed and (root != "world" or any((*position, *rpy))) else [])

@@ -13,7 +13,6 @@ import asrsim
 from asrsim.errors import LogError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
-from asrsim.reproduce import Lab
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.repeat import repeat
 from asrsim.scenario import load_scenario
@@ -49,26 +48,6 @@ def as_learned(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.mcap"))
 
 
-def as_transferred(folder: Path) -> list[Path]:
-    """A drawn plant: another mass, damping, friction, stiffness and delay."""
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.transfer import perturbed
-
-    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=["duration=0.3"])
-    plant = make_plant(scenario)
-    draw = {"mass.joint_1": 0.3, "damping.joint_2": 0.5, "friction.joint_1": -0.2, "delay": 0.01}
-    other = perturbed(plant, draw)
-    wave = 0.3 * np.sin(9.0 * plant.reference)
-    return [asrsim.run(other.with_inputs(wave), robot=other.robot, out=folder).log]
-
-
-def as_reproduced(folder: Path) -> list[Path]:
-    """The lab of `asrsim reproduce`, with other parameters."""
-    lab = Lab(folder=folder)
-    lab.run("sine_2dof", "soft", overrides=["duration=0.3", "link_damping={'*': {constant: 0.3}}"], label="damped")
-    return sorted(folder.rglob("*.mcap"))
-
-
 def as_changed(folder: Path) -> list[Path]:
     """The library: a scenario and a robot that were changed after they were read."""
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.3"])
@@ -90,7 +69,7 @@ def as_changed(folder: Path) -> list[Path]:
     return [asrsim.run(changed, robot=robot, out=folder).log]
 
 
-PRODUCERS = (as_file, as_learned, as_transferred, as_reproduced, as_changed)
+PRODUCERS = (as_file, as_learned, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)

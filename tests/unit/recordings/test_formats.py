@@ -68,7 +68,7 @@ WRITERS = {
     ),
     "records.json": lambda path: path.write_text(json.dumps([dict(zip(HEADER, row, strict=True)) for row in ROWS])),
     "lists.json": lambda path: path.write_text(
-        json.dumps({"run": 3, **dict(zip(HEADER, zip(*ROWS, strict=True), strict=True))})
+        json.dumps({"run": 3, "units": {"q1": "rad"}, **dict(zip(HEADER, zip(*ROWS, strict=True), strict=True))})
     ),
 }
 
@@ -205,7 +205,7 @@ def test_a_users_reader_is_one_entry_of_the_registry(tmp_path: Path, monkeypatch
         return Content(format="mine", tables=(RawTable(columns=tuple(columns)),), findings=(note,))
 
     monkeypatch.setattr(READERS, "_entries", dict(READERS._entries))
-    READERS.add("mine", Reader(suffixes=(".mine",), magic=(b"MINE",), read=read, doc="doubles in threes", confined=False))
+    READERS.add("mine", Reader(suffixes=(".mine",), magic=(b"MINE",), read=read, confined=False))
     (tmp_path / "lab.mine").write_bytes(b"MINE" + np.array(ROWS).tobytes())
     recording = read_recording(tmp_path / "lab.mine")
     check(recording)

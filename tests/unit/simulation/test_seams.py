@@ -13,7 +13,7 @@ import pytest
 import asrsim
 from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
 from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
@@ -224,7 +224,9 @@ def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
     q = np.array([-0.1, 0.0, 0.05])
     second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
     pair = (q, np.array([0.1, 0.05, -0.1]), second)
-    np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
+    np.testing.assert_allclose(
+        over_arrays(energy_law(bare))(*pair, values), over_arrays(energy_law(law))(*pair, values), rtol=1e-6
+    )
 
 
 def test_each_encoder_has_a_noise_of_its_own() -> None:
