@@ -18,13 +18,12 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.certify import Certificate
+from asrsim.simulation.certify import COMPARED, Certificate
 from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.run import Run, simulate
-from asrsim.simulation.side_by_side import COMPARED
 from asrsim.summary import Collector, RunSummary, make_summary
 from asrsim.summary.claims import Claims, check_claims, needs_of
 
@@ -108,7 +107,7 @@ def execute(
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
         logged = open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
-        summary = replace(summary, cross_check=found.as_dict())
+        summary = replace(summary, cross_check=found)
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 

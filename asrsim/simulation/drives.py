@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
@@ -141,15 +141,3 @@ def make_drives(
             )
         )
     return tuple(drives)
-
-
-def started(
-    drives: Sequence[SteppedJoint], positions: Sequence[float], motors: Mapping[str, Sequence[float]]
-) -> tuple[SteppedJoint, ...]:
-    """The drives, begun at other positions of links and motors; motors that are not named begin where their link is."""
-    found = list(drives)
-    for j, (drive, q) in enumerate(zip(drives, positions, strict=True)):
-        if drive.initial_position != q or drive.name in motors:
-            motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
-            found[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
-    return tuple(found)

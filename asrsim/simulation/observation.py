@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,9 +38,7 @@ class Snapshot:
     owner: object
     """Of the simulation and its parameters; it goes on from no other."""
     state: Any
-    held: Mapping[tuple[int, int], float]
     record: Any
-    row: Any
 
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
