@@ -285,5 +285,5 @@ def _run_one(
     samples = 0 if done.samples is None else len(done.samples.time)
     summary = judged(scenario, done, collectors[0], certificate, samples=samples)
     if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
-        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot).as_dict())
+        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot))
     return Result(done, summary)

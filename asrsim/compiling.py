@@ -98,23 +98,14 @@ def compile_packed(
     """
     import ctypes
 
-    import numba
-
     from asrsim.packed import reader, table_reader
 
     kind = type_of(record)
-    kinds: Any = numba.types
-
-    def compiled(copy: types.FunctionType, cached: bool) -> PackedFunction:
-        word = kinds.intp
-        signature = kinds.void(word, word, word, word, kinds.float64)
-        callback: Any = numba.cfunc(signature, cache=cached)(copy)
-        words = ctypes.c_ssize_t
-        call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
-        return PackedFunction(callback.address, call, callback)
-
     given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
-    return _through_cache(compiled, _at_address, given, f"{version}\n{kind}", inline)
+    callback = compile_law(_at_address, given, "aaaad", version=f"{version}\n{kind}", inline=inline)
+    words = ctypes.c_ssize_t
+    call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
+    return PackedFunction(callback.address, call, callback)
 
 
 def _unbound(*arguments: Any) -> Any:
@@ -130,9 +121,11 @@ def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction
     _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
 
 
-def compile_law(function: Any, names: Mapping[str, Any], kinds: str) -> Callback:
-    """`function` as a C function; names: as in :func:`compile_function`. kinds: of its arguments, one letter each: `d` a
-    number, `i` an integer, `a` an address."""
+def compile_law(
+    function: Any, names: Mapping[str, Any], kinds: str, *, version: str = "", inline: tuple[str, ...] = ()
+) -> Callback:
+    """`function` as a C function; names, version, inline: as in :func:`compile_function`. kinds: of its arguments, one letter
+    each: `d` a number, `i` an integer, `a` an address."""
     import numba
 
     types_of: Any = {"d": numba.types.float64, "i": numba.types.intp, "a": numba.types.intp}
@@ -142,7 +135,7 @@ def compile_law(function: Any, names: Mapping[str, Any], kinds: str) -> Callback
         callback: Any = numba.cfunc(signature, cache=cached)(copy)
         return Callback(callback.address, callback)
 
-    return _through_cache(compiled, function, names, kinds, ())
+    return _through_cache(compiled, function, names, f"{version}\n{kinds}", inline)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Laws on whole arrays: the same source, with NumPy in the place of :mod:`math`."""
+"""Laws on whole arrays: the same source, with NumPy in the place of :mod:`math`; and the energy of actuators that give none."""
 
 from __future__ import annotations
 
@@ -78,22 +78,25 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     return evaluate
 
 
-def energy_over_arrays(actuator: type[Actuator]) -> Callable[..., Array]:
-    """Energy of the springs in J on arrays: the actuator's own, else integrated from its torques from the undeflected state."""
+def _energy_law(actuator: Any) -> Callable[..., float]:
+    """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
     if actuator.elastic_energy is not Actuator.elastic_energy:
-        return over_arrays(actuator.elastic_energy)
-    torques = over_arrays(actuator.elastic_torques)
+        own: Callable[..., float] = actuator.elastic_energy
+        return own
+    torques, adjusted = actuator.elastic_torques, actuator.adjuster
 
-    def integrate(q: Array, theta_1: Array, theta_2: Array, parameters: tuple[Any, ...]) -> Array:
-        total = np.zeros_like(q)
-        d_1, d_2 = theta_1 - q, theta_2 - q
+    def energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
+        total = 0.0
         for node, weight in GAUSS:
-            if actuator.adjuster:
-                torque_1, _ = torques(q, q + node * d_1, theta_2, parameters)
-                total += weight * torque_1 * d_1
-            else:
-                torque_1, torque_2 = torques(q, q + node * d_1, q + node * d_2, parameters)
-                total += weight * (torque_1 * d_1 + torque_2 * d_2)
+            second = theta_2 if adjusted else q + node * (theta_2 - q)
+            torque_1, torque_2 = torques(q, q + node * (theta_1 - q), second, parameters)
+            total += weight * (torque_1 * (theta_1 - q))
+            if not adjusted:
+                total += weight * (torque_2 * (theta_2 - q))
         return total
 
-    return integrate
+    return energy
+
+
+energy_law: Callable[[Any], Callable[..., float]] = cache(_energy_law)
+"""See :func:`_energy_law`; made once for each actuator."""

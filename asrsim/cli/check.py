@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 DEFAULT_STEP = 1e-3
 """s, of the figures about a robot alone, which has no scenario."""
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
-"""Of files that are scenarios, or robots; of others their first sign tells."""
+"""Suffix -> whether the file is a scenario (else a robot); other files are recognised by their first character."""
 
 
 def check(

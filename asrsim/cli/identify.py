@@ -82,7 +82,6 @@ def identify(
         ),
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Begin at the best that the folder has.")] = False,
     seconds: Annotated[
         float | None,
         typer.Option(
@@ -122,7 +121,7 @@ def identify(
         task = task_of(scenario, experiment or [], **given)
         folder = out or Path("out") / task.name / "fit"
         result, code = _run(
-            task, folder, check=check, resume=resume, quiet=quiet or json, accept=accept, seconds=seconds,
+            task, folder, check=check, quiet=quiet or json, accept=accept, seconds=seconds,
         )  # fmt: skip
         files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
         if json:
@@ -137,20 +136,18 @@ def identify(
 
 
 def _run(
-    task: Task, folder: Path, *, check: bool, resume: bool, quiet: bool, accept: bool, seconds: float | None,
+    task: Task, folder: Path, *, check: bool, quiet: bool, accept: bool, seconds: float | None,
 ) -> tuple[Result, int]:  # fmt: skip
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
-    from asrsim.identification.write import begin_of
 
-    begin = begin_of(folder) if resume else {}
     with (
         Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
-            task, progress=progress.update, stop=interruption.stop, begin=begin, check=check,
+            task, progress=progress.update, stop=interruption.stop, check=check,
             accept=accept, seconds=seconds,
         )  # fmt: skip
     if result.status == "interrupted":
@@ -159,6 +156,7 @@ def _run(
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
+    from asrsim.identification.advice import design_line
     from asrsim.identification.result import ACCEPTABLE
     from asrsim.identification.write import write_fit, write_robot
     from asrsim.runs.lock import owned
@@ -172,6 +170,10 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
         elif result.status == "complete":
             ways = "--accept or --all writes" if result.explained >= ACCEPTABLE else "--all writes"
             said.append(f"no robot is written, since the model does not fit; {ways} it all the same")
+        if result.status == "complete":
+            found, line = design_line(result, folder)
+            files += found
+            said += [f"the experiment that shows more: {line}"] if line else []
         if plot and result.status == "complete":
             from asrsim.identification.pictures import draw
 
@@ -181,7 +183,8 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
     from asrsim.cli.console import say, say_table, say_written
-    from asrsim.identification.show import advice, columns, errors, judgement, remarks
+    from asrsim.identification.advice import advice
+    from asrsim.identification.show import columns, errors, judgement, remarks
 
     say_table(columns(result))
     say()

@@ -120,10 +120,8 @@ def _print(made: Written, scenario: Path, plugins: list[Path] | None) -> None:
     say(f"{made.recording.path}: {made.recording.format}, {len(made.recording.time)} samples", "bold")
     say_columns(made.recording)
     say_problems(made.recording.findings, "note")
-    for text in (*made.remarks, *([made.message] if made.message else [])):
+    for text in made.remarks:
         say(f"note: {text}", "yellow")
-    limits = "a first run" if made.compared else "nothing but the recorded ranges"
-    run = command_line("run", scenario, plugins)
-    say(f"wrote {', '.join(map(str, made.files))}; limits of its claims from {limits}; run it: {run}")
+    say(f"wrote {', '.join(map(str, made.files))}; run it: {command_line('run', scenario, plugins)}")
     if made.fit is not None:
-        say(f"what it tells of the robot's numbers: {command_line('identify', made.fit, plugins)}")
+        say(f"find the robot's parameters: {command_line('identify', made.fit, plugins)}")

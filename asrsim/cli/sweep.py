@@ -104,18 +104,11 @@ def _swept(
     from asrsim.cli.console import complain
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import SweepBar
-    from asrsim.sweeps import make_study, read_study, sweep
-    from asrsim.sweeps.study import is_study
+    from asrsim.sweeps import sweep
+    from asrsim.sweeps.run import study_of
 
-    if is_study(path):
-        defaults = {"design": "random", "seed": 0, "rate": 100.0}
-        said = [name for name, value in given.items() if value and value != defaults.get(name) and name != "plugins"]
-        if over or said:
-            names = ", ".join((["over"] if over else []) + said)
-            raise typer.BadParameter(f"a study file says itself what is varied: leave out {names}")
-        study = read_study(path, given["plugins"])
-    else:
-        study = make_study(path, over, **given)
+    defaults = {"design": "random", "seed": 0, "rate": 100.0}
+    study = study_of(path, over, {name: value for name, value in given.items() if value and value != defaults.get(name)})
     for warning in study.joint.warnings if study.joint else ():
         complain(f"warning {warning}")
     folder = out or Path("out") / study.name / "sweep"

@@ -76,7 +76,7 @@ def declare(
     """A dataclass field that is also a key of a document.
 
     key: its name there, if it differs; `base.position` is the key `position` of the group `base`. spread: as in
-    :class:`Key`; the field stands for the others, too. field_default: the dataclass's own default, where it differs from the
+    :class:`Key`; one field for several arguments. field_default: the dataclass's own default, where it differs from the
     document's; REQUIRED for none, or a function that makes it.
     """
     metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown, spread=spread)}
@@ -179,7 +179,7 @@ class Block(Kind[T], Generic[T]):
         return self._built(arguments, node, path, reading)
 
     def opened(self, node: Node) -> Node:
-        """The node as a mapping, where its value stands for the main key."""
+        """The node as a mapping, if its value is that of the main key."""
         if not self.main or isinstance(node.value, dict):
             return node
         return Node({self.main: node}, node.line, {self.main: node.line}, node.file)

@@ -99,7 +99,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
 
 @dataclass(frozen=True)
 class Either(Kind[Any]):
-    """One of several shapes, told apart by the value's YAML shape; a mapping goes to the kind that has keys."""
+    """One of several kinds, chosen by the shape of the YAML value."""
 
     options: tuple[tuple[Callable[[Node], bool], Kind[Any]], ...]
     """(whether a node has this shape, kind), tried in order."""

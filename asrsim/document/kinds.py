@@ -43,7 +43,7 @@ class Kind(ABC, Generic[T_co]):
         return ()
 
     def merge(self, base: Node, over: Node) -> Node:
-        """`over` laid upon `base`, for variants: replaced unless the kind has parts."""
+        """`base` changed by `over`, for variants: replaced unless the kind has parts."""
         return over
 
 
@@ -169,7 +169,7 @@ class Text(Kind[str]):
 
 @dataclass(frozen=True)
 class Choice(Kind[str]):
-    """One of a few words, or of those that a function gives: the names of a registry, which it imports when asked."""
+    """One of a few words, or of those that a function gives: the names of a registry, which it imports when it is called."""
 
     options: tuple[str, ...] | Callable[[], Iterable[str]]
     noun: str = ""
@@ -209,7 +209,7 @@ class File(Kind[Path]):
     exists: bool = True
     """It must exist when the document is read."""
     beside: str = ""
-    """Ending of a file that describes it where it stands beside it, `lab.csv.yaml`, and is needed, too."""
+    """Ending of a document that describes the file, such as `lab.csv.yaml`; it is attached too, if it exists."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -238,25 +238,6 @@ class File(Kind[Path]):
         return f"path of a {self.noun}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Null(Kind[None]):
-    """Nothing: the default."""
-
-    word: str | None = None
-    """A word that means the same, such as `auto`."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> None:
-        if node.value is not None and node.value != self.word:
-            raise reading.fault(node, path, "must be empty", code="type")
-
-    def schema(self) -> Schema:
-        return {"enum": [None, self.word] if self.word else [None]}
-
-    @property
-    def text(self) -> str:
-        return f"`{self.word or 'null'}`"
-
-
 @dataclass(frozen=True)
 class Optional(Kind[T | None], Generic[T]):
     """A value, or nothing (or the word that means nothing)."""
@@ -270,7 +251,7 @@ class Optional(Kind[T | None], Generic[T]):
         return self.kind.read(node, path, reading)
 
     def schema(self) -> Schema:
-        return {"anyOf": [self.kind.schema(), Null(word=self.word).schema()]}
+        return {"anyOf": [self.kind.schema(), {"enum": [None, self.word] if self.word else [None]}]}
 
     @property
     def text(self) -> str:

@@ -35,13 +35,13 @@ KEYS = {
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
-"""Kind -> keys at the top of such a file; any of them tells, and what stands above wins."""
+"""Kind -> keys at the top of such a file; any of them identifies the kind; the first match wins."""
 DOCUMENTS = (".yaml", ".yml", ".json")
 """File endings of what has keys."""
 
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:
-    """The kind of a file by its ending, else by its keys; None where neither tells. root: of the file, where it is read."""
+    """The kind of a file by its ending, else by its keys; None if both are unknown. root: of the file, where it is read."""
     if path.is_dir():
         return next((kind for name, kind in FOLDERS.items() if (path / name).exists()), None)
     if not path.exists():

@@ -1,4 +1,4 @@
-"""A value of a document that remembers where it stands."""
+"""A value of a document, with its line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Node:
         return (self.key_lines or {}).get(key, self.line)
 
     def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
-        """The value as plain JSON-like data; `renamed` maps ids of nodes to values that stand in for them."""
+        """The value as plain JSON-like data; `renamed` maps ids of nodes to values that replace them."""
         if renamed and id(self) in renamed:
             return renamed[id(self)]
         if isinstance(self.value, dict):

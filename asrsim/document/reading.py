@@ -13,7 +13,7 @@ KeyPath = tuple[str, ...]
 
 
 class Rejected(Exception):  # noqa: N818 - internal: its problem is recorded already, readers go on with the next key
-    """A value was refused; the problem stands in the reading."""
+    """A value was refused; the problem is recorded in the reading."""
 
 
 @dataclass(kw_only=True)
@@ -25,7 +25,6 @@ class Reading:
     files: Mapping[str, Path] = field(default_factory=dict)
     """Files by the name that the document uses, before the folder is searched (attachments of a log)."""
     problems: list[Problem] = field(default_factory=list)
-    warnings: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
     """Files named so far, by a unique short name; those in a folder as `folder/file`."""
     unread: list[KeyPath] = field(default_factory=list)

@@ -26,7 +26,7 @@ _BOOLEANS = {"true": True, "True": True, "TRUE": True, "false": False, "False": 
 
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = "plain"
-"""Our mark on scalars that stand without quotes and tag: only these are more than text."""
+"""Our tag of scalars without quotes and tag: only these can be other than text."""
 
 
 def plain_scalar(text: str) -> bool | int | float | str | None:

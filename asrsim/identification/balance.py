@@ -19,7 +19,6 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.door import EXTERNAL, Door, Drive, electric_of, link_motion, over_arrays
 from asrsim.identification.layout import Layout
 from asrsim.identification.noise import fine_noise, smoothed
-from asrsim.identification.played import Draw
 from asrsim.identification.problem import Problem
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.robot.model import Link, Robot
@@ -28,6 +27,8 @@ from asrsim.scenario.data import Scenario
 
 KEPT = 16
 """Sets of masses whose torques are remembered."""
+LOUD = 30.0
+"""Spectra of the motion count where they are this many times those of the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,17 @@ class Links:
         return np.asarray(self.inertial(robot)[:, j] + (joint.damping + drive.link_brake) * motion.velocity + friction + spring)
 
 
+def bandwidth(time: Array, channel: Channel) -> float:
+    """Hz up to which the motion of a place stands out of its noise; time: an even grid."""
+    speed = np.diff(np.interp(time, channel.time, channel.values))
+    n, step = len(speed), time[1] - time[0]
+    power, frequency = np.abs(np.fft.rfft(speed * np.hanning(n))) ** 2, np.fft.rfftfreq(n, step)
+    # Differences of white noise have this spectrum, under this window.
+    level = max(channel.noise, channel.quantum) ** 2 * n * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
+    loud = np.flatnonzero(power > LOUD * level + 1e-300)
+    return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
+
+
 def _size(torques: Array) -> float:
     return max(float(np.sqrt(np.mean(torques**2))), 1e-12)
 
@@ -101,8 +113,6 @@ def _size(torques: Array) -> float:
 
 ROWS = 200
 """Of a recording, at most."""
-LOUD = 30.0
-"""Spectra of the motion count where they are this many times those of the noise."""
 SPOILT = 0.05
 """Fraction at both ends that the filter spoils."""
 WEAK = 1e-3
@@ -193,7 +203,7 @@ class _Balance:
         self._time = np.arange(first, last, step)
         edge = max(int(SPOILT * len(self._time)), 4)
         kept = slice(edge, len(self._time) - edge, max(1, len(self._time) // ROWS))
-        loud = [self._loud(key) for key in self._recorded if key[1].endswith(("position", "deflection"))]
+        loud = [bandwidth(self._time, c) for key, c in self._recorded.items() if key[1].endswith(("position", "deflection"))]
         self._grid = Grid(self._time, min(0.3, 2.0 * step * max(loud, default=1.0)), kept)
         drives = self._door.drives
         self._goals = [self._goals_of(drive) for drive in drives]
@@ -210,17 +220,6 @@ class _Balance:
     def _sampled(self, joint: str, quantity: str) -> Array | None:
         one = self._recorded.get((joint, quantity))
         return None if one is None else np.interp(self._time, one.time, one.values)
-
-    def _loud(self, key: tuple[str, str]) -> float:
-        """Hz up to which the motion of a place stands out of its noise."""
-        speed = np.diff(np.interp(self._time, self._recorded[key].time, self._recorded[key].values))
-        n, step = len(speed), self._time[1] - self._time[0]
-        power, frequency = np.abs(np.fft.rfft(speed * np.hanning(n))) ** 2, np.fft.rfftfreq(n, step)
-        # Differences of white noise have this spectrum, under this window.
-        noise = max(self._recorded[key].noise, self._recorded[key].quantum)
-        level = noise**2 * n * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
-        loud = np.flatnonzero(power > LOUD * level + 1e-300)
-        return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
 
     def _goals_of(self, drive: Drive) -> list[Array | None]:
         """Goals of motors 1 and 2 on the grid."""
@@ -309,13 +308,13 @@ def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) 
 # -- joints that a recorded torque drives ------------------------------------------------------------------------------------
 
 CUTOFF = 50.0
-"""Hz of the low-pass filter on motion and torque alike; less where the sampling is slow."""
+"""Hz of the low-pass filter on motion and torque alike; less where sampling or motion are slow."""
 STANDS = 5.0
 """Deviations of a place's noise below which a joint that has not moved further may stand."""
 NEAR, THROUGH = 1.0, 0.5
 """Periods of the cutoff frequency: beside a joint that stands, filtered friction says nothing; it may turn back within less."""
-EDGE = 0.1
-"""s at both ends that the filter spoils."""
+EDGE, SETTLED = 0.1, 3.0
+"""s, and periods of the cutoff frequency, at both ends that the filter spoils at least."""
 BLIND = 0.3
 """Fraction of a joint's accelerations that may be their noise."""
 
@@ -348,13 +347,17 @@ class TorqueTrack(Track):
         step = float(np.median(np.diff(self._places[0].time)))
         last = min(float(channel.time[-1]) for channel in self._places)
         time = np.arange(float(max(c.time[0] for c in self._places)), last, step)
-        cutoff = min(CUTOFF, 0.15 / step)
+        widest = min(CUTOFF, 0.15 / step)
+        # Beyond the motion's own frequencies, accelerations are noise.
+        cutoff = min(widest, max(bandwidth(time, place) for place in self._places))
         # As often as the filter lets differ: its own correlation is not the model's.
         every = max(1, round(0.5 / (cutoff * step)))
-        inside = (time > time[0] + EDGE) & (time < time[-1] - EDGE)
+        edge = max(EDGE, SETTLED / cutoff)
+        inside = (time > time[0] + edge) & (time < time[-1] - edge)
         self._grid = Grid(time, 2.0 * cutoff * step, np.flatnonzero(inside)[::every])
+        self._wide = replace(self._grid, cutoff=2.0 * widest * step)
         rows = time[self._grid.rows]
-        self._links: dict[Draw | None, Links] = {None: self._moved(None)}
+        self._links: dict[int | None, Links] = {None: self._moved(None, self._grid)}
         self._torques = {command.key: np.interp(time, command.time, command.values) for command in data.commands}
         self._moving = [self._surely_moves(place, 1.0 / (cutoff * step))[self._grid.rows] for place in self._places]
         channels = []
@@ -364,7 +367,7 @@ class TorqueTrack(Track):
             channels.append(
                 Channel(
                     joint=joint, quantity="link_torque", unit=unit, time=rows[moving], values=values,
-                    noise=fine_noise(values), given=False, quantum=0.0,
+                    noise=fine_noise(values), quantum=0.0,
                 )
             )  # fmt: skip
         names = ", ".join(self.door.joints)
@@ -372,15 +375,15 @@ class TorqueTrack(Track):
         self.data = replace(data, channels=tuple(channels), remarks=(*data.remarks, remark))
         self.onset = float(rows[0])
 
-    def _moved(self, draw: Draw | None) -> Links:
+    def _moved(self, draw: int | None, grid: Grid) -> Links:
         """The joints' motion from their recorded places, with noise added."""
-        generator, motions = np.random.default_rng(0 if draw is None else draw.seed), []
+        generator, motions = np.random.default_rng(draw), []
         for place in self._places:
             values = place.values
             if draw is not None:
-                values = values + draw.size * place.noise * generator.normal(size=len(values))
-            motions.append(self._grid.motion(np.interp(self._grid.time, place.time, values)))
-        return Links(self.door, self._grid, motions)
+                values = values + place.noise * generator.normal(size=len(values))
+            motions.append(grid.motion(np.interp(grid.time, place.time, values)))
+        return Links(self.door, grid, motions)
 
     def _surely_moves(self, place: Channel, period: float) -> NDArray[np.bool_]:
         """(n,) of the grid: false around where a joint stands, held by any friction up to its level."""
@@ -402,15 +405,15 @@ class TorqueTrack(Track):
         """Whether noise of a joint's places is much of its accelerations, or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
-        known = self._links[None].rate
-        return bool(np.any(np.std(self._moved(Draw(0)).rate - known, axis=0) > BLIND * np.std(known, axis=0)))
+        known, noisy = (self._moved(draw, self._wide).rate for draw in (None, 0))
+        return bool(np.any(np.std(noisy - known, axis=0) > BLIND * np.std(known, axis=0)))
 
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
         """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
         if playing.draw not in self._links:
-            self._links = {None: self._links[None], playing.draw: self._moved(playing.draw)}
+            self._links = {None: self._links[None], playing.draw: self._moved(playing.draw, self._grid)}
         for values in tables:
             try:
                 yield self._needed(values, self._links[playing.draw], until)

@@ -9,6 +9,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS
 from asrsim.identification.combinations import percent
+from asrsim.identification.door import Drive
 from asrsim.identification.extensions import ASKED, Extended, Extension, extended, freed
 from asrsim.identification.keys import LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, errors, jacobian, mean_square, residuals
@@ -33,8 +34,8 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 """Ends of quantities whose sensors may have another zero."""
 DIFFERENT = 0.05
 """Relative difference of two tied numbers from which on it is reported."""
-REACHED = 0.999
-"""Fraction of a limit from which on a motor has reached it."""
+BITES, REACHED = (0.75, 0.3), 0.999
+"""Fractions of the largest torque or speed at which another limit is tried; of a limit, from which on it is reached."""
 LAGS, TREND, PARTS = 0.3, 0.6, 12
 """Fraction of a torque's squared error that follows the direction of its change; rank correlation of a spring's estimates
 with the deflection; parts of a recording that are estimated apart.
@@ -63,8 +64,7 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
         for i in range(1, ACTUATORS.get(block.actuator).motors + 1):
             name = f"motor_{i}_friction_stiffness"
             root = f"{block.joint}.motor_{i}_friction_torque"
-            while root in tied:
-                root = tied[root]
+            root = tied.get(root, root)
             if block.parameters[name].origin == "default" and f"{block.joint}.{name}" not in taken:
                 groups.setdefault(root, []).append(f"{block.joint}.{name}")
     for first, *others in groups.values():
@@ -138,6 +138,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
         if drive.joint.spring_stiffness == 0.0 and key not in taken and not (drive.mode and drive.mode.spring):
             parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
             yield replace(_cause(f"a spring of {drive.name}'s own", problem, parameter), flags=f"--free {key}=START")
+    yield from _limits(problem, x)
     for tie, wider in _without_ties(problem, x):
         text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
         yield Extension(text=text, flags=f"--free {tie.key}", problem=wider, begins=(0.0,), share=FURTHER)
@@ -178,16 +179,35 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
     return faults
 
 
-def _limits_met(problem: Problem, x: Array) -> Iterator[str]:
-    """Torque and speed limits of motors that the model reaches."""
+def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, float, float]]:
+    """Drive, name, level, and the largest value that the model reaches, of torque and speed limits of first motors."""
     track, values = problem.tracks[0], problem.layout.table(x, 0)
     for j, drive in enumerate(track.door.drives):
-        for name in (f"motor_{i}_{what}" for i in range(1, drive.dynamic_motors + 1) for what in ("torque", "velocity")):
-            limit = name.replace("_torque", "_max_torque").replace("_velocity", "_max_velocity")
-            key, level = f"{drive.name}.{limit}", values.get(f"{drive.name}.{limit}", drive.values[limit])
-            series = track.series(values, problem.playing[0], [(j, name)])
-            if series is not None and float(np.abs(series).max()) >= REACHED * level:
-                yield f"the model reaches {key} of {level:g}: is this limit the robot's? (--free {key})"
+        for what in ("torque", "velocity") if drive.dynamic_motors else ():
+            series = track.series(values, problem.playing[0], [(j, f"motor_1_{what}")])
+            name = f"motor_1_max_{what}"
+            if series is not None:
+                yield drive, name, values.get(f"{drive.name}.{name}", drive.values[name]), float(np.abs(series).max())
+
+
+def _limits_met(problem: Problem, x: Array) -> Iterator[str]:
+    for drive, name, level, reached in _motor_limits(problem, x):
+        if reached >= REACHED * level:
+            yield f"the model reaches {drive.name}.{name} of {level:g}: is this limit the robot's?"
+
+
+def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Limits below what the model reaches, the same for both motors."""
+    free = {entry.parameter.key for entry in problem.layout.entries}
+    for drive, name, _, reached in _motor_limits(problem, x):
+        key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
+        if key not in free and reached > 0.0:
+            low, high = min(BITES) * reached, 2.0 * reached
+            parameter = Parameter(key=key, unit=unit, start=reached, low=0.1 * low, high=high, logarithmic=True)
+            ties = [Tie(key=key.replace("motor_1", "motor_2"), to=key)] * (drive.dynamic_motors > 1)
+            cause = _cause(f"a limit {name} of {drive.name}", problem, parameter, ties)
+            flags = cause.flags.replace(key, f"{key}=START", 1)
+            yield replace(cause, flags=flags, finite=True, begins=tuple(np.log(BITES)))
 
 
 def _amplitude(problem: Problem, x: Array) -> Iterator[str]:

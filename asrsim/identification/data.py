@@ -13,10 +13,10 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES, Mode
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import COMPARABLE, EXTERNAL
-from asrsim.identification.noise import fine_noise, glitches, quantum_of
+from asrsim.identification.noise import fine_noise, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
-from asrsim.recordings import Recording, read_recording
+from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -26,6 +26,7 @@ from asrsim.signals.curve import Curve, curve_through
 
 CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
 PLACED = "drives compute velocities from their places, which are compared"
+ADJUSTED = "an adjuster stands at its reference"
 PLAYED = 2
 """Mode in which motors stand at their references."""
 COMPUTED = 1e-3
@@ -42,10 +43,9 @@ class Channel:
     time: Array
     """(n,) s on the simulation's clock."""
     values: Array
-    """(n,) SI, without missing ones and glitches."""
+    """(n,) SI, without missing ones."""
     noise: float
     """Standard deviation of its noise: given, or from its fine structure."""
-    given: bool
     quantum: float
     """Step of a quantised encoder; 0: none seen."""
 
@@ -104,8 +104,6 @@ class Data:
     commands: tuple[Command, ...]
     modes: Mapping[str, int]
     """That replace the robot's, because of the commands."""
-    recording: Recording
-    pairing: Mapping[str, str]
     remarks: tuple[str, ...] = ()
     held: bool
     """Only predicted."""
@@ -147,7 +145,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
         name=experiment.file.name, path=experiment.file, duration=round(max(1.0, np.floor(end / step + 1e-6)) * step, 12),
-        channels=channels, commands=tuple(commands), modes=modes, recording=recording, pairing=plan.pairing,
+        channels=channels, commands=tuple(commands), modes=modes,
         remarks=tuple(remarks), held=held,
     )  # fmt: skip
 
@@ -219,11 +217,14 @@ def _channels(
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     left_out: dict[str, list[str]] = {}
     acting = {block.joint: MODES[modes.get(block.joint, block.mode)] for block in plan.robot.actuators}
+    adjusted = {f"{block.joint}.motor_2_position" for block in plan.robot.actuators if ACTUATORS.get(block.actuator).adjuster}
     for key, (joint, column) in possible.items():
         quantity = str(column.quantity)
         if wanted and key not in wanted:
             continue
         reason = None if key in wanted else _left_out(quantity, acting.get(joint), column.source in computed)
+        if key in adjusted and not wanted:
+            reason = ADJUSTED
         if quantity.endswith("velocity") and key.replace("velocity", "position") in possible and not wanted:
             reason = PLACED
         if reason is not None:
@@ -268,10 +269,6 @@ def _channel(
     key = f"{joint}.{quantity}"
     good = np.isfinite(column.values) & (column.time - lag >= -1e-9)
     time, values = column.time[good] - lag, column.values[good]
-    off = glitches(values)
-    if off.any():
-        remarks.append(f"{key}: {int(off.sum())} samples far from both neighbours are left out")
-        time, values = time[~off], values[~off]
     if len(values) < 3 or not np.ptp(values) > 0.0:
         remarks.append(f"{key} is not compared: it never changes")
         return None
@@ -279,6 +276,5 @@ def _channel(
     noise = task.noise.get(key) or fine_noise(values, quantum)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     return Channel(
-        joint=joint, quantity=quantity, unit=unit, time=time, values=values, noise=noise,
-        given=key in task.noise, quantum=quantum,
+        joint=joint, quantity=quantity, unit=unit, time=time, values=values, noise=noise, quantum=quantum,
     )  # fmt: skip

@@ -138,9 +138,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
         elif "*" in tie.key and not any(to in free for _, to in pairs):
             problems.append(Problem(f"nothing of {tie.to}, to which it is tied, is free", key=tie.key, code="tie"))
         for key, to in pairs:
-            if key == to:
-                problems.append(Problem("is tied to itself", key=key, code="tie"))
-            elif to not in known:
+            if to not in known:
                 problems.append(_unknown(to, known, "tie"))
             elif "*" not in tie.key or to in free:
                 ties.append(Tie(key=key, to=to, factor=tie.factor))
@@ -192,20 +190,13 @@ def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]
 
 
 def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[Problem]:
-    targets: dict[str, str] = {}
+    tied: set[str] = set()
     for tie in ties:
-        if tie.key in targets:
+        if tie.key in tied:
             yield Problem("is tied twice", key=tie.key, code="tie")
-        targets[tie.key] = tie.to
-    for key, to in targets.items():
-        way = {key}
-        while to in targets and to not in way:
-            way.add(to)
-            to = targets[to]
-        if to in way:
-            yield Problem("is tied to itself over others", key=key, code="tie")
-        elif to not in free:
-            yield Problem(f"is tied to {to}, which is not free", key=key, hint=f"Free it: --free {to}", code="tie")
+        elif tie.to not in free:
+            yield Problem(f"is tied to {tie.to}, which is not free", key=tie.key, hint=f"Free it: --free {tie.to}", code="tie")
+        tied.add(tie.key)
 
 
 def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Problem:

@@ -80,13 +80,8 @@ class Layout:
         return self.tied(found)
 
     def tied(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Values by key with those that are tied to them, over as many ties as it takes."""
-        found = dict(values)
-        for _ in self.ties:
-            for tie in self.ties:
-                if tie.to in found:
-                    found[tie.key] = tie.factor * found[tie.to]
-        return found
+        """Values by key with those that are tied to them."""
+        return {**values, **{tie.key: tie.factor * values[tie.to] for tie in self.ties if tie.to in values}}
 
     def touched(self, index: int) -> range:
         """Recordings that an entry acts on."""

@@ -1,11 +1,10 @@
-"""Series of samples: their noise from fine structure, an encoder's quantum, models that whiten, glitches; how they begin."""
+"""Series of samples: their noise from fine structure, an encoder's quantum, models that whiten; how they begin."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from asrsim.samples import Array
 
@@ -26,8 +25,6 @@ STILL, FINE = 0.15, 0.5
 """Share of samples that stand still on an encoder's steps; noise in these steps that they make, and little else."""
 LEVELS = 20_000
 """Different numbers in a record, at most, of an encoder whose steps count."""
-OUTLIER = 12.0
-"""Deviations of its neighbourhood beyond which a single sample is a glitch."""
 BENT = 0.4
 """Share of the change of a start's slope over its samples by which the slope may be off."""
 FIRST, LONG = 15, 10
@@ -153,27 +150,6 @@ def whiten(values: Array, coefficients: Array) -> Array:
         result[p:] -= c * values[p - i : len(values) - i]
     result[:p] = 0.0
     return result
-
-
-def glitches(values: Array) -> NDArray[np.bool_]:
-    """Whether a sample is far from the median of itself and the two samples on each side, measured by its own surroundings,
-    and from the cubic through those samples, too.
-
-    Steps are near to that median, and the turning points of a fast but smooth motion to that cubic.
-    """
-    if len(values) < 9:
-        return np.zeros(len(values), bool)
-    # Beyond the ends the series goes on as it does beside them: mirrored, the end of a ramp would be a peak.
-    before, after = 0.5 * (values[3] - values[1]), 0.5 * (values[-2] - values[-4])
-    beyond = np.array([2.0, 3.0])
-    padded = np.concatenate([values[1] - before * beyond[::-1], values, values[-2] + after * beyond])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
-    away = np.abs(values - np.median(windows, axis=1))
-    bent = np.abs(windows @ np.array([1.0, -4.0, 6.0, -4.0, 1.0])) / 6.0
-    typical = float(np.quantile(away, 0.9))
-    scale = max(typical, 1e-3 * float(np.ptp(np.quantile(values, (0.01, 0.99)))))
-    # Two glitches side by side bend the cubic between them by a third of their height.
-    return np.asarray((away > OUTLIER * scale) & (3.0 * bent > OUTLIER * scale))
 
 
 def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:

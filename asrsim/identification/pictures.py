@@ -14,10 +14,6 @@ from asrsim.plots.output import save_figure, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST = 8
-"""Channels of a picture."""
-POINTS = 4000
-"""Of a line."""
 LINES = (
     ("recorded", {"color": "0.6", "linewidth": 2.2}),
     ("before", {"color": "C1", "linewidth": 0.9, "linestyle": "--"}),
@@ -38,7 +34,7 @@ def figures(result: Result) -> dict[str, Figure]:
     """Name -> figure, of each recording; call it inside :func:`asrsim.plots.output.styled`."""
     found, names = {}, list(dict.fromkeys(one.recording for one in result.channels))
     for name, channels, end in zip(names, result.series, result.ends, strict=True):
-        found[f"overlay_{Path(name).stem}" if len(names) > 1 else "overlay"] = _overlay(channels[:MOST], end, name)
+        found[f"overlay_{Path(name).stem}" if len(names) > 1 else "overlay"] = _overlay(channels, end, name)
     return found
 
 
@@ -49,14 +45,13 @@ def _overlay(channels: Sequence[Any], end: float, name: str) -> Figure:
     axes = figure.subplots(len(channels), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for one, (left, right) in zip(channels, axes, strict=True):
         time, recorded, after = one["time"], one["recorded"], one["after"]
-        few = slice(None, None, max(1, len(time) // POINTS))
         for label, style in LINES:
             if one[label] is not None:
-                left.plot(time[few], one[label][few], label=label, **style)
+                left.plot(time, one[label], label=label, **style)
         low, high = float(np.min(recorded)), float(np.max(recorded))
         left.set(ylabel=f"{one['key']}\n[{one['unit']}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
         if after is not None:
-            right.plot(time[few], (after - recorded)[few], color="C0", linewidth=0.5)
+            right.plot(time, after - recorded, color="C0", linewidth=0.5)
         for axis in (left, right):
             # What was only predicted.
             if end < time[-1] - 1e-9:

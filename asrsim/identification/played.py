@@ -49,25 +49,16 @@ class Played(Signal):
         return np.asarray(times[(times >= start) & (times <= end)])
 
 
-@dataclass(frozen=True)
-class Draw:
-    """Noise as a recording has it, once more: which one, and how many times its size."""
-
-    seed: int
-    size: float = 1.0
-
-
 def noise_of_command(command: Command) -> float:
     """Deviation of a recorded command's noise."""
     return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
 
 
-def drawn(commands: Sequence[Command], draw: Draw | None) -> Sequence[Command]:
-    """Commands with noise added."""
+def drawn(commands: Sequence[Command], draw: int | None) -> Sequence[Command]:
+    """Commands with a draw of their noise added; None: as they are."""
     if draw is None:
         return commands
-    generator = np.random.default_rng(draw.seed)
+    generator = np.random.default_rng(draw)
     return [
-        replace(one, values=one.values + draw.size * noise_of_command(one) * generator.normal(size=len(one.values)))
-        for one in commands
+        replace(one, values=one.values + noise_of_command(one) * generator.normal(size=len(one.values))) for one in commands
     ]

@@ -5,7 +5,7 @@ of it; another problem is made by `replace`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from asrsim.errors import RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel
 from asrsim.identification.layout import Layout
-from asrsim.identification.noise import whiten
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.samples import Array
 
@@ -32,23 +31,14 @@ HUBER = 3.0
 """Deviations beyond which a residual counts by its size, not its square."""
 
 
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """How the residuals of a channel count."""
+def weigh(values: Array, noise: float, quantum: float) -> Array:
+    """Differences (n,) or (n, k) of a channel, in deviations of its noise.
 
-    noise: float
-    """Its standard deviation."""
-    model: Array = field(default_factory=lambda: np.empty(0))
-    """Coefficients of the autoregression that whitens it."""
-
-    def weigh(self, values: Array, quantum: float) -> Array:
-        """Differences (n,) or (n, k), whitened, in deviations of the noise.
-
-        The zero of an encoder with steps of `quantum` is known within one only: the mean counts as this uncertainty lets it.
-        """
-        white = whiten(values, self.model) / self.noise
-        zero = len(values) * (quantum / self.noise) ** 2 / 12.0
-        return white - (1.0 - (1.0 + zero) ** -0.5) * white.mean(axis=0) if zero else white
+    The zero of an encoder with steps of `quantum` is known within one only: the mean counts as this uncertainty lets it.
+    """
+    sizes = values / noise
+    zero = len(values) * (quantum / noise) ** 2 / 12.0
+    return sizes - (1.0 - (1.0 + zero) ** -0.5) * sizes.mean(axis=0) if zero else sizes
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +48,8 @@ class Part:
     rows: slice
     track: int
     channel: Channel
-    weights: Weights
+    noise: float
+    """By which its residuals are divided."""
 
 
 @dataclass
@@ -86,7 +77,8 @@ class Problem:
     tracks: tuple[Track, ...]
     layout: Layout
     playing: tuple[Playing, ...]
-    weights: tuple[tuple[Weights, ...], ...]
+    weights: tuple[tuple[float, ...], ...]
+    """Of each channel: the standard deviation of its noise."""
     ends: tuple[float, ...]
     """s; 0 for recordings that are only predicted."""
     meter: Meter
@@ -128,9 +120,9 @@ class Problem:
         first = 0
         for track in self.fitted:
             until = self.until(track) + 1e-9
-            for channel, weights in zip(self.tracks[track].channels, self.weights[track], strict=True):
+            for channel, noise in zip(self.tracks[track].channels, self.weights[track], strict=True):
                 count = int(np.sum(channel.time <= until))
-                found.append(Part(slice(first, first + count), track, channel, weights))
+                found.append(Part(slice(first, first + count), track, channel, noise))
                 first += count
         return tuple(found)
 
@@ -140,9 +132,9 @@ class Problem:
         return slice(mine[0].start, mine[-1].stop)
 
     def weighted(self, differences: Sequence[Array], track: int) -> Array:
-        """Differences (n,) of each channel of a recording, weighted, one after the other."""
+        """(m,) of differences (n,) of each channel of a recording."""
         parts = zip(differences, self.tracks[track].channels, self.weights[track], strict=True)
-        return np.concatenate([weights.weigh(one, channel.quantum) for one, channel, weights in parts])
+        return np.concatenate([weigh(one, noise, channel.quantum) for one, channel, noise in parts])
 
     def blocks(self, count: int) -> NDArray[np.intp]:
         """(m,) number of the block, of about `count` per recording, that each residual belongs to."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
@@ -14,16 +14,15 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes, ties_that_are_none
-from asrsim.identification.extensions import ASKED
-from asrsim.identification.judge import channel_fits, foreign, rms, verdict
-from asrsim.identification.problem import Errors, Problem, Weights, errors, jacobian, mean_square, residuals
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
+from asrsim.identification.problem import Errors, Problem, errors, jacobian, mean_square
 from asrsim.identification.progress import Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.uncertainty import Uncertainty, correlations, unbiased, uncertainty, widened
-from asrsim.identification.verdicts import IDENTIFIED, WEAK, bounds_met, doubted, estimates
+from asrsim.identification.uncertainty import Uncertainty, correlations, uncertainty, widened
+from asrsim.identification.verdicts import bounds_met, doubted, estimates
 from asrsim.samples import Array
 from asrsim.workers import one_thread
 
@@ -37,7 +36,6 @@ def identify(
     *,
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
-    begin: Mapping[str, float] | None = None,
     check: bool = False,
     accept: bool = False,
     seconds: float | None = None,
@@ -53,7 +51,6 @@ def identify(
         experiments, options: As :func:`task_of` takes them.
         progress: Called now and then.
         stop: Called between evaluations; True ends the search, and the best fit so far is judged.
-        begin: Name of an entry -> value to begin at, in place of the starts: those of an interrupted fit.
         check: Only look: sensitivities at the start.
         accept: If the model does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
             as estimates from a tenth of the recording differ.
@@ -68,8 +65,7 @@ def identify(
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
         setup = set_up(task, stack)
-        problem, given = setup.problem, begin or {}
-        start = np.array([one.place(given[one.name]) if one.name in given else 0.0 for one in problem.layout.entries])
+        problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = _errors(problem, start)
         if any(before[track] is None for track in problem.fitted):
             message = "the motion at the start is not sane: it diverges before the recording ends"
@@ -99,8 +95,6 @@ def _errors(problem: Problem, x: Array) -> Errors:
 def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch, *, accept: bool) -> Result:
     watch.stage("judgement")
     problem, trained, complete = best.problem, best.x, status == "complete"
-    if not complete:
-        problem = replace(problem, weights=tuple(tuple(Weights(w.noise) for w in track) for track in problem.weights))
     after = _errors(problem, trained)
     playing = zip(problem.tracks, problem.playing, strict=True)
     shaken = [track.shaken(problem.layout.table(trained, i), one) for i, (track, one) in enumerate(playing)]
@@ -109,8 +103,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
     causes = []
     if misfit:
         watch.stage("what may be missing")
-        plain = replace(problem, weights=tuple(tuple(Weights(c.noise) for c in track.channels) for track in problem.tracks))
-        causes = [*foreign(fits), *watch.unless_stopped(lambda: missing_causes(plain, trained))]
+        causes = [*foreign(fits), *watch.unless_stopped(lambda: _causes(problem, trained))]
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
@@ -121,9 +114,6 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
     if misfit:
         missed, channel = max((max(1.0 - one.explained, 0.0) ** 0.5, one.key) for one in fits)
         known = doubted(known, missed, channel)
-    sure = [one.verdict in (IDENTIFIED, WEAK) for one in known]
-    if moved := _moved(problem, final, trained, x, np.where(sure, found.deviation, np.inf)):
-        misfit, causes = misfit or ["estimates change with the part of the recording"], [*causes, *moved]
     return Result(
         task=setup.task, estimates=tuple(known), combinations=tuple(combined), correlation=correlations(found.covariance),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
@@ -138,16 +128,25 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
     )  # fmt: skip
 
 
+def _causes(problem: Problem, x: Array) -> Iterator[str]:
+    """What the model may lack, in the training part, or in whole recordings where only the held-out part does not fit."""
+    plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
+    if fits_noise(problem, x):
+        plain = plain.whole
+        x = refined(plain, x, 20)
+    yield from missing_causes(plain, x)
+
+
 def _unsure(problem: Problem, x: Array) -> list[float]:
     """For each channel, RMS of the change of its held-out prediction within the deviations of the estimates."""
     values, vectors = np.linalg.eigh(uncertainty(problem, x, bounds_met(problem.layout, x)).covariance)
-    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in problem.tracks)
+    weights = tuple(tuple(channel.floor for channel in track.channels) for track in problem.tracks)
     everything = replace(problem, ends=tuple(track.data.duration for track in problem.tracks), weights=weights)
     moves = jacobian(everything, x) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     sizes = []
     for part in everything.parts:
         held = moves[part.rows][part.channel.time > problem.ends[part.track] + 1e-9]
-        sizes.append(rms(np.linalg.norm(held, axis=1)) * part.weights.noise)
+        sizes.append(rms(np.linalg.norm(held, axis=1)) * part.noise)
     return sizes
 
 
@@ -163,26 +162,8 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
         least, x = min(((mean_square(whole, one), one) for one in (there, x)), key=lambda pair: pair[0])
         if least > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
-    x = unbiased(whole, x)
     met = bounds_met(whole.layout, x)
     return whole, x, widened(whole, x, uncertainty(whole, x, met)), met
-
-
-def _moved(problem: Problem, final: Problem, trained: Array, x: Array, deviations: Array) -> list[str]:
-    """Parameters that differ with and without the held-out part by more than chance."""
-    apart = np.abs(x - trained) > np.maximum(6.0 * deviations, 0.1)
-    if not apart.any():
-        return []
-    # In a long valley a search may end anywhere: an estimate that explains the training part as well is no other one.
-    near, there = residuals(problem, trained), residuals(problem, x)
-    if there @ there < near @ near + ASKED * float(np.mean(near**2)):
-        return []
-    return [
-        f"{entry.name} is {b:.4g} from whole recordings, but {a:.4g} without the held-out part: no value holds for all of it"
-        for entry, a, b, off in zip(
-            final.layout.entries, final.layout.values(trained), final.layout.values(x), apart, strict=True
-        ) if off
-    ]  # fmt: skip
 
 
 def _remarks(setup: Setup, best: Best) -> Iterator[str]:

@@ -14,20 +14,16 @@ from asrsim.identification.balance import regressed
 from asrsim.identification.causes import presliding, stairs
 from asrsim.identification.extensions import Extended, extended
 from asrsim.identification.judge import fits_noise, is_explained, rms
-from asrsim.identification.noise import independent_samples
 from asrsim.identification.problem import (
     ROUNDS,
     Problem,
-    Weights,
     errors,
     huber,
-    mean_square,
     residuals,
     solve,
     with_own_substeps,
 )
 from asrsim.identification.setup import Setup
-from asrsim.identification.uncertainty import whitened
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
@@ -36,8 +32,8 @@ NEARER = 0.5
 """Fraction of the start's cost that a start from regression may have: near the noise, its bias would mislead."""
 AGREED = 2
 """Searches of a model that does not fit that must end alike."""
-ALIKE = 0.05
-"""Largest relative cost of weights by correlated noise: where it is larger, the model is wrong and not the noise correlated."""
+OUTLIER = 6.0
+"""Robust standard deviations beyond which a residual is an outlier."""
 SPREAD = 3.0
 """Factor by which starts are scattered."""
 
@@ -155,20 +151,15 @@ def _resolve(best: Best) -> None:
 
 
 def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Once more with each channel's noise and its correlation, as the residuals show them.
+    """Once more with each channel's noise as its residuals show it."""
+    found = [*problem.weights]
+    for track in problem.fitted:
+        found[track] = tuple(map(noise_of_residuals, errors(problem, x, track) or [np.ones(1)]))
+    weighted = replace(problem, weights=tuple(found))
+    return weighted, refined(weighted, x, 15)
 
-    Whitening is right for correlated noise; where the model is wrong it would favour what the model does best.
-    """
-    white = replace(problem, weights=whitened(problem, x))
-    there = refined(white, x, 15)
-    better = mean_square(white, there) <= mean_square(white, x) * (1.0 + 1e-9)
-    left = [errors(problem, x, track) or [np.ones(1)] for track in problem.fitted]
-    everything = np.concatenate([one for track in left for one in track])
-    # Of so many independent samples, a fit without these weights explains a part by chance.
-    limit = 1.0 + min(max(2.0 * len(x) / independent_samples(everything), 0.01), ALIKE)
-    if better and huber(residuals(problem, there)) <= limit * huber(residuals(problem, x)):
-        return white, there
-    plain = [tuple(Weights(rms(one)) for one in track) for track in left]
-    found = replace(problem, weights=(*plain, *problem.weights[len(plain) :]))
-    # A search that was far from the noise may have stopped early.
-    return found, refined(found, x, 10)
+
+def noise_of_residuals(left: Array) -> float:
+    """Root mean square of residuals (n,) without outliers; an offset of all of them is no outlier, and counts."""
+    away = np.abs(left - np.median(left))
+    return max(rms(left[away <= OUTLIER * float(np.median(away)) / 0.6745 + 1e-300]), 1e-12)

@@ -11,7 +11,7 @@ from asrsim.identification.data import read_data
 from asrsim.identification.door import load_plugin_file
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
-from asrsim.identification.problem import Meter, Problem, Weights
+from asrsim.identification.problem import Meter, Problem
 from asrsim.identification.task import Task
 from asrsim.identification.track import Track
 from asrsim.robot.model import Robot
@@ -55,7 +55,7 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     layout = make_layout(free, ties, [one.name for one in data], [_start(track) for track in tracks if not track.data.held])
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
-    weights = tuple(tuple(Weights(channel.floor) for channel in track.channels) for track in tracks)
+    weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
     problem = Problem(tuple(tracks), layout, tuple(track.playing for track in tracks), weights, ends, Meter())
     count = problem.parts[-1].rows.stop
     if count <= len(layout):

@@ -1,4 +1,4 @@
-"""A fit on the terminal: tables of parameters and errors, remarks, the judgement, and advice for the next experiment."""
+"""A fit on the terminal: tables of parameters and errors, remarks, the judgement."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.result import Result
 from asrsim.identification.verdicts import HOPELESS, Estimate
-from asrsim.robot.model import INERTIAS
 
 CORRELATED = 0.95
 """Correlation from which on two estimates are named."""
@@ -71,7 +70,7 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
         yield "only looked: these are the intervals that the recordings allow, if the starts are near", "bold"
         return
     if result.status != "complete":
-        yield f"{result.status}: the best so far; --resume goes on from it", "yellow"
+        yield f"{result.status}: the best so far", "yellow"
         return
     if result.whole:
         yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
@@ -89,31 +88,6 @@ def judgement(result: Result) -> Iterator[tuple[str, str]]:
         yield "  accepted: intervals are as wide as estimates from a tenth of the recording differ", "yellow"
     if not result.causes:
         yield "  what is missing does not show; look at the residuals in its picture", "red"
-
-
-def advice(result: Result) -> Iterator[str]:
-    """Motions that show the parameters that are not well known."""
-    wanted: dict[str, list[str]] = {}
-    for one in result.estimates:
-        if one.verdict not in ("identified", "at bound"):
-            wanted.setdefault(_movement(one.key), []).append(one.name)
-    yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items() if text)
-
-
-def _movement(key: str) -> str:
-    """The motion that shows a parameter."""
-    joint, _, name = key.rpartition(".")
-    if "friction" in name:
-        return "turn slowly, and reverse often: friction shows at low speed"
-    if "damping" in name:
-        return "move fast and let swing out: damping shows at high speed"
-    if name.startswith("hysteresis"):
-        return f"deflect {joint} to and fro, far and little, slowly: hysteresis shows where the motion turns"
-    if name.startswith(("spring", "max_deflection", "lever", "pulley")):
-        return f"deflect {joint} more, by loads or fast reversals, and at several presets"
-    if "inertia" in name or name in ("mass", *INERTIAS):
-        return "accelerate more: steps and chirps at higher frequencies"
-    return ""
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:

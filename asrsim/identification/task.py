@@ -96,6 +96,8 @@ class Task:
         doc="files with your own actuators; each runs only where --plugin names it too",
     )
     name: str = ""
+    file: Path | None = None
+    """The fit file; None: the task is of a scenario."""
 
 
 _KEYS: Block[Any] = block_of(Task, "fit")
@@ -123,7 +125,8 @@ def task_of(
     which each recording has its own value; mapping, rate: of all recordings; plugins: users' actuators that a file may run.
     """
     path, faults, base = Path(scenario), list[Problem](), Path()
-    if kind_of(path) == "fit":
+    fit = kind_of(path) == "fit"
+    if fit:
         if said := [name for name, value in (("experiments", experiments), ("mapping", mapping), ("rate", rate)) if value]:
             message = f"a fit file names its recordings itself, and how they are read; without it: {', '.join(said)}"
             raise InputError(message, file=path, hint="Write them into it, under `experiments`", code="fit-file")
@@ -145,7 +148,14 @@ def task_of(
     for key in one_or_more(own):
         wishes[key] = replace(wishes.get(key, Wish()), own=True)
     made = tuple(_tie(key, text, path) for key, text in dict(found.pop("ties")).items())
-    return Task(**found, free=wishes, ties=made, overrides=override_texts(overrides), name=path.stem)
+    return Task(
+        **found,
+        free=wishes,
+        ties=made,
+        overrides=override_texts(overrides),
+        name=path.stem,
+        file=path if fit else None,
+    )
 
 
 def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float | None) -> list[dict[str, Any]]:

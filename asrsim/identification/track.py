@@ -12,7 +12,7 @@ from asrsim.identification.data import Channel, Data
 from asrsim.identification.door import EXTERNAL, Door, Numbers, Start, Substeps
 from asrsim.identification.keys import CLOCK
 from asrsim.identification.noise import at_rest, first_samples
-from asrsim.identification.played import Draw, Played, drawn, noise_of_command
+from asrsim.identification.played import Played, drawn, noise_of_command
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -40,8 +40,8 @@ class Playing:
     substeps: Substeps
     held: frozenset[str] = frozenset()
     """Keys of commands that are played as stairs: what gave them held each sample until the next."""
-    draw: Draw | None = None
-    """Noise that is added to the recorded inputs."""
+    draw: int | None = None
+    """Number of the draw of noise that is added to the recorded inputs."""
 
 
 class Track:
@@ -128,15 +128,10 @@ class Track:
     ) -> Iterator[list[Array] | None]:
         """The same of several sets of numbers: worlds of one rollout."""
         steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
-        found = self.simulated(self.wanted, [self._world(values, playing) for values in tables], steps, playing.substeps)
+        worlds = [self._world(values, playing) for values in tables]
+        found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
         for values, series in zip(tables, found, strict=True):
             yield None if series is None else self._sensed(values, series, until)
-
-    def simulated(
-        self, names: Sequence[tuple[int, str]], starts: Sequence[Start], steps: int | None, substeps: Substeps
-    ) -> Iterator[Array | None]:
-        """As :meth:`Door.rollout`."""
-        return self.door.rollout(names, starts, steps=steps, substeps=substeps)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
         """Quantities (joint's number, name) at whole steps, whether they were recorded or not; None as :meth:`predict`."""
@@ -189,7 +184,7 @@ class Track:
         """By how much noise as the recorded inputs have it moves each channel (n,): one draw; None where it moves nothing."""
         if not self.has_noisy_inputs:
             return None
-        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=Draw(draw))))
+        before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=draw)))
         return None if before is None or after is None else [a - b for a, b in zip(after, before, strict=True)]
 
     def close(self) -> None:

@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.identification.balance import TorqueTrack
-from asrsim.identification.data import Channel
-from asrsim.identification.noise import autocovariances, autoregression, whiten
-from asrsim.identification.played import Draw
-from asrsim.identification.problem import Part, Problem, Weights, errors, jacobian, residuals, solve
+from asrsim.identification.noise import autocovariances, autoregression
+from asrsim.identification.problem import Part, Problem, jacobian, residuals, weigh
 from asrsim.samples import Array
 
 BLOCKS = 10
@@ -33,8 +31,8 @@ DRAWS = 100
 """Of an encoder's steps."""
 AGREES, ROUNDS = 0.3, 4
 """Relative change of slopes that leaves directions as they are; rounds at most."""
-PLAYED, PLACES = 8, 4
-"""Draws of noise of the played commands, and pairs of draws of noise of places whose bias is removed."""
+PLAYED = 8
+"""Draws of noise of the played commands."""
 CORRECTIONS = 3
 """Rounds in which autocovariances are corrected for the parameters that were fitted."""
 STATIONARY = 1e-3
@@ -54,7 +52,7 @@ class Uncertainty:
     deviation: Array
     """(n,) the larger of the noise's and of the blocks'; nan where nothing is known."""
     jacobian: Array
-    """(m, n) whitened, in deviations of the noise."""
+    """(m, n) in deviations of the noise."""
     quantile: Array
     """(n,) half width of the 95 % interval, in deviations."""
     noise: Array
@@ -102,36 +100,6 @@ class Uncertainty:
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
         return self.with_deviation(np.fmax(self.deviation, spread), self.quantile)
-
-
-def whitened(problem: Problem, x: Array) -> tuple[tuple[Weights, ...], ...]:
-    """Noise and autoregression of each channel, from the residuals at x."""
-    found = [*problem.weights]
-    for track in problem.fitted:
-        left = errors(problem, x, track) or []
-        found[track] = tuple(_weights(*pair) for pair in zip(problem.tracks[track].channels, left, strict=True))
-    return tuple(found)
-
-
-def _weights(channel: Channel, left: Array) -> Weights:
-    middle = left - np.median(left)
-    scale = max(float(np.median(np.abs(middle))) / 0.6745, 1e-300)
-    # Outliers must not shape the model of the noise.
-    model, _ = autoregression(autocovariances(np.clip(middle, -6.0 * scale, 6.0 * scale)), len(left))
-    # Whitening pays where fast noise is louder than slow; of slow noise, least squares are as exact without. The steps of an
-    # encoder go with the motion: no autoregression whitens them.
-    if channel.quantum or float(np.sum(model)) > 0.0:
-        model = np.empty(0)
-    return Weights(channel.noise if channel.given and not len(model) else _innovation(left, model), model)
-
-
-def _innovation(left: Array, model: Array) -> float:
-    """Root mean square of the whitened residuals without outliers; an offset of all of them is no outlier, and counts."""
-    white = whiten(left, model)[len(model) :]
-    away = np.abs(white - np.median(white))
-    scale = float(np.median(away)) / 0.6745
-    kept = white[away <= 6.0 * scale] if scale > 0.0 else white
-    return max(float(np.sqrt(np.mean(kept**2))) if len(kept) else 0.0, 1e-12)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +177,12 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     """(n, draws) residuals that an encoder leaves, whose zero is anywhere in a step, of the predicted motion with noise."""
     generator = np.random.default_rng(0)
     step, size = part.channel.quantum, (len(left), DRAWS)
-    power = float(np.mean(left**2)) * part.weights.noise**2
+    power = float(np.mean(left**2)) * part.noise**2
     noise = generator.normal(scale=max(power - step**2 / 12.0, 0.0) ** 0.5, size=size)
-    predicted = (part.channel.values[: len(left)] + left * part.weights.noise)[:, None]
+    predicted = (part.channel.values[: len(left)] + left * part.noise)[:, None]
     zeros = step * generator.uniform(-0.5, 0.5, size=DRAWS)
     shown = step * np.round((predicted + noise + zeros) / step) - predicted
-    return part.weights.weigh(shown, step)
+    return weigh(shown, part.noise, step)
 
 
 def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
@@ -305,18 +273,3 @@ def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
                 cut = [one[:length] for one, length in zip(moved, lengths, strict=True)]
                 change[problem.rows(number)] = problem.weighted(cut, number)
         yield change
-
-
-def unbiased(problem: Problem, x: Array) -> Array:
-    """x without the mean shift by noise of the recorded places (errors in variables): that of as much noise once more.
-
-    Simulation and extrapolation, Cook and Stefanski 1994; draws in pairs of both signs, whose odd parts cancel.
-    """
-    driven = [i for i in problem.fitted if isinstance(problem.tracks[i], TorqueTrack)]
-    moved = np.zeros(len(x))
-    for draw in range(PLACES if driven else 0):
-        for sign in (1.0, -1.0):
-            draws = [Draw(PLACES * i + draw, sign) if i in driven else None for i in range(len(problem.playing))]
-            playing = tuple(replace(one, draw=noise) for one, noise in zip(problem.playing, draws, strict=True))
-            moved += solve(replace(problem, playing=playing), x, rounds=10) - x
-    return np.clip(x - 0.5 * moved / PLACES, *problem.layout.bounds)

@@ -19,8 +19,8 @@ from asrsim.kinematics.holding import Holding, goals_of, holdings
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.inertia import zero_pose_matrix
 from asrsim.robot.mounting import drive_of
-from asrsim.scenario.check import made_elsewhere
 from asrsim.scenario.data import for_joint
+from asrsim.scenario.doubts import made_elsewhere
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario

@@ -25,8 +25,6 @@ MOST = 1000
 """Messages taken at once, and channels that clients may advertise."""
 PATIENCE = 5.0
 """s that a client waits for an answer."""
-_FLAG = {"type": "object", "properties": {"data": {"type": "boolean"}}}
-_ANSWER = {"type": "object", "properties": {"success": {"type": "boolean"}, "message": {"type": "string"}}}
 
 
 class FoxgloveTransport:
@@ -83,20 +81,17 @@ class FoxgloveTransport:
 
         service = self._interface.services[name]
 
-        def schema(title: str, shape: Any) -> Any:
-            data = json.dumps(shape).encode()
-            return MessageSchema(encoding="json", schema=Schema(name=title, encoding="jsonschema", data=data))
-
         def handler(request: Any) -> bytes:
-            done, message = False, 'expected {"data": true} or {"data": false}'
+            message, fault = None, 'expected {"data": true} or {"data": false}'
             with suppress(ValueError, AttributeError):
                 flag = json.loads(bytes(request.payload) or b"{}").get("data", False)
                 if isinstance(flag, bool):
-                    done, message = self._ask(lambda: service.call(flag)) or (False, "the run does not answer")
-            return json.dumps({"success": done, "message": message}).encode()
+                    message, fault = self._ask(lambda: service.call(flag)), "the run does not answer"
+            return json.dumps({"success": message is not None, "message": message or fault}).encode()
 
-        takes = _FLAG if service.takes_flag else {"type": "object"}
-        kind = ServiceSchema(name=name, request=schema(f"{name}_request", takes), response=schema("answer", _ANSWER))
+        schema = Schema(name=name, encoding="jsonschema", data=b'{"type": "object"}')
+        data = MessageSchema(encoding="json", schema=schema)
+        kind = ServiceSchema(name=name, request=data, response=data)
         return Service(f"{self._interface.node}/{name}", schema=kind, handler=handler)
 
     # -- called by the server's threads -----------------------------------------------------------------------------

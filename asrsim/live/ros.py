@@ -114,7 +114,7 @@ class RosTransport:
         for name, service in self._interface.services.items():
 
             def answer(request: Any, response: Any, service: Any = service) -> Any:
-                response.success, response.message = service.call(bool(getattr(request, "data", False)))
+                response.success, response.message = True, service.call(bool(getattr(request, "data", False)))
                 return response
 
             self._node.create_service(SetBool if service.takes_flag else Trigger, f"~/{name}", answer)

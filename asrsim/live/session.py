@@ -100,26 +100,26 @@ class Session:
             node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
             latched=self.publisher.latched,
             services={
-                "pause": Service("true: pause; false: go on", self._pause, takes_flag=True),
-                "reset": Service("back to the start; the log is closed, another begins", self._ask_reset),
-                "release": Service("all references follow the scenario again", self._release),
+                "pause": Service(self._pause, takes_flag=True),
+                "reset": Service(self._ask_reset),
+                "release": Service(self._release),
             },
         )  # fmt: skip
 
-    def _pause(self, flag: bool) -> tuple[bool, str]:
+    def _pause(self, flag: bool) -> str:
         self.paused = flag
         self.pace.start()
-        return True, "paused" if flag else "running"
+        return "paused" if flag else "running"
 
-    def _ask_reset(self, _: bool) -> tuple[bool, str]:
+    def _ask_reset(self, _: bool) -> str:
         self._reset = True
-        return True, "back to the start"
+        return "back to the start"
 
-    def _release(self, _: bool) -> tuple[bool, str]:
+    def _release(self, _: bool) -> str:
         self._motions.clear()
         for target in list(self._held):
             self._set(target, None)
-        return True, "all references follow the scenario"
+        return "all references follow the scenario"
 
     # -- the run -----------------------------------------------------------------------------------------------------
 

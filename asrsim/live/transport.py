@@ -77,9 +77,8 @@ def _numbers(values: Iterable[Any]) -> list[float]:
 class Service:
     """An action of a run that a client may ask for."""
 
-    doc: str
-    call: Callable[[bool], tuple[bool, str]]
-    """call(flag) -> success and a message; the flag counts where `takes_flag`."""
+    call: Callable[[bool], str]
+    """call(flag) -> the new state in words; the flag counts where `takes_flag`."""
     takes_flag: bool = False
 
 

@@ -34,7 +34,7 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
 
 def decompress(name: str, packed: bytes, size: int) -> bytes:
     """The content of a chunk of `size` bytes; raises ValueError where it is damaged, or longer."""
-    # Memory is not given to whatever a damaged or hostile file asks for.
+    # A damaged or hostile file may claim any size.
     if size > _LARGEST_CHUNK:
         raise ValueError("a chunk claims more data than it can hold")
     if name == "":

@@ -55,8 +55,8 @@ class ColumnReader:
             ]
             if not columns:
                 continue
-            alike = (view(offset, "u1") == Opcode.MESSAGE) & (view(offset + 1, "<u8") == length)
-            if not np.all(alike & (view(offset + 9, "<u2") == channel)):
+            same = (view(offset, "u1") == Opcode.MESSAGE) & (view(offset + 1, "<u8") == length)
+            if not np.all(same & (view(offset + 9, "<u2") == channel)):
                 raise ValueError("the rows of a chunk differ; was the file rewritten by another program?")
             for place, column in columns:
                 if not 0 <= place <= length - (MESSAGE_HEADER.size - 9) - 8:

@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Log:
-    """A log, or the part of it that was asked for, in memory."""
+    """A log, or a selected part of it, in memory."""
 
     path: Path
     info: RunInfo
@@ -90,7 +90,7 @@ class LogReader:
         end: float | None = None,
         stride: int | None = None,
     ) -> Log:
-        """All samples, or those asked for; arguments as in :meth:`iter_samples`."""
+        """All samples, or a selection; arguments as in :meth:`iter_samples`."""
         parts = list(self.iter_samples(quantities=quantities, joints=joints, start=start, end=end, stride=stride))
         names, members = self._selection(quantities, joints)
         return Log(

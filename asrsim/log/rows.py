@@ -18,7 +18,7 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time: what stands before a message's data in a chunk."""
 
 _CHUNK_BYTES = 4 << 20
-"""Of rows that are held in memory at once."""
+"""Size of the rows that stand in memory at once."""
 _ROWS = (256, 2048)
 """Fewest and most rows: below, the calls cost more than the copying; above, a killed run loses more than it need."""
 

@@ -166,7 +166,7 @@ def contact_topic(contact: str) -> Topic:
 
 
 def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
-    """`/<namespace>/<joint>` of every joint, in characters that ROS allows, no two alike."""
+    """`/<namespace>/<joint>` of every joint, in characters that ROS allows, each of them unique."""
     paths: list[str] = []
     for joint in joints:
         path = plain = _ros_path(f"{joint.namespace}/{joint.name.replace('/', '_')}")

@@ -75,7 +75,7 @@ def align_recording(
 
 
 def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
-    """The series of a run of which parts can be read, such as a log's."""
+    """Gives the series of a run, such as a log, from which single quantities can be read."""
     recorded = {info.name: info.quantities for info in infos}
 
     def series(joint: str, quantity: str) -> tuple[Array, Array] | None:

@@ -149,7 +149,7 @@ def _tables(
 
 
 def _columns(name: str, value: Any) -> Columns:
-    """A vector under its name; a matrix as a column each, of which the long side is the time."""
+    """A vector under its name; the columns of a matrix, whose longer side is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
     if array.dtype.kind in "Mm" and array.ndim == 1 and len(array):

@@ -6,7 +6,7 @@ import json
 import struct
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
@@ -74,7 +74,8 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
     members = message if isinstance(message, dict) else {
         each.name: getattr(message, each.name) for each in fields(message) if not each.name.startswith("__")
     }  # fmt: skip
-    names = next((told for key in _NAMES if isinstance(told := members.get(key), list) and isinstance(told[0], str)), [])
+    named = [members[key] for key in _NAMES if isinstance(members.get(key), list)]
+    names: Sequence[str] = next((entries for entries in named if entries and isinstance(entries[0], str)), [])
     for key, value in members.items():
         if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):
             continue
@@ -86,11 +87,11 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
         elif isinstance(value, np.ndarray | list | tuple):
             if len(value) > _LONGEST:
                 raise NoSignal
-            named = names if len(names) == len(value) else []
+            fitting = len(names) == len(value)
             for i, item in enumerate(value):
-                place = f"{path}[{named[i] if named else i}]"
+                place = f"{path}[{names[i] if fitting else i}]"
                 if _is_number(item):
-                    yield (place, str(named[i]) if named else None), float(item)
+                    yield (place, str(names[i]) if fitting else None), float(item)
                 elif isinstance(item, dict) or is_dataclass(item):
                     yield from flatten(item, f"{place}.")
 
@@ -149,10 +150,10 @@ def read_bag(path: Path, reading: Reading) -> Content:
         for one in unknown
     ]
     if not tables:
-        held = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
+        names = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
         raise RecordingError(
-            f"holds no numeric messages that can be read; it holds {held}" + (f"; {reasons}" if reasons else ""),
+            f"holds no numeric messages that can be read; it holds {names}" + (f"; {reasons}" if reasons else ""),
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
             "in the file",
@@ -270,7 +271,7 @@ class _Types:
 
 
 def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]) -> Iterator[RawTable]:
-    """A table of the messages of a topic that hold the same numbers, in whatever order they name them."""
+    """A table for each set of numbers that messages of a topic hold, in any order."""
     groups: dict[tuple[int, frozenset[Label]], _Group] = {}
     broken: Counter[int] = Counter()
     for topic_id, logged, data in messages:

@@ -6,7 +6,7 @@ import json
 import pickle
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ class Reader:
     read: Callable[[Path, Reading], Content]
     """Raises RecordingError with what is wrong; other errors are taken for damage of the file."""
     magic: tuple[bytes, ...] = ()
-    """First bytes by which it is known, whatever its name ends in."""
+    """First bytes by which the format is known, under any ending."""
     confined: bool = True
     """It is read in a process of its own, bounded in time and memory: every format but text."""
 
@@ -158,7 +158,7 @@ def pack(answer: Content | Sequence[Problem]) -> bytes:
 
     def plain(one: Any) -> Any:
         if not isinstance(one, np.ndarray):
-            return vars(one)
+            return vars(one) if is_dataclass(one) else str(one)
         arrays.append(one)
         return f"arr_{len(arrays) - 1}"
 
@@ -174,7 +174,7 @@ def unpack(data: bytes) -> Content:
     arrays = {None: None, **np.load(BytesIO(rest), allow_pickle=False)}
 
     def problems(items: list[dict[str, Any]]) -> tuple[Problem, ...]:
-        return tuple(Problem(**{**one, "choices": tuple(one["choices"])}) for one in items)
+        return tuple(Problem(**{**one, "file": None, "choices": tuple(one["choices"])}) for one in items)
 
     found = json.loads(head)
     if isinstance(found, list):

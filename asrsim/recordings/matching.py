@@ -45,7 +45,7 @@ def match_joints(
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
     """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one.
 
-    mode: of the run, whose reference is a position or a torque; None: its unit is not asked for.
+    mode: of the run, whose reference is a position or a torque; None: its unit is not checked.
     """
     quantity = str(column.quantity)
     # Second references and motors have units of their own (AwAS-II's adjuster moves in m).

@@ -1,21 +1,34 @@
-"""`read_recording`: one entry to every format."""
+"""`read_recording`: one entry to every format; what each column is, its unit, and what is odd about its numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from asrsim.document.mistaken import DOCUMENTS, mistaken
-from asrsim.errors import Problem, RecordingError
+from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
-from asrsim.recordings.build import build
-from asrsim.recordings.data import Content, RawSeries, Recording
+from asrsim.recordings.data import Column, Content, RawSeries, Recording
 from asrsim.recordings.formats import content_of
-from asrsim.recordings.reading import Reading, is_document, load_reading, resolve_reading
+from asrsim.recordings.matching import matching_name
+from asrsim.recordings.names import KNOWN, Meaning, find_raw, joint_of, meaning_of, stated_unit
+from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
+from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import series_of
+from asrsim.recordings.units import Unit, find_unit, fits
+
+LARGEST = 1e30
+"""SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
+_TURNS = 20.0
+"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
+ORIGINS = ("command line", "", "named in the file", "by its name")
+"""Why a column is what it is, the strongest first; "": a document's name."""
 
 
 def read_recording(
@@ -54,16 +67,220 @@ def read_series(
 ) -> tuple[Content, list[RawSeries], Recording]:  # fmt: skip
     """What the file holds, its series on their clean times, and the recording."""
     findings: list[Problem] = []
+    series: list[RawSeries] = []
     try:
         content = content_of(path, reading)
         findings += content.findings
         series, epoch = series_of(content, reading, findings)
-        recording = build(
-            path, content.format, series, reading, joints, findings=findings, epoch=epoch, topics=content.topics
-        )  # fmt: skip
+        recording = _recording(path, content, series, reading, joints, findings=findings, epoch=epoch)
     except RecordingError as error:
-        # What was read is a recording, whatever its keys are called.
-        other = mistaken(path, "recording") if path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro") else None
+        # Only a file that cannot be read may be another document.
+        unread = not series and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
+        other = mistaken(path, "recording") if unread else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
         raise RecordingError(problems) from None
     return content, series, recording
+
+
+def _recording(
+    path: Path, content: Content, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, *,
+    findings: list[Problem], epoch: float | None,
+) -> Recording:  # fmt: skip
+    """The recording; raises RecordingError with all problems of the mapping."""
+    series = _windowed(series, reading)
+    explicit = _explicit(series, reading, joints, content.topics)
+    repeated = {_first_of(one.name) for one in series if _first_of(one.name) != one.name}
+    with np.errstate(over="ignore", invalid="ignore"):
+        columns = [_column(one, explicit.get(i), reading, joints, repeated) for i, one in enumerate(series)]
+    columns = [_measured(column, findings) for column in _without_repeats(columns, findings)]
+    findings += [*suspicions(columns, series), *_questions(path, columns)]
+    times = {id(column.time): len(column.time) for column in columns if column.quantity}
+    if len(times) > 1:
+        message = f"its columns have times of their own, with {listed(sorted({*times.values()}), 6)} samples; each is kept"
+        findings.append(Problem(message, code="several-times"))
+    return Recording(
+        path=path, format=content.format, time=max(columns, key=lambda column: len(column.time)).time, epoch=epoch,
+        channels={column.source: column for column in columns}, reading=reading.origin,
+        findings=tuple(replace(one, file=one.file or path) for one in condense(findings)),
+    )  # fmt: skip
+
+
+def _first_of(name: str) -> str:
+    """The name without the number of its repetition: q of q#2."""
+    return re.sub(r"#\d+$", "", name)
+
+
+def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeries]:
+    """The series within the window; raises RecordingError where nothing is left."""
+    if reading.window is None:
+        return series
+    inside = {id(one.time): (one.time >= reading.start) & (one.time <= reading.end) for one in series}
+    times = {id(one.time): one.time[inside[id(one.time)]] for one in series}
+    kept = [replace(one, time=times[id(one.time)], values=one.values[inside[id(one.time)]])
+            for one in series if len(times[id(one.time)]) > 1]  # fmt: skip
+    if not kept:
+        start, end = min(one.time[0] for one in series), max(one.time[-1] for one in series)
+        message = f"has no samples from {reading.start:g} to {reading.end:g} s; it lasts from {start:g} to {end:g} s"
+        raise RecordingError(message, key="window", code="no-overlap")
+    return kept
+
+
+def _explicit(
+    series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
+) -> dict[int, ColumnMap]:
+    """Index of a series -> its mapping. Raises RecordingError for unknown columns and joints, and units of another kind.
+
+    joints: of the simulation. A document may serve a larger robot, and so name others.
+    """
+    names = [one.name for one in series]
+    found: dict[int, ColumnMap] = {}
+    problems: list[Problem] = []
+    for one in reading.maps:
+        parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
+        index = find_raw(one.column, [one.column for one in series])
+        if index is None and one.quantity is None and (parts or one.column in topics):
+            found |= dict.fromkeys(parts, one)
+        elif index is None:
+            message, hint = f"there is no such column, named by {one.origin}", did_you_mean(one.column, names)
+            problems.append(Problem(message, key=one.column, choices=_shown(names), hint=hint, code="no-such-column"))
+        elif one.quantity is not None and not fits((unit := _unit(series[index], one)).si, KNOWN[one.quantity].unit):
+            message = f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})"
+            hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
+            problems.append(Problem(message, key=one.column, hint=hint, code="wrong-unit"))
+        elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
+            message, hint = f"the simulation has no joint '{one.joint}'", did_you_mean(one.joint, tuple(joints))
+            problems.append(Problem(message, key=one.column, choices=_shown(joints), hint=hint, code="no-such-joint"))
+        else:
+            found[index] = one
+    if problems:
+        raise RecordingError(problems)
+    return found
+
+
+def _unit(series: RawSeries, one: ColumnMap | None) -> Unit:
+    """The unit that is stated, by the mapping or in the file; an empty one where there is none."""
+    stated = None if one is None else one.unit
+    return stated or stated_unit(series.name, series.column.unit) or Unit("", "", 1.0)
+
+
+def _shown(names: Sequence[str]) -> tuple[str, ...]:
+    """Names for a message: of very many the first."""
+    return (*names[:12], f"and {len(names) - 12} more") if len(names) > 13 else tuple(names)
+
+
+def _column(
+    series: RawSeries, one: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, repeated: Collection[str]
+) -> Column:
+    """The column in SI units: as it is stated, else by what the file or its name says for certain."""
+    if one is not None:
+        return in_si(series, one)
+    if reading.columns is not None:
+        return in_si(series, None, f"not used: not in {reading.origin.name if reading.origin else 'the document'}")
+    meaning = _meaning(series, joints)
+    if _first_of(series.name) in repeated and (meaning.quantity or meaning.asked):
+        meaning = replace(meaning, reason="several columns have its name", asked=True)
+    if meaning.quantity is None or meaning.asked:
+        column = in_si(series, None, f"{'asked' if meaning.asked else 'not used'}: {meaning.reason}")
+        return replace(column, joint=meaning.joint)
+    origin = ORIGINS[2 if series.column.quantity else 3]
+    return in_si(series, ColumnMap(column=series.name, joint=meaning.joint, quantity=meaning.quantity, origin=origin))
+
+
+def _meaning(series: RawSeries, joints: Sequence[str] | None) -> Meaning:
+    """What the file, or else the name of a column says."""
+    column, unit = series.column, stated_unit(series.name, series.column.unit)
+    if column.quantity is not None:
+        place = re.search(r"\[(\d+)\]$", column.name)
+        joint, doubt = (column.joint, "") if column.joint else joint_of(int(place[1]) if place else None, joints, indexed=True)
+        return Meaning(joint=joint, quantity=column.quantity, reason=doubt, asked=bool(doubt))
+    own = column.joint is not None  # then the place in its array counts no joints
+    name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", column.name) if own else column.name
+    found = meaning_of(name, unit, [str(column.joint)] if own else joints)
+    if own:
+        found = replace(found, joint=column.joint)
+    if found.quantity is None or unit is not None:
+        return found
+    doubt = f"its unit [{column.unit}] is not known" if column.unit and find_unit(column.unit) is None else ""
+    values = series.values[np.isfinite(series.values)]
+    angle = KNOWN[found.quantity].unit == "rad" or found.quantity == "reference_1"
+    if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
+        doubt = f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
+    return replace(found, reason=f"its name says {found.quantity}, but {doubt}", asked=True) if doubt else found
+
+
+def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
+    """A column in SI units by what is stated of it, else by the unit in its header; what was done stands in words."""
+    unit = _unit(series, one)
+    one = one or ColumnMap(column=series.name, origin=origin)
+    quantity = KNOWN[one.quantity].unit if one.quantity is not None else ""
+    stated = bool(unit.symbol)
+    said = [f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"] if unit.factor != 1.0 else []
+    said += [f"{quantity} assumed"] if quantity and not stated and not one.origin.startswith("named") else []
+    values = series.values * unit.factor * one.scale
+    said += [] if one.scale == 1.0 else [f"x {one.scale:g}"]
+    good, zero = np.isfinite(values), 0.0
+    if one.unwrapped:
+        values[good] = np.unwrap(values[good])
+        said.append("unwrapped")
+    if one.zero and good.any():
+        zero = float(values[good][0] if one.zero == "start" else np.mean(values[good]))
+        said.append(f"- {zero:.6g} (its {one.zero})")
+    said += [f"{one.offset:+g}"] if one.offset else []
+    reason = one.origin if one.quantity or origin else f"not used: {one.origin}"
+    return Column(
+        time=series.time, values=values - zero + one.offset, unit="" if unit.si == "1" else unit.si or quantity,
+        joint=one.joint, quantity=one.quantity, source=series.name, conversion="; ".join(said), stated=stated, origin=reason,
+    )  # fmt: skip
+
+
+def _measured(column: Column, findings: list[Problem]) -> Column:
+    """Without numbers that cannot have been measured: their squares and slopes leave the range of numbers."""
+    beyond = np.abs(column.values) > LARGEST
+    if not beyond.any():
+        return column
+    message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
+    findings.append(Problem(message, key=column.source, code="no-measurement"))
+    return replace(column, values=np.where(beyond, np.nan, column.values))
+
+
+def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
+    """One column a quantity: what is stated wins over what the file names, and that over names; a commanded position wins over
+    the torque that a controller makes of it; then the first."""
+
+    def rank(column: Column) -> tuple[int, bool]:
+        origin = ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
+        return origin, column.quantity == "reference_1" and column.unit in ("N m", "N")
+
+    owner: dict[tuple[str | None, str], Column] = {}
+    problems: list[Problem] = []
+    result = {column.source: column for column in columns}
+    for column in sorted(columns, key=rank):
+        if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
+            continue
+        message = f"is a second {column.meaning} beside '{first.source}'"
+        if rank(column)[0] == rank(first)[0] < 2:
+            problems.append(Problem(message, key=column.source, code="mapped-twice"))
+        elif rank(column)[0] == rank(first)[0]:
+            hint = f"Choose with --map '{column.source}={column.meaning}'"
+            findings.append(Problem(f"{message}, which is used", key=column.source, code="second-column", hint=hint))
+        origin = f"not used: {column.meaning} is '{first.source}'"
+        result[column.source] = replace(column, joint=None, quantity=None, origin=origin)
+    if problems:
+        raise RecordingError(problems)
+    return list(result.values())
+
+
+def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
+    """What is asked about columns that are not used, with the line that answers it."""
+    asked = [column for column in columns if column.origin.startswith("asked")]
+    propose = f"`asrsim init --experiment {path.name}` writes all of them down for you to complete"
+    if asked:
+        first = asked[0]
+        message = f"not used, since {first.origin.partition(': ')[2]}" + (" (and the like)" if len(asked) > 1 else "")
+        hint = f"If it is a joint's: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
+        return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
+    if any(column.quantity for column in columns):
+        return []
+    message = f"no column is a joint's quantity by its name; found {listed([column.source for column in columns], 20)}"
+    hint = f"Say what a column is with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
+    return [Problem(message, code="nothing-mapped", hint=hint)]

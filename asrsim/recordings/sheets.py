@@ -96,7 +96,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
     found = read_cells("excel", [[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:
         return found
-    message = f"has {len(full)} sheets with numbers, of which the first is read: {listed(full, 6)}"
+    message = f"has {len(full)} sheets with numbers; the first is read: {listed(full, 6)}"
     note = Problem(message, code="several-sheets", hint="State another in the document beside it: `sheet:`")
     return replace(found, findings=(note, *found.findings))
 

@@ -69,11 +69,14 @@ def suspect_scale(
 
 def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
     """A question where a link's numbers without a unit lie where its joint cannot go."""
-    most = max(abs(stop) for stop in stops)
-    if column.quantity != "link_position" or column.stated or _farthest(column) < 1.5 * most:
+    most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
+    if column.quantity != "link_position" or column.stated or not len(values):
+        return None
+    farthest = float(np.percentile(values, 98))  # single samples left out
+    if farthest < 1.5 * most:
         return None
     return (
-        f"{column.source}: states no unit and goes to {_farthest(column):.3g}, but {joint} stops at {most:.3g} rad or m: is it "
+        f"{column.source}: states no unit and goes to {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
         f"in degrees or mm? Say so with --map '{column.source}={joint}.link_position [deg]'"
     )
 
@@ -177,8 +180,3 @@ def _ratio(expected: Array, measured: Array) -> float:
     if min(sizes) < 1e-9:
         sizes = [float(np.mean(np.abs(values))) for values in known]
     return sizes[1] / sizes[0] if min(sizes) >= 1e-12 else 0.0
-
-
-def _farthest(column: Column) -> float:
-    """The largest magnitude of a column, single samples left out."""
-    return float(np.nanpercentile(np.abs(column.values), 98)) if np.isfinite(column.values).any() else 0.0

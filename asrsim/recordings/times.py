@@ -161,10 +161,13 @@ def _last_word(column: RawColumn) -> str:
 
 
 def _seconds_and_rest(columns: Sequence[RawColumn], named: list[int]) -> list[int]:
-    """The first of the columns that are named as a time; of a ROS stamp whole seconds and their nanoseconds."""
+    """The first column that is named as a time, with those that complete it: nanoseconds, or the time of day of a date."""
     whole = [i for i in named if _last_word(columns[i]) in ("sec", "secs", "seconds")]
     parts = [i for i in named if _last_word(columns[i]) in _FRACTIONS]
-    return [whole[0], parts[0]] if whole and parts else named[:1]
+    if whole and parts:
+        return [whole[0], parts[0]]
+    stamps = [columns[i].zero for i in named[:2]]
+    return named[:2] if len(stamps) == 2 and stamps[0] and stamps[1] and stamps[1] < 86_400_000_000_000 else named[:1]
 
 
 def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: list[Problem]) -> Clock:

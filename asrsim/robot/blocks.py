@@ -216,13 +216,13 @@ class _Tags:
         """The number in a tag; None if it is none."""
         text = self.text(name)
         try:
-            number = read_number(text)
+            value, arithmetic = read_number(text)
         except ValueError as error:
             hint = f"The toolbox would read {leading_number(text):g}" if text else None
             self.error(str(error), name, code="not-a-number", hint=hint)
             return None
-        if number.arithmetic:
+        if arithmetic:
             leading = leading_number(text)
-            message = f"arithmetic, taken as {number.value:g}; the toolbox reads only the leading number {leading:g}"
+            message = f"arithmetic, taken as {value:g}; the toolbox reads only the leading number {leading:g}"
             self.findings.warn(message, self.by_name[name], f"{self.shown}.{name}", code="misread-value", value=text)
-        return number.value
+        return value

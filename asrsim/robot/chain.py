@@ -38,7 +38,7 @@ class Chain:
     base_rpy: Vector
 
     def poses(self, positions: Mapping[str, Array], base: Pose | None = None) -> dict[str, Pose]:
-        """Pose of every link, link's frame, where joints stand at `positions` (joint -> (n,), rad or m; absent: 0).
+        """Pose of the frame of every link with the joints at `positions` (joint -> (n,), rad or m; absent: 0).
 
         base: pose of the root over the postures, for a floating base.
         """

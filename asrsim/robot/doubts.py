@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Details, Problem, did_you_mean
-from asrsim.robot.model import STRIBECK_VELOCITY, ActuatorBlock, Joint, Link, ParameterValue, Robot
+from asrsim.robot.model import ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.poses import link_poses
 from asrsim.robot.structure import EMPTY_LIMIT
 from asrsim.robot.values import has_spring
@@ -108,7 +108,7 @@ def _limits(robot: Robot) -> Iterator[Problem]:
 
 
 def _passive(robot: Robot) -> Iterator[Problem]:
-    """Springs and friction of `<gazebo reference>`."""
+    """Springs of `<gazebo reference>`."""
     driven = {block.joint for block in robot.actuators}
     for joint in robot.moving_joints:
         stiffness = joint.spring_stiffness
@@ -120,11 +120,6 @@ def _passive(robot: Robot) -> Iterator[Problem]:
         if stiffness and joint.name in driven:
             message = "the joint has an actuator and a passive spring: both act on it"
             yield _about(message, robot, joint, code="two-springs", value=f"{stiffness:g}")
-        if joint.load_friction >= 1.0:
-            message = "friction grows by more than the torque that drives the joint: nothing moves it"
-            yield _about(message, robot, joint, code="self-locking", value=f"{joint.load_friction:g}")
-        if joint.stribeck_velocity != STRIBECK_VELOCITY and not joint.stribeck_friction:
-            yield _about("<stribeckVelocity> has no effect without <stribeckFriction>", robot, joint, code="no-friction")
 
 
 def _mimics(robot: Robot) -> Iterator[Problem]:
@@ -220,9 +215,6 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
             yield doubt("a negative gain drives away from the reference", code="negative-gain", value=f"{value:g}")
         if declared.optional and values.get(declared.needs, 1.0) <= 0.0:
             yield doubt(f"has no effect without {declared.needs}", code="no-effect", value=f"{value:g}")
-        if name.endswith("load_friction") and value >= 1.0:
-            message = "friction grows by more than the load: the spring never turns the motor back"
-            yield doubt(message, code="self-locking", value=f"{value:g}")
         motor = name[: len("motor_1")]
         friction, largest = f"{motor}_friction_torque", f"{motor}_max_torque"
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
@@ -231,20 +223,9 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
         # What is usual in N m/rad says nothing about N/m.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
         ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
-        ratio /= min(max(ratio, 1.0), _scale(block, name))
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:
             unit = "" if declared.unit == "1" else f" {declared.unit}"
             yield doubt(f"is {ratio:.1g} times the usual {usual:g}{unit}", code="unusual-value", value=f"{value:g}")
-
-
-def _scale(block: ActuatorBlock, name: str) -> float:
-    """Factor by which the motors of a drive are larger than usual: its springs may be larger by as much."""
-    motors = [
-        block.parameters[one.name].value / one.default
-        for one in ACTUATORS.get(block.actuator).all_parameters()
-        if one.name.endswith("max_torque") and one.default
-    ]
-    return max([1.0, *(ratio for ratio in motors if ratio < UNUSUAL)]) if name.startswith("spring") else 1.0
 
 
 def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:

@@ -14,7 +14,7 @@ from asrsim.errors import Problem
 Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""In the place of a parameter that has a fault, which is told already: this object, not any NaN."""
+"""Value of a parameter with a fault that is already reported; compared by identity, since other NaNs are possible."""
 STRIBECK_VELOCITY = 0.1
 """rad/s (m/s), where a file gives none."""
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -191,7 +191,7 @@ class Robot:
     actuators: tuple[ActuatorBlock, ...]
     warnings: tuple[Problem, ...] = ()
     faults: tuple[Problem, ...] = ()
-    """Errors of the file: what they are about stands here with a value in its place, or not at all."""
+    """Errors of the file. Parts with a fault have a default value in this robot, or are missing."""
     unread: frozenset[str] = frozenset()
     """Joints of which it is not known which actuator drives them in which mode, since that has a fault."""
 

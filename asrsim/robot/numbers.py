@@ -1,4 +1,4 @@
-"""Numbers as they stand in tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
+"""Numbers in the text of tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
 
 Nothing is evaluated by Python: the arithmetic is parsed, and only numbers, + - * /, parentheses, signs and `pow(x, y)` are
 calculated.
@@ -10,7 +10,6 @@ import ast
 import math
 import operator
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from asrsim.robot.xmlfile import BLANKS
@@ -28,15 +27,6 @@ _OPERATORS: dict[type, Any] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class Number:
-    """A number read from text."""
-
-    value: float
-    arithmetic: bool = False
-    """The text was an expression, of which the toolbox reads only the leading number."""
-
-
 def plain_number(text: str) -> float:
     """The number that `text` is, ASCII digits only, with no white space but XML's around it. Raises ValueError if it is none.
 
@@ -49,9 +39,10 @@ def plain_number(text: str) -> float:
     return float(body)
 
 
-def read_number(text: str) -> Number:
-    """The number that `text` stands for, without a comment after `#`. Raises ValueError with the reason, a phrase that follows
-    the key.
+def read_number(text: str) -> tuple[float, bool]:
+    """The value of `text`, and whether it is arithmetic, of which the toolbox reads only the leading number.
+
+    A comment after `#` is left out. Raises ValueError with the reason, a phrase that follows the key.
     """
     body = text.partition("#")[0].strip(BLANKS)
     if not body:
@@ -59,7 +50,7 @@ def read_number(text: str) -> Number:
     if len(body) > MAX_LENGTH:
         raise ValueError(f"is longer than {MAX_LENGTH} characters")
     if _PLAIN.fullmatch(body):
-        return Number(value=float(body))
+        return float(body), False
     if not _ARITHMETIC.fullmatch(body):
         raise ValueError("is not a number")
     try:
@@ -72,7 +63,7 @@ def read_number(text: str) -> Number:
         raise ValueError("is too large for a number") from None
     if not math.isfinite(value):
         raise ValueError("is not finite")
-    return Number(value=value, arithmetic=True)
+    return value, True
 
 
 def leading_number(text: str) -> float:

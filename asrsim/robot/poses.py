@@ -22,7 +22,7 @@ class Pose:
     """(3, 3)."""
 
     def then(self, position: Vector, rpy: Vector) -> Pose:
-        """A frame that stands at `position` (m) and `rpy` (rad) in this one, in the same frame as this one."""
+        """The pose of a frame that has `position` (m) and `rpy` (rad) relative to this pose, in the same parent frame."""
         return Pose(position=self.position + self.rotation @ position, rotation=self.rotation @ rotation_matrix(rpy))
 
     @property

@@ -36,8 +36,8 @@ def load_robot(
 
     `xacro_arguments` are the file's `<xacro:arg>` values; `package_paths` (name -> folder) serve `$(find name)` and
     `package://name`. Lines in problems are the file's own; those of an expanded xacro file are not known.
-    Raises RobotError with all problems of the file. Whether an actuator's parameters and mode go together is checked once a
-    scenario, which may change both, is laid on the robot.
+    Raises RobotError with all problems of the file. Whether an actuator's parameters and mode go together is checked later,
+    together with the scenario, which may change both.
     """
     robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     if robot.faults:

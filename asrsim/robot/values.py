@@ -27,17 +27,6 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     return fault
 
 
-def mode_fault(block: ActuatorBlock) -> str | None:
-    """Why the block's motors cannot be driven as its mode says, or None: voltages and currents are for electric motors."""
-    mode = MODES[block.mode]
-    if mode.command == "torque":
-        return None
-    lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode)
-    if not lacking:
-        return None
-    return f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
-
-
 def law_fault(block: ActuatorBlock) -> str | None:
     """Why the actuator's laws give no number with its parameters around rest, or None. Other errors that a user's
     laws raise are reported where the laws are used.
@@ -74,9 +63,12 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
                 f"lower stop of motor {index} is above the upper one", line=low.line or high.line,
                 key=f"parameters.{block.joint}", value=f"{low.value:g} > {high.value:g}", code="limits-crossed",
             )  # fmt: skip
-    fault = mode_fault(block)
-    if fault is not None:
-        yield Problem(fault, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
+    mode = MODES[block.mode]
+    # Voltages and currents are for electric motors.
+    lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()
+    if lacking:
+        message = f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
+        yield Problem(message, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
     fault = law_fault(block)
     if fault is not None:
         given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")

@@ -46,7 +46,7 @@ VOCABULARY: Words = {
 }
 """Element -> attributes and child elements that the format has."""
 SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
-"""Elements that may stand beside others of their name, or whose repetition is an error of its own."""
+"""Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPAQUE = ("gazebo", "transmission", "sensor")
 """Elements whose insides belong to others."""
 FOREIGN = {
@@ -87,8 +87,7 @@ def _check(findings: Findings, element: Any, kind: str, place: str) -> None:
 
 
 def _warn(findings: Findings, element: Any, what: str, name: str, known: tuple[str, ...], place: str, form: str) -> None:
-    short = [word for word in known if word.startswith(name.lower())]
-    close = nearest(name, known) or nearest(name.lower(), known) or (short[0] if len(short) == 1 else None)
+    close = nearest(name.lower(), known)
     findings.warn(
         f"unknown {what} {form.format(name)}; it has no effect", element, place, code=f"unknown-{what}",
         hint=f"Did you mean {form.format(close)}?" if close else None, choices=() if close else known,

@@ -34,7 +34,7 @@ _MAX_EXPRESSION = 10_000
 
 
 class RefusedError(Exception):
-    """The file asks for something that a robot file is not allowed."""
+    """The file uses something that a robot file may not use."""
 
     def __init__(self, message: str, *, code: str, hint: str | None = None) -> None:
         super().__init__(message)
@@ -91,7 +91,7 @@ def _refuse_entities(text: str, file: str) -> None:
 
 
 class _Guards:
-    """What stands in the place of xacro's parsing, YAML loading, packages, environment and evaluation of `$(eval ...)`."""
+    """Replacements for xacro's parsing, YAML loading, packages, environment and evaluation of `$(eval ...)`."""
 
     def __init__(self, request: dict[str, Any]) -> None:
         self._request = request

@@ -72,7 +72,7 @@ class _RootReachedError(Exception):
 
 
 def _refuse_declarations(data: bytes, path: Path) -> None:
-    """Raise RobotError for a document type with declarations (entities): they may only stand before the root."""
+    """Raise RobotError for a document type with declarations (entities): they are only allowed before the root."""
     parser = expat.ParserCreate()
 
     def document_type(_name: str, _system: str | None, _public: str | None, has_internal_subset: int) -> None:

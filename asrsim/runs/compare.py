@@ -1,4 +1,4 @@
-"""Samples held against those of a log, bit for bit."""
+"""Compares the samples of a repeated run with those of its log, bit for bit."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Comparer:
             self.samples += count
 
     def rest(self) -> int:
-        """Samples of the log that were not asked for; goes through to its end."""
+        """Number of samples of the log that were not compared; reads it to its end."""
         count = 0
         while (logged := self._ahead()) is not None:
             count += len(logged.time) - self._row

@@ -1,4 +1,4 @@
-"""A run's description made to say what was run, whatever it came from: so that its log alone repeats it, bit for bit.
+"""Writes into the description of a run everything that its log needs to repeat it, bit for bit.
 
 A scenario and a robot that were changed after they were read (learned and planned references, other parameters, masses,
 friction) differ from the files that they name. What differs is written into the description.
@@ -39,7 +39,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
     """The description `info` of a run of `scenario`, with `robot` if one was given in place of the scenario's.
 
     References that the library computed become playbacks of an attached table; other changes go where a file says them.
-    The scenario's path becomes absolute: it tells one project's runs from another's.
+    The scenario's path becomes absolute, so that runs of different projects can be distinguished.
     """
     files: dict[str, bytes] = {}
     resolved = dict(scenario.resolved)

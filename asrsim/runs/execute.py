@@ -18,13 +18,12 @@ from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.certify import Certificate
+from asrsim.simulation.certify import COMPARED, Certificate
 from asrsim.simulation.certify import certify as certify_run
 from asrsim.simulation.crosscheck import cross_check as run_cross_check
 from asrsim.simulation.crosscheck import other_engine, require_other_engine
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.run import Run, simulate
-from asrsim.simulation.side_by_side import COMPARED
 from asrsim.summary import Collector, RunSummary, make_summary
 from asrsim.summary.claims import Claims, check_claims, needs_of
 
@@ -44,7 +43,7 @@ class Executed:
     folder: Path
     log: Path
     certificate: Certificate | None = None
-    """Numerical error, if it was asked for and the run came to its end."""
+    """Numerical error, if it was requested and the run came to its end."""
     error: DivergenceError | None = None
     """Why the run ended early, if it diverged."""
 
@@ -70,7 +69,7 @@ def execute(
     held of an earlier run goes only when this one's log is whole: until then that is written aside. keep: keep all samples in
     `.run.samples` too; certify: run again with finer steps for the numerical error, which goes into log and summary;
     cross_check: run again in another engine for the differences, which go into the summary (certify does so too, where there
-    is one); started: told the run's description when it is built; progress, stop: see
+    is one); started: called with the run's description when it is built; progress, stop: see
     :func:`asrsim.simulation.run.simulate`; certifying: progress of the further runs.
 
     Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
@@ -108,12 +107,12 @@ def execute(
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
         logged = open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
-        summary = replace(summary, cross_check=found.as_dict())
+        summary = replace(summary, cross_check=found)
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
 
 
 def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
-    """A sink for what summary and claims need. Raises ScenarioError for claims that cannot be evaluated, whatever comes."""
+    """A sink for what summary and claims need. Raises ScenarioError for claims that no run can satisfy or fail."""
     check_claims(scenario.expect, info.joints, file=scenario.path)
     return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
 

@@ -35,7 +35,7 @@ _NAMES = {
 
 
 def default_folder(scenario: Scenario) -> Path:
-    """Where a run of this variant goes unless told otherwise: `out/<scenario>/<variant>`."""
+    """Default folder of a run of this variant: `out/<scenario>/<variant>`."""
     return Path("out") / scenario.name / scenario.variant
 
 
@@ -101,7 +101,7 @@ def unreadable_logs(place: Path) -> list[Problem]:
     problems: list[Problem] = []
     for log in logs if len(logs) > 1 else ():
         try:
-            # The first chunk tells; nothing of it but the time.
+            # The times of the first chunk are enough.
             if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
                 problems.append(Problem("left out: the log holds no samples", file=log, code="empty-log"))
         except LogError as error:

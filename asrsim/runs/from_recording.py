@@ -1,4 +1,4 @@
-"""A scenario from a recording: written, run once, and its claims set from that first comparison."""
+"""A scenario from a recording, with the files that belong to it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from asrsim.errors import AsrsimError, RecordingError
 from asrsim.outfile import check_output
-from asrsim.recordings import Recording, compare, read_recording
+from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.propose import propose
 from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
 from asrsim.robot import Robot, with_actuators, with_overrides
-from asrsim.samples import Array
-from asrsim.scenario.load import load_scenario
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import (
     MOUNTED_MODE,
@@ -30,23 +25,17 @@ from asrsim.scenario.starter import (
 from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_recording import (
     STEP,
-    First,
     Names,
-    Plan,
-    extract,
-    first_claims,
+    command_tables,
+    command_text,
     fitting_modes,
     make_plan,
     open_parameters,
-    placeholders,
     recording_text,
 )
-from asrsim.simulation.run import simulate
 
 FIT = ".fit.yaml"
 """Ending of the file for `asrsim identify`, beside the scenario."""
-MOST = 2_000_000
-"""Samples of joints (steps times joints) up to which the scenario is run for the claims' limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,10 +46,6 @@ class Written:
     recording: Recording
     remarks: tuple[str, ...]
     """Assumptions, in words."""
-    compared: bool
-    """The limits of the claims come from a first run; else they are placeholders."""
-    message: str = ""
-    """Why there was no first comparison."""
     fit: Path | None = None
     """File for `asrsim identify`; None where nothing is compared."""
 
@@ -80,13 +65,12 @@ def write_from_recording(
     arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None,
 ) -> Written:
-    """Write a scenario that plays the recorded commands and compares with the recorded motion, and a fit file beside it.
+    """Write a scenario that plays the recorded commands and compares with the recorded motion, and what it needs.
 
-    Where no document says how the recording is read, one is proposed beside the scenario, `lab.csv.yaml`. Where the playback
-    signal cannot read the file as it is (bags, MATLAB, repaired times), the commands are written beside the scenario as
-    `<its name>_commands.csv`. mapping, rate: as for :func:`asrsim.recordings.read_recording`; plugins: that the fit file
-    names; the others as for :func:`asrsim.scenario.starter.write_starter`. Without `mode`, actuators that are given are in
-    that of the recorded command.
+    Beside it are written: the commands in SI as `<its name>_commands.csv`; `<its name>.fit.yaml` for `asrsim identify`; and
+    `lab.csv.yaml`, which states how the recording is read, where no document does so yet. mapping, rate: as for
+    :func:`asrsim.recordings.read_recording`; plugins: that the fit file names; the others as for
+    :func:`asrsim.scenario.starter.write_starter`. Without `mode`, given actuators are in that of the recorded command.
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
@@ -99,58 +83,44 @@ def write_from_recording(
     if any(map(is_document, mapping)):  # it is written down as items: the scenario stands alone
         mapping = resolve_reading(mapping, experiment).items
     plan = make_plan(loaded, recording, step=STEP)
-    commands = f"{out.stem}_commands.csv"
-    extracted = extract(plan, commands)
+    folder, called = out.parent, relative_path(experiment, out.parent)
     names = Names(
-        scenario=out.name, robot=relative_path(robot, out.parent), recording=relative_path(experiment, out.parent),
-        extract=commands, schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
-        packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
-        plugins=tuple(relative_path(plugin, out.parent) for plugin in plugins),
+        scenario=out.name, robot=relative_path(robot, folder), recording=called, commands=f"{out.stem}_commands.csv",
+        schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
+        packages={name: relative_path(path, folder) for name, path in (packages or {}).items()},
+        plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
     )  # fmt: skip
     beside = schema_beside(out) if schema else None
-    fit = out.with_suffix(FIT)
-    for path in (out, fit, *(out.parent / name for name in extracted)):
+    fit = out.with_suffix(FIT) if plan.compared else None
+    tables = {folder / name: members for name, members in command_tables(plan, names.commands).items()}
+    for path in (out, out.with_suffix(FIT), *tables):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
-    for name, text in extracted.items():
-        write_new(out.parent / name, text, force=force)
+    for path, members in tables.items():
+        write_new(path, command_text(plan, members), force=force)
     write = partial(recording_text, names=names, mode=mode, mounted=mounted, mapping=tuple(mapping), rate=rate)
-    held = _springs_that_hold(write(plan, claims=placeholders(plan), parameters=unknown), plan.robot, out.parent, mounted)
-    plan = replace(plan, robot=with_overrides(plan.robot, parameters=held))
-    text_with = partial(write, plan, parameters={joint: {**unknown.get(joint, {}), **held.get(joint, {})} for joint in mounted})
-    write_new(out, text_with(claims=placeholders(plan)), force=force)
-    files = [out]
+    springs = _springs_that_hold(write(plan, parameters=unknown), plan.robot, folder, mounted)
+    plan = replace(plan, robot=with_overrides(plan.robot, parameters=springs))
+    parameters = {joint: {**unknown.get(joint, {}), **springs.get(joint, {})} for joint in mounted}
+    write_new(out, write(plan, parameters=parameters), force=force)
+    files = [out, *tables]
     proposed = out.with_name(experiment.name + ENDING)
-    described = proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *given])
-    if not described:
-        called = relative_path(experiment, out.parent)
+    if not (proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *given])):
         files.append(propose(experiment, proposed, mapping=given, rate=rate, joints=joints, called=called)[0])
-    fits = bool(plan.compared)
-    if fits:
-        text = fit_text(plan, out.name, names.recording, mapping=mapping, rate=rate, plugins=names.plugins)
+    if fit is not None:
+        text = fit_text(plan, out.name, called, mapping=mapping, rate=rate, plugins=names.plugins)
         write_new(fit, text, force=force)
         files.append(fit)
-    files += [out.parent / name for name in extracted]
-    measured, message = _first_comparison(out, plan)
-    if measured:
-        write_new(out, text_with(claims=first_claims(plan, measured)), force=True)
     if beside is not None:
         write_new(beside, schema_text(), force=True)
         files.append(beside)
-    return Written(
-        files=tuple(files),
-        recording=recording,
-        remarks=plan.remarks,
-        compared=bool(measured),
-        message=message,
-        fit=fit if fits else None,
-    )
+    return Written(files=tuple(files), recording=recording, remarks=plan.remarks, fit=fit)
 
 
 def _mounted(
     robot: Robot, recording: Recording, actuators: Mapping[str, str], joints: Sequence[str], mode: int | None
 ) -> tuple[Robot, dict[str, dict[str, float]]]:
-    """The robot with these actuators on `joints`, in the modes of their recorded commands, and parameters of which nothing is
-    known."""
+    """The robot with these actuators on `joints`, in the modes of their recorded commands, and guesses for
+    unknown parameters."""
     robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
     modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, joints)
     unknown = open_parameters(robot, modes, joints)
@@ -163,32 +133,3 @@ def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[s
 
     proposal = sizing(scenario_of(text, robot, folder), robot).proposal if joints else {}
     return {joint: values for joint, values in proposal.items() if joint in joints}
-
-
-def _first_comparison(path: Path, plan: Plan) -> tuple[dict[tuple[str, str], First], str]:
-    """What each joint's quantity gave, of the scenario as written; empty, with the reason, where it cannot be had."""
-    if plan.duration / STEP * len(plan.robot.moving_joints) > MOST:
-        return {}, "the recording is too long for a first comparison here"
-    (scenario,) = load_scenario(path)
-    try:
-        run = simulate(scenario)
-        if run.samples is None:
-            return {}, "the first run kept no samples"
-        found = compare(run.samples, plan.recording, infos=run.info.joints, joints=plan.pairing, lag=plan.lag)
-    except RecordingError as error:
-        return {}, str(error)
-    except AsrsimError as error:
-        return {}, f"the first run failed: {error}"
-    result = {
-        (s.joint, s.quantity): First(
-            rmse=s.metrics["rmse"], nrmse=s.metrics["nrmse"], r2=s.metrics["r2"],
-            moved=_extent(s.simulation) / _extent(s.recording),
-        )
-        for s in found.series
-        if np.isfinite(s.metrics["rmse"]) and _extent(s.recording) > 0.0
-    }  # fmt: skip
-    return result, ""
-
-
-def _extent(values: Array) -> float:
-    return float(np.nanmax(values) - np.nanmin(values))

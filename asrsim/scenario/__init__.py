@@ -1,4 +1,4 @@
-"""The scenario as pure data: YAML read and validated, laid upon its robot."""
+"""The scenario as pure data: YAML read, validated, and applied to its robot."""
 
 from __future__ import annotations
 

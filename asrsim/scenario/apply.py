@@ -9,7 +9,6 @@ from asrsim.robot import Robot
 from asrsim.robot.model import UNREAD
 from asrsim.robot.mounting import block_faults, mounted, overridden
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.places import placed
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
@@ -46,4 +45,4 @@ def laid_on(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
-    return changed, [placed(scenario, problem) for problem in problems]
+    return changed, [scenario.placed(problem) for problem in problems]

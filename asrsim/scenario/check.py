@@ -1,8 +1,11 @@
-"""What of a scenario does not fit its robot."""
+"""Whether a scenario fits its robot: errors, and the warnings of :mod:`asrsim.scenario.doubts`.
+
+To add an error, write a generator and list it in :data:`CHECKS`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +14,12 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.mounting import reference_names
-from asrsim.samples import Array
 from asrsim.scenario.apply import laid_on
 from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
-from asrsim.scenario.places import placed
-from asrsim.scenario.signal_doubts import over_run, reference_key, signal_doubts, signal_faults
+from asrsim.scenario.names import unknown_names
+from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
 """Steps of a delay."""
@@ -46,13 +48,13 @@ def check_against_robot(
     scenario: Scenario, robot: Robot | None, *, propose: bool = False
 ) -> tuple[list[Problem], list[Problem]]:
     """(errors, warnings): the robot file's own faults; names that the robot does not have, values that it cannot take,
-    references that are missing. What rests on a value that has a fault itself, in either file, is not checked.
+    references that are missing. What depends on a value that has a fault itself, in either file, is not checked.
 
     `robot` is the file's, None where it cannot be read; the scenario's modes and parameters are applied here. propose:
     parameters that hold an arm that falls, which takes a while.
     """
     if robot is None or not robot.moving_joints:
-        own = [placed(scenario, problem) for problem in signal_faults(scenario)]
+        own = [scenario.placed(problem) for problem in signal_faults(scenario)]
         return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
     changed, faults = laid_on(scenario, robot)
     errors = [*robot.faults, *faults]
@@ -61,72 +63,18 @@ def check_against_robot(
     unread = {key for key, *_ in scenario.unread}
     for needed, check in CHECKS:
         if not unread.intersection(needed):
-            errors += (placed(scenario, problem) for problem in check(scenario, driven))
-    if robot.faults or faults or unread:
+            errors += (scenario.placed(problem) for problem in check(scenario, driven))
+    if errors or unread:
         return errors, []
-    found = [*_default_start(scenario, changed), *_sensors(scenario, changed), *doubts(scenario, robot, changed)]
-    if not any(signal_faults(scenario)):
-        found += (*signal_doubts(scenario, changed), *_idle_references(scenario, changed), *_negative_sigma(scenario, changed))
-    warnings = [placed(scenario, problem) for problem in found]
-    if not errors:
-        from asrsim.kinematics.sizing import holding_findings
+    from asrsim.kinematics.sizing import holding_findings
 
-        warnings.extend(holding_findings(scenario, changed, propose=propose))
-    return errors, warnings
+    warnings = [scenario.placed(problem) for problem in doubts(scenario, robot, changed)]
+    return [], [*warnings, *holding_findings(scenario, changed, propose=propose)]
 
 
 def nothing_moves(robot: Robot) -> Problem:
-    """What is said of a robot without a joint that moves."""
+    """The error of a robot without a joint that moves."""
     return Problem("the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
-
-
-def _unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    moving = tuple(joint.name for joint in robot.moving_joints)
-    actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
-    links = tuple(link.name for link in robot.links)
-    by_joint: tuple[tuple[str, Iterable[str], tuple[str, ...]], ...] = (
-        ("initial", scenario.initial_positions, moving),
-        ("references", scenario.references, actuated),
-        ("reference_ranges", scenario.reference_ranges, moving),
-        ("desired", scenario.desired, moving),
-        ("external_torques", scenario.external_torques, moving),
-        ("effects.commands", scenario.command_effects, actuated),
-        ("effects.sensors", scenario.sensor_effects, actuated),
-        ("link_damping", scenario.link_damping, actuated),
-        ("motion", scenario.motion, moving),
-        *((section, table, actuated) for section, table in scenario.trajectories.items()),
-        ("ilc.joint_gains", scenario.learning.joint_gains if scenario.learning else (), actuated),
-        ("task.preset", scenario.task.preset if scenario.task else (), actuated),
-    )
-    for section, names, known in by_joint:
-        for name in names:
-            if name != "*" and name not in known:
-                yield _unknown(f"{section}.{name}", name, known, "joint", "actuated " if known is actuated else "moving ")
-    for name in scenario.joint_order:
-        if name not in moving:
-            yield _unknown("manager", name, moving, "joint", "moving ")
-    for name in scenario.task.joints if scenario.task else ():
-        if name not in actuated:
-            yield _unknown("task.joints", name, actuated, "joint", "actuated ")
-    for index, claim in enumerate(scenario.expect):
-        if claim.joint is not None and claim.joint != "*" and claim.joint not in moving:
-            problem = _unknown(f"expect.{index}.joint", claim.joint, moving, "joint", "moving ")
-            yield replace(problem, file=scenario.path, line=claim.line)
-    for index, wrench in enumerate(scenario.wrenches):
-        if wrench.link not in links:
-            yield _unknown(f"wrenches.{index}.link", wrench.link, links, "link")
-    if scenario.task and scenario.task.link not in links:
-        yield _unknown("task.link", scenario.task.link, links, "link")
-
-
-def _unknown(key: str, name: str, known: tuple[str, ...], noun: str, kind: str = "") -> Problem:
-    return Problem(
-        f"the robot has no {kind}{noun} '{name}'",
-        key=key,
-        choices=known,
-        meant=name,
-        code=f"unknown-{noun}",
-    )
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -169,18 +117,6 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
 
 
-def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Joints that start at 0, since nothing else is said, where their limits do not let them be."""
-    if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
-        return
-    for joint in robot.moving_joints:
-        low, high = joint.stops
-        if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
-            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
-            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
-            yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
-
-
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
     if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
@@ -189,20 +125,6 @@ def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     if not (body.mass and body.inertia and any(body.inertia)):
         message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
         yield Problem(message, key="base.fixed", value=False, code="massless-base")
-
-
-def _sensors(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Effects on sensors that no controller reads, and delays that are no whole number of steps."""
-    for name, effects in scenario.sensor_effects.items():
-        blocks = [block for block in robot.actuators if name in ("*", block.joint)]
-        if effects.active and blocks and not any(MODES[block.mode].controller for block in blocks):
-            modes = ", ".join(sorted({str(block.mode) for block in blocks}))
-            message = f"no controller reads this sensor in mode {modes}: it does nothing"
-            yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
-        steps = effects.delay / scenario.step
-        if abs(steps - round(steps)) > 1e-6:
-            message = "is no whole number of steps and may be rounded"
-            yield Problem(message, key=f"effects.sensors.{name}.delay", value=effects.delay, code="delay")
 
 
 def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
@@ -227,21 +149,6 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference")
 
 
-def _idle_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References that do nothing, and those that are missing."""
-    common = scenario.references.get("*", {})
-    for block in robot.actuators:
-        names, own = reference_names(block), scenario.references.get(block.joint, {})
-        for name in own:
-            if name not in names and name in _all_references(block):
-                message = f"an actuator of type {block.actuator} has no second reference: it does nothing"
-                yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
-        for name in names:
-            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
-                message = f"joint '{block.joint}' has no {name}: it rests at its start"
-                yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
-
-
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Delays of sensors and commands that need more memory than there is."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
@@ -252,7 +159,7 @@ def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Ranges of references that no joint has, or not the joint that they stand under."""
+    """Ranges of references that no joint has, or that the joint in question does not have."""
     blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         if joint in robot.unread or (joint == "*" and robot.unread):
@@ -266,51 +173,29 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
-def made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """Whether a Cartesian task, or learning, makes the joint's reference."""
-    if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
-        return True
-    return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
-
-
-def _sigma(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, Array, Array, ActuatorBlock]]:
-    """References of adjusters over the run, unless they fail: (key, times in s, values in m, actuator)."""
+def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References of adjusters beyond the end of their lever."""
     for block in robot.actuators:
         names = MODES[block.mode].references
         signal = scenario.references_of(block.joint).get(names[-1])
+        length = block.values().get("lever_length")
         # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
         torque = block.mode == 4 and released_order(scenario.stepping)
-        if signal is not None and len(names) > 1 and not torque and ACTUATORS.get(block.actuator).adjuster:
-            try:
-                time, sigma = over_run(scenario, signal)
-            except Exception:  # a user's own signal may raise anything; signal_faults says so
-                continue
-            if np.isfinite(sigma).all():
-                yield reference_key(scenario, block, names[1]), time, sigma, block
-
-
-def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References of adjusters that their lever does not reach."""
-    for key, time, sigma, block in _sigma(scenario, robot):
-        length, largest = block.values().get("lever_length", np.inf), float(sigma.max())
-        if largest >= length:
+        if signal is None or length is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
+            continue
+        try:
+            time, sigma = over_run(scenario, signal)
+        except Exception:  # a user's own signal may raise anything; signal_faults reports it
+            continue
+        largest = float(sigma.max())
+        if np.isfinite(sigma).all() and largest >= length:
             message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
-            hint = "There the stiffness is infinite: stay below L"
+            hint, key = "There the stiffness is infinite: stay below L", reference_key(scenario, block, names[1])
             yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
 
 
-def _negative_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References of adjusters that go below 0 and not beyond the lever."""
-    for key, time, sigma, block in _sigma(scenario, robot):
-        length = block.values().get("lever_length", np.inf)
-        if (least := float(sigma.min())) < 0.0 and float(sigma.max()) < length:
-            message = f"sigma of '{block.joint}' is negative at {time[np.argmin(sigma)]:g} s"
-            yield Problem(message, key=key, value=least, code="sigma-negative")
-
-
-Check = Callable[[Scenario, Robot], Iterator[Problem]]
-CHECKS: tuple[tuple[tuple[str, ...], Check], ...] = (
-    ((), _unknown_names),
+CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Problem]]], ...] = (
+    ((), unknown_names),
     ((), _initial),
     (("base", "engine"), _floating),
     ((), _ranges),
@@ -321,4 +206,4 @@ CHECKS: tuple[tuple[tuple[str, ...], Check], ...] = (
     ((), _unknown_references),
     (("duration", "step", "stepping"), _long_sigma),
 )
-"""(keys on which it rests, check): errors, on the robot as the scenario changes it."""
+"""(keys on which it depends, check): errors, on the robot as the scenario changes it."""

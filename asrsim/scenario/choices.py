@@ -25,7 +25,7 @@ def default_engine() -> str:
 
 
 def prescribes_motion(engine: str) -> bool:
-    """Whether the engine moves the links as told, and asks for `motion`."""
+    """Whether the engine prescribes the motion of the links, which `motion` states."""
     from asrsim.engines import ENGINES
 
     return ENGINES.get(engine).prescribed

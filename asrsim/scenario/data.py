@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
@@ -13,6 +13,7 @@ from asrsim.document.block import REQUIRED, declare
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
 from asrsim.document.reading import KeyPath
+from asrsim.errors import Problem
 from asrsim.samples import Array
 from asrsim.scenario.choices import default_engine, engines, steppings
 from asrsim.scenario.claim_keys import CLAIMS, Expectation
@@ -239,6 +240,15 @@ class Scenario:
         """Reference by name of one joint: those given for all, and its own, which win."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
 
+    def placed(self, problem: Problem) -> Problem:
+        """The problem with file and line of its key, or of the nearest key above it, unless it has a file."""
+        if problem.file is not None:
+            return problem
+        key = problem.key or ""
+        while key and key not in self.lines:
+            key = key.rpartition(".")[0]
+        return replace(problem, file=self.path, line=problem.line or self.lines.get(key))
+
     @property
     def steps(self) -> int:
         """Steps of the simulation in the whole run."""
@@ -250,7 +260,7 @@ class Scenario:
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:
-        """Desired link positions that are to be learned, by joint, under the key of the scenario where they stand."""
+        """Key of the scenario -> desired link positions to be learned, by joint."""
         if self.learning is None:
             return {}
         return {"ilc.trajectory": self.learning.trajectory}

@@ -1,36 +1,46 @@
-"""What a scenario may say and hardly means: warnings, each with the value that looks wrong."""
+"""Warnings about a scenario that can run: values that are probably mistakes, and keys that have no effect.
+
+To add a warning, write a generator and list it in :data:`DOUBTS`.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from asrsim.actuators import ACTUATORS
+import numpy as np
+
+from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.doubts import block_doubts
 from asrsim.robot.findings import beyond_a_turn
-from asrsim.scenario.choices import released_order
-from asrsim.scenario.data import Scenario
-from asrsim.scenario.shadowed import shadowed_entries
-from asrsim.scenario.world_doubts import world_doubts
+from asrsim.robot.mounting import reference_names
+from asrsim.robot.poses import rotation_matrix
+from asrsim.scenario.choices import prescribes_motion, released_order
+from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.names import shadowed_entries
+from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
+from asrsim.scenario.world_keys import WorldObject
+from asrsim.signals.base import Signal
+from asrsim.signals.combine import Sum
 
 STRONGEST = 30.0
 """m/s^2; Jupiter's gravity is 24.8."""
 LATEST = 1.0
 """s of delay."""
 STEPS = (1e-6, 0.05)
-"""s: of a motor's electronics, and what no controller of a robot takes."""
+"""s: of a motor's electronics, and longer than that of any robot's controller."""
+SUNK = 0.1
+"""Fraction of an object's height that may begin below the ground."""
+ROUNDING = 1e-9
+"""Fraction of a limit by which a number may exceed it."""
 
 
 def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
     """Warnings about a scenario on its robot, as the file has it and as the scenario changes it."""
-    yield from _gravity(scenario)
-    yield from _orientations(scenario)
-    yield from _effects(scenario)
-    yield from _step(scenario)
-    yield from _without_effect(scenario, changed)
-    yield from world_doubts(scenario, changed)
+    for check in DOUBTS:
+        yield from check(scenario, changed)
     earlier = {
         (block.joint, doubt.message) for block in robot.actuators for doubt in block_doubts(block, robot.joint(block.joint))
     }
@@ -40,33 +50,34 @@ def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem
                 names = ", ".join(parameter.name for parameter in doubt.parameters)
                 key = f"parameters.{block.joint}{'.' if names else ''}{names}"
                 yield Problem(doubt.message, key=key, value=doubt.value, hint=doubt.hint, code=doubt.code)
-    yield from _not_released(scenario, changed)
 
 
-def _gravity(scenario: Scenario) -> Iterator[Problem]:
+# -- numbers -----------------------------------------------------------------------------------------------------------
+
+
+def _gravity_and_step(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     if math.hypot(*scenario.gravity) > STRONGEST:
         yield Problem("is stronger than on any planet (in m/s^2)", key="gravity", value=scenario.gravity[2], code="gravity")
     elif scenario.gravity[2] > 0.0:
         message = "points upwards: z points up, so weight is negative in z"
         yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
+    if not STEPS[0] <= scenario.step <= STEPS[1]:
+        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
 
 
-def _orientations(scenario: Scenario) -> Iterator[Problem]:
+def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     poses = scenario.task.poses if scenario.task is not None else ()
-    given = [
-        ("base.rpy", scenario.base_rpy),
-        *((f"world.objects.{one.name}.rpy", one.rpy) for one in scenario.world.objects),
-    ]
-    given += [(f"task.poses.{index}.rpy", pose.rpy) for index, pose in enumerate(poses) if pose.rpy is not None]
-    for key, angles in given:
+    given = {f"world.objects.{one.name}.rpy": one.rpy for one in scenario.world.objects}
+    given |= {f"task.poses.{index}.rpy": pose.rpy for index, pose in enumerate(poses) if pose.rpy is not None}
+    for key, angles in {"base.rpy": scenario.base_rpy, **given}.items():
         if beyond_a_turn(angles):
-            shown = ", ".join(f"{angle:g}" for angle in angles)
-            message = "turns by more than once round; angles are in rad"
-            yield Problem(message, key=key, value=shown, hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
+            message = "turns by more than one revolution; angles are in rad"
+            yield Problem(message, key=key, value=_shown(angles), hint="90 degrees are 1.5708 rad", code="rpy-in-degrees")
 
 
-def _effects(scenario: Scenario) -> Iterator[Problem]:
-    """Delays in ms that stand where s are meant."""
+def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Delays in ms."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for joint, effects in table.items():
             if effects.delay > LATEST or effects.delay >= scenario.duration:
@@ -75,33 +86,168 @@ def _effects(scenario: Scenario) -> Iterator[Problem]:
                 yield Problem(f"is {late} (in s)", key=key, value=effects.delay, code="long-delay")
 
 
+def _objects_in_the_ground(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    world = scenario.world
+    for one in world.objects if world.ground else ():
+        if one.mass and one.shape != "mesh":
+            reach = _reach_down(one)
+            below = world.ground_height - (one.position[2] - reach)
+            if below > SUNK * 2.0 * reach:
+                message = f"begins {below:.3g} m deep in the ground, which throws it out"
+                yield Problem(message, key=f"world.objects.{one.name}.position", value=_shown(one.position), code="in-ground")
+
+
+def _reach_down(one: WorldObject) -> float:
+    """m from the centre to the lowest point."""
+    down = np.abs(rotation_matrix(one.rpy)[2])
+    if one.shape == "box":
+        return float(0.5 * down @ np.array(one.size))
+    radius, length = (*one.size, 0.0)[:2]
+    if one.shape == "sphere":
+        return radius
+    return float(radius * math.sqrt(max(1.0 - down[2] ** 2, 0.0)) + 0.5 * length * down[2])
+
+
+def _shown(numbers: tuple[float, ...]) -> str:
+    return ", ".join(f"{number:g}" for number in numbers)
+
+
+# -- the start ---------------------------------------------------------------------------------------------------------
+
+
+def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Joints that start at 0, since nothing else is stated, where their limits exclude it."""
+    if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
+        return
+    for joint in robot.moving_joints:
+        low, high = joint.stops
+        if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
+            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
+            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
+            yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
+
+
+# -- references --------------------------------------------------------------------------------------------------------
+
+
+def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Signals, or terms of a sum, that rest for the whole run and change after its end."""
+    end = scenario.duration
+    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
+        least, largest = extremes(scenario, signal)
+        if largest > least or signal.jumps(0.0, end).size:
+            continue
+        try:
+            # Changes later than a hundred times the run are no slip of a digit.
+            later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
+            changed = np.flatnonzero(signal.values(later) != least)
+        except Exception:
+            continue  # what a signal is after the run's end is no fault of the run
+        if changed.size:
+            message = f"rests for the whole run of {end:g} s and changes only after its end"
+            yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
+
+
+def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
+    """A signal, or the terms of a sum."""
+    if not isinstance(signal, Sum):
+        yield key, signal
+        return
+    for index, term in enumerate(signal.terms):
+        yield from _terms(f"{key}.sum.{index}", term)
+
+
+def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References beyond the limits of joints, motors and springs."""
+    for block in robot.actuators:
+        mode, actuator, joint = MODES[block.mode], ACTUATORS.get(block.actuator), robot.joint(block.joint)
+        given, values = scenario.references_of(block.joint), block.values()
+        names = mode.references_of(actuator.motors)
+        if mode.units[0] == "rad" and (names[0] != "reference_1" or actuator.motors < 2) and names[0] in given:
+            yield from _leaves(scenario, robot, reference_key(scenario, block, names[0]), block.joint, given[names[0]])
+        elif mode.units[0] == "rad" and all(name in given for name in names):
+            time = np.linspace(0.0, scenario.duration, 501)
+            motors = zip(*(given[name].values(time) for name in names), strict=True)
+            places = [actuator.equilibrium_position(*positions) for positions in motors]
+            key = reference_key(scenario, block, names[0])
+            yield from _outside(robot, key, block.joint, min(places), max(places))
+        for motor, name in enumerate(names if mode.units[0] == "N m" else (), start=1):
+            what, limit = "the joint's effort limit", joint.effort
+            if mode.motor:
+                what, limit = f"motor {motor}'s largest torque", values.get(f"motor_{motor}_max_torque")
+            bounds = extremes(scenario, given[name]) if name in given else (0.0, 0.0)
+            if limit and max(map(abs, bounds)) > limit * (1.0 + ROUNDING):
+                shown = " to ".join(dict.fromkeys(f"{bound:g}" for bound in bounds))
+                message, key = f"is cut at {what}, {limit:g} N m", reference_key(scenario, block, name)
+                yield Problem(message, key=key, value=f"{shown} N m", code="reference-limits")
+        preset, limit = given.get("stiffness_preset"), values.get("max_deflection", math.inf)
+        if preset is not None and actuator.motors > 1 and not actuator.adjuster:
+            largest = max(map(abs, extremes(scenario, preset)))
+            if largest > limit:
+                message = f"is beyond the deflection limit of the springs, {limit:g} rad: they are clipped there"
+                key = reference_key(scenario, block, "stiffness_preset")
+                yield Problem(message, key=key, value=largest, code="large-preset")
+    for section, table in wanted_positions(scenario).items():
+        for joint in robot.moving_joints:
+            signal = for_joint(table, joint.name)
+            if signal is not None:
+                key = f"{section}.{joint.name if joint.name in table else '*'}"
+                yield from _leaves(scenario, robot, key, joint.name, signal)
+
+
+def _leaves(scenario: Scenario, robot: Robot, key: str, name: str, signal: Signal) -> Iterator[Problem]:
+    yield from _outside(robot, key, name, *extremes(scenario, signal))
+
+
+def _outside(robot: Robot, key: str, name: str, least: float, largest: float) -> Iterator[Problem]:
+    low, high = robot.joint(name).stops
+    if math.isfinite(low) and math.isfinite(high) and (least < low or largest > high):
+        message = f"leaves the limits of '{name}', {low:g} to {high:g}"
+        yield Problem(message, key=key, value=f"{least:g} to {largest:g}", code="reference-limits")
+
+
+def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """References that have no effect, and those that are missing."""
+    common = scenario.references.get("*", {})
+    for block in robot.actuators:
+        names, own = reference_names(block), scenario.references.get(block.joint, {})
+        unused = set(MODES[block.mode].references_of(ACTUATORS.get(block.actuator).motors)).difference(names)
+        for name in unused.intersection(own):
+            message = f"an actuator of type {block.actuator} has no second reference: it has no effect"
+            yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
+        for name in names:
+            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
+                message = f"joint '{block.joint}' has no {name}: it rests at its start"
+                yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
+
+
+def made_elsewhere(scenario: Scenario, joint: str) -> bool:
+    """Whether a Cartesian task, or learning, makes the joint's reference."""
+    if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
+        return True
+    return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
+
+
+# -- no effect ---------------------------------------------------------------------------------------------------------
+
+
 def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Keys that change nothing."""
     for key in shadowed_entries(scenario, robot):
-        yield Problem("does nothing: every joint that it could be for has an entry of its own", key=key, code="unused-entry")
+        message = "has no effect: every joint that it could apply to has an entry of its own"
+        yield Problem(message, key=key, code="unused-entry")
     for name, damping in scenario.link_damping.items():
         if damping.ratio and not damping.inertia:
-            message = "a ratio without 'inertia' does nothing: damping is 2 ratio sqrt(inertia stiffness)"
+            message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
             yield Problem(message, key=f"link_damping.{name}", value=damping.ratio, code="ratio-without-inertia")
     for index, claim in enumerate(scenario.expect):
         if claim.tolerance and claim.comparison != "==":
-            message = f"does nothing beside {claim.comparison}: it belongs to =="
+            message = f"has no effect beside {claim.comparison}: it belongs to =="
             yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
-    for one in scenario.world.objects:
-        if one.inertia is not None and not one.mass:
-            message = "does nothing: without a mass the object does not move"
-            yield Problem(message, key=f"world.objects.{one.name}.inertia", code="no-effect")
-
-
-def _step(scenario: Scenario) -> Iterator[Problem]:
-    """Steps in ms, and others that are no steps of a robot's controllers."""
-    if not STEPS[0] <= scenario.step <= STEPS[1]:
-        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
-        yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
-
-
-def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Optional models, which the toolbox's own order of a step does not have."""
+    for name, effects in scenario.sensor_effects.items():
+        modes = {block.mode for block in robot.actuators if name in ("*", block.joint)}
+        if effects.active and modes and not any(MODES[mode].controller for mode in modes):
+            message = f"no controller reads this sensor in mode {', '.join(map(str, sorted(modes)))}: it has no effect"
+            yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
     for block in robot.actuators if released_order(scenario.stepping) else ():
         given = [
             one.name
@@ -111,3 +257,9 @@ def _not_released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if given:
             message = f"the toolbox's order of a step does not know {', '.join(given)} of '{block.joint}'"
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-model")
+
+
+DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _objects_in_the_ground, _late, _beyond_limits,
+    _missing_references,
+)  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.document.file import read_document
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import Reading
-from asrsim.errors import Problem, ScenarioError, did_you_mean
+from asrsim.errors import Problem, ScenarioError
 from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import SCENARIO
@@ -21,7 +21,7 @@ DEFAULT = "default"
 
 
 def only_variant(loaded: Sequence[Scenario]) -> Scenario:
-    """The one that there is; raises ScenarioError if there are several."""
+    """The only variant; raises ScenarioError if there are several."""
     if len(loaded) != 1:
         names = tuple(one.variant for one in loaded)
         hint = "Choose one with variant=... (--variant), or run them all with asrsim.run_variants (asrsim run)"
@@ -33,7 +33,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
 def load_scenario(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[Scenario, ...]:
-    """Every variant of a scenario file, in file order, or the one asked for.
+    """Every variant of a scenario file, in file order, or the chosen one.
 
     A file without variants has one, called `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
@@ -56,7 +56,7 @@ def read_scenarios(
         hint = "Of what load_scenario gives, which is one for each variant, choose one"
         raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
-    if not _is_text(str(path.absolute())):
+    if not str(path.absolute()).isprintable() and "\\udc" in ascii(str(path.absolute())):
         message = "the name of the file, or of a folder above it, is no UTF-8"
         raise ScenarioError(message, file=path, hint="Rename it: logs and summaries name the file", code="encoding")
     faults: list[Problem] = []
@@ -64,15 +64,12 @@ def read_scenarios(
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
-    common, variants, wrong = _split(root)
+    variants, wrong = _split(root)
     faults += wrong
     if variant is not None and variant not in variants:
-        names = tuple(variants)
-        hint = did_you_mean(str(variant), names)
         message = f"there is no variant '{variant}'"
-        faults.append(Problem(message, file=path, choices=names, hint=hint, code="unknown-variant"))
+        faults.append(Problem(message, file=path, choices=tuple(variants), meant=str(variant), code="unknown-variant"))
         raise ScenarioError(faults)
-    faults += _faults_of_claims(common, tuple(variants))
     chosen = variants if variant is None else {variant: variants[variant]}
     readings, scenarios = [], []
     for name, merged in chosen.items():
@@ -122,47 +119,41 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
     return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
 
 
-def _split(root: Node) -> tuple[Node, dict[str, Node], list[Problem]]:
-    """What all variants share, every variant merged with it, and what is wrong with the variants."""
+def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
+    """Every variant, merged with what all variants share, and what is wrong with the variants and with claims about them."""
     assert isinstance(root.value, dict)
     items = dict(root.value)
     node = items.pop("variants", None)
     common = Node(items, root.line, root.key_lines, root.file)
+    problems: list[Problem] = []
+    merged: dict[str, Node] = {}
     if node is None or node.value is None:
         only = items.get("variant")
-        return common, {str(only.value) if only is not None and only.value is not None else DEFAULT: common}, []
-    problems: list[Problem] = []
-    if not isinstance(node.value, dict) or not node.value:
+        merged[str(only.value) if only is not None and only.value is not None else DEFAULT] = common
+    elif not isinstance(node.value, dict) or not node.value:
         problems.append(_problem("must be a mapping from names to the keys that differ", node, "variants"))
+        merged[DEFAULT] = common
     elif "variant" in items:
         problems.append(_problem("a file with variants names them there", items["variant"], "variant"))
-    merged: dict[str, Node] = {}
-    for name, over in node.value.items() if isinstance(node.value, dict) else ():
-        if isinstance(over.value, dict):
-            problems += [
-                _problem("cannot stand in a variant", over.value[key], f"variants.{name}.{key}")
-                for key in ("variants", "variant", "name")
-                if key in over.value
-            ]
+    for name, over in node.value.items() if node is not None and isinstance(node.value, dict) else ():
+        keys = over.value if isinstance(over.value, dict) else {}
+        problems += [
+            _problem("cannot stand in a variant", keys[key], f"variants.{name}.{key}")
+            for key in ("variants", "variant", "name")
+            if key in keys
+        ]
         if not names_a_folder(name):
             problems.append(_problem("is no name: it names a folder too", over, f"variants.{name}"))
         if over.value is not None and not isinstance(over.value, dict):
             problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
-        merged[name] = SCENARIO.merge(common, over) if isinstance(over.value, dict) else common
-    return common, merged or {DEFAULT: common}, problems
-
-
-def _faults_of_claims(common: Node, variants: tuple[str, ...]) -> list[Problem]:
-    """Claims about variants that there are not."""
-    assert isinstance(common.value, dict)
-    claims = common.value.get("expect")
-    problems = []
+        merged[name] = SCENARIO.merge(common, over) if keys else common
+    claims = items.get("expect")
     for index, claim in enumerate(claims.value if claims is not None and isinstance(claims.value, list) else ()):
         named = claim.value.get("variant") if isinstance(claim.value, dict) else None
-        if named is not None and named.value is not None and str(named.value) not in variants:
-            problem = _problem(f"there is no variant '{named.value}'", named, f"expect.{index}.variant", variants)
-            problems.append(problem)
-    return problems
+        if named is not None and named.value is not None and str(named.value) not in merged:
+            message, key = f"there is no variant '{named.value}'", f"expect.{index}.variant"
+            problems.append(_problem(message, named, key, tuple(merged)))
+    return merged, problems
 
 
 def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) -> Problem:
@@ -172,12 +163,3 @@ def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:
     """Each problem once: variants share most of theirs."""
     return list({str(problem): problem for problem in problems}.values())
-
-
-def _is_text(name: str) -> bool:
-    """Whether a file's name can be written as UTF-8."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""`key=value` from the command line, laid upon a scenario's nodes."""
+"""`key=value` from the command line, applied to a scenario's nodes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PART = re.compile(r'"([^"]*)"|([^."]+)')
 
 
 def split_path(text: str) -> tuple[str, ...]:
-    """Parts of a dotted path; parts with dots stand in double quotes. Raises ScenarioError."""
+    """Parts of a dotted path; parts that contain dots are in double quotes. Raises ScenarioError."""
     parts: list[str] = []
     position = 0
     while position <= len(text):

@@ -12,7 +12,7 @@ FILE_NAME = "scenario.schema.json"
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema as plain data (draft 2020-12). `duration` may also stand in every variant, so only `robot` is required."""
+    """The schema as plain data (draft 2020-12). `duration` may also be given in every variant, so only `robot` is required."""
     schema = SCENARIO.schema()
     properties = {key.name: key.schema() for key in KEYS}
     variants = {**VARIANTS.schema(), "additionalProperties": {"anyOf": [change_schema(SCENARIO.schema()), {"type": "null"}]}}
@@ -50,7 +50,7 @@ def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The schema as it stands in docs/scenario.schema.json."""
+    """The text of docs/scenario.schema.json."""
     import json
 
     return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"

@@ -49,7 +49,7 @@ class StarterJoint:
     target: float
     """Link position after the step."""
     firmer: float = 1.0
-    """Times the usual soft preset, where that one's springs do not hold the arm."""
+    """Factor on the usual soft preset, if its springs are too soft to hold the arm."""
 
     @property
     def actuator(self) -> type[Actuator]:
@@ -111,8 +111,9 @@ class StarterJoint:
 
 
 def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
-    """The starter's motion of an actuated joint: from 0 or the nearest away from its stops, by a small step; of one that is
-    to follow another, what that one's motion asks of it."""
+    """The starter's motion of an actuated joint: a small step from 0, or from the position nearest to 0 that is clear of the
+    stops. A joint with `<mimic>` follows the motion of its leader.
+    """
     joint = robot.joint(block.joint)
     leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
     if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
@@ -163,7 +164,7 @@ class Starter:
     schema: str | None = None
     """Path of the JSON Schema for editors, if any."""
     mode: int | None = None
-    """A mode that was asked for, to be written down; the robot has it already."""
+    """A mode given on the command line, to be written down; the robot has it already."""
     given: tuple[str, ...] = ()
     """Joints whose actuator the scenario gives."""
     sized: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -192,9 +193,7 @@ def starter_text(starter: Starter) -> str:
     lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
     lines += [
         f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-        f"# Editors explain every key by {starter.schema}; `asrsim actuators` explains parameters."
-        if starter.schema
-        else "# `asrsim check` explains what is wrong with a key, `asrsim actuators` what parameters there are.",
+        "# Every key is explained in docs/scenario.md, every parameter by `asrsim actuators`; `asrsim check` finds mistakes.",
         "",
         *robot_lines(starter.file, starter.arguments, starter.packages),
         "duration: 3          # s",
@@ -211,7 +210,7 @@ def starter_text(starter: Starter) -> str:
     elif moved:
         lines += ["", "initial:             # rad, m; 0 lies on or near the stops of these joints"]
         lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
-    lines += ["", *_references(drives), "", *_variants(drives), "", *_further(drives)]
+    lines += ["", *_references(drives), *_variants(drives)]
     return "\n".join(lines) + "\n"
 
 
@@ -281,11 +280,8 @@ def _references(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
 def _variants(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
     soft_and_stiff = [(drive, presets) for drive in drives if (presets := drive.presets()) is not None]
     if not soft_and_stiff:
-        yield "# Variants share everything above and change what they name; `asrsim run` runs them all:"
-        yield "# variants:"
-        yield "#   slow: {step: 0.002}"
-        yield "#   fine: {step: 0.0005}"
         return
+    yield ""
     yield "# Variants share everything above and change what they name; `asrsim run` runs them all."
     yield "variants:"
     for index, name in enumerate(("soft", "stiff")):
@@ -303,21 +299,6 @@ def _differs(drive: StarterJoint, reference: str) -> bool:
     return reference != first or not (MODES[drive.block.mode].mapped or drive.actuator.adjuster)
 
 
-def _further(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
-    joint = word(drives[0].joint.name) if drives else "joint"
-    force, there = ("N", PRISMATIC_STEP) if drives and drives[0].joint.kind == "prismatic" else ("N m", STEP)
-    parameter = drives[0].actuator.parameters[0].name if drives else None
-    yield "# More that a scenario can say:"
-    if parameter is not None:
-        value = number(drives[0].block.values()[parameter])
-        yield f"# parameters: {{{joint}: {{{parameter}: {value}}}}}  # replaces the robot file's value"
-    yield f"# external_torques: {{{joint}: {{pulse_train: {{high: 0.1, period: 1, width: 0.05, start: 1}}}}}}  # {force}"
-    yield '# effects: {commands: {"*": {delay: 0.005, rate: 200}}}  # s, Hz'
-    yield "# expect:"
-    claim = f"measure: steady_state, value: {there:g}, tolerance: {there / 6:.1g}"
-    yield f"#   - {{joint: {joint}, quantity: link_position, {claim}}}"
-
-
 def word(text: str) -> str:
     """Text as YAML, quoted where it must be."""
     plain = _SIMPLE.fullmatch(text) and isinstance(plain_scalar(text), str)
@@ -325,9 +306,9 @@ def word(text: str) -> str:
 
 
 MOUNTED_MODE = 6
-"""Mode of actuators that the scenario gives, where none is asked for."""
+"""Mode of actuators that the scenario gives, unless another is chosen."""
 ROUNDS = 6
-"""Of parameters that hold the arm, and presets that follow from them."""
+"""Largest number of repetitions of sizing and presets."""
 
 VISIBLE = 1e-3
 """rad or m by which a joint sags that is worth a start at equilibrium."""
@@ -406,7 +387,7 @@ def write_starter(
 
 
 def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
-    """A warning that an arm swings on, and what is written against it; lasts: s."""
+    """A warning that an arm swings on, with the damping that the scenario proposes; lasts: s."""
     if starter.damped:
         how_long = f"for {lasts:.2g} s" if lasts < 100.0 else "without end"
         message = f"its joints have too little damping, so that the arm would swing on {how_long} after a step"
@@ -415,7 +396,7 @@ def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
-    """The robot that a file tells of. Raises RobotError where it cannot be read, or no joint of it moves."""
+    """The robot in a file. Raises RobotError where it cannot be read, or no joint of it moves."""
     from asrsim.scenario.check import nothing_moves
 
     robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
@@ -425,8 +406,9 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
 
 
 def _held(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
-    """The starter with parameters that hold the arm, and how. Its presets follow from them, so they are judged with these
-    again."""
+    """The starter with parameters that hold the arm, and the sizing with them. Presets depend on the parameters, so both are
+    repeated until they agree.
+    """
     from asrsim.kinematics.sizing import ENOUGH, sizing
 
     for _ in range(ROUNDS):
@@ -455,7 +437,7 @@ def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
 
 
 def scenario_of(text: str, robot: Robot, folder: Path) -> Scenario:
-    """The scenario of a text that is to stand in `folder`, without its variants."""
+    """The scenario of a text for a file in `folder`, without its variants."""
     data = parse_yaml(text, error=ScenarioError).plain()
     data.pop("variants", None)
     return scenario_from_data(data, base_dir=folder, robot=robot.path)

@@ -1,20 +1,18 @@
-"""A scenario from a recording: commands played, motion compared, and every guess in its comments."""
+"""A scenario from a recording: its commands are played, and its motion is compared with that of the simulation."""
 
 from __future__ import annotations
 
 import io
 import shlex
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.user import command_line
-from asrsim.errors import InputError, RecordingError, listed
+from asrsim.errors import RecordingError
 from asrsim.quantities import is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
@@ -22,12 +20,12 @@ from asrsim.recordings.suspicions import beyond_stops, condense
 from asrsim.robot import ActuatorBlock, Robot, with_overrides
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
-from asrsim.signals.playback import Playback, since
+from asrsim.signals.playback import since
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Unit of a command that is no position -> mode that takes it."""
 WIDE = 1e4
-"""N m, rad/s: limits of motors of which nothing is known; a thousand times what joints of robots do."""
+"""N m, rad/s: limits of motors whose real limits are unknown; a thousand times those of robots."""
 
 
 def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> dict[str, int]:
@@ -36,7 +34,7 @@ def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> 
     units = {(pairing.get(str(c.joint)), str(c.quantity)): c.unit for c in recording.channels.values() if c.quantity}
     commands = ("reference_1", *(f"motor_1_{what}" for what in ("voltage", "current", "torque")))
     found = {joint: [units[joint, one] for one in commands if (joint, one) in units] for joint in joints}
-    return {joint: UNIT_MODES[told[0]] for joint, told in found.items() if told and told[0] in UNIT_MODES}
+    return {joint: UNIT_MODES[stated[0]] for joint, stated in found.items() if stated and stated[0] in UNIT_MODES}
 
 
 def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -57,11 +55,11 @@ def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str
 LATEST = 1.0
 """s: a recording that begins later, or before 0, is played from 0."""
 STAIRS = 0.5
-"""Share of changes that follow on a change, below which a command is taken for stairs, which are held; others are smooth."""
+"""Fraction of changes that follow directly on a change. A command with less is piecewise constant; others are smooth."""
 TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
 """Mode -> recorded quantities that are its command where none is called so."""
 FALLBACKS = ("equilibrium_position", "motor_1_position")
-"""Recorded quantities that stand in for a command that was not recorded."""
+"""Recorded quantities that replace a command that was not recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +70,12 @@ class Played:
     slot: int | None
     """Of the mode's references: 0 or 1; None: the external torque."""
     column: Column
-    direct: bool
-    """Played from the recording itself; else from the extract beside the scenario."""
     hold: bool
+    """Each value holds until the next sample; else a smooth curve leads there."""
 
     @property
     def label(self) -> str:
-        """Column of the extract."""
+        """Column of the file of commands."""
         what = "external_torque" if self.slot is None else f"reference_{self.slot + 1}"
         return f"{self.joint}.{what}" + (f" [{self.column.unit}]" if self.column.unit else "")
 
@@ -145,11 +142,11 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
                 modes[block.joint] = mode
                 why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
                 remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
-            played.append(_played(block.joint, 0, command, recording, lag))
+            played.append(_played(block.joint, 0, command))
             if second is not None and len(reference_names(replace(block, mode=mode))) > 1:
-                played.append(_played(block.joint, 1, second, recording, lag))
+                played.append(_played(block.joint, 1, second))
         if (torque := columns.get((block.joint, "external_torque"))) is not None:
-            played.append(_played(block.joint, None, torque, recording, lag))
+            played.append(_played(block.joint, None, torque))
     if not strict and not any(one.slot == 0 for one in played):
         if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
             raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
@@ -189,7 +186,7 @@ def _command(
     reference = columns.get((block.joint, "reference_1"))
     order = ["reference_1", *torques, *fallbacks]
     if MODES[block.mode].direct and reference is not None and reference.unit not in (*MODES[block.mode].units, "N"):
-        # A motor that is told its torque takes the recorded one before any position.
+        # A torque-controlled motor takes its recorded torque rather than a position.
         order = [*torques, *order]
     for quantity in order:
         column = columns.get((block.joint, quantity))
@@ -203,16 +200,16 @@ def _command(
         return column
     recorded = [quantity for joint, quantity in columns if joint == block.joint]
     if recorded and fallbacks:
-        remarks.append(f"{block.joint}: no column is its command; it is told to rest where it starts")
+        remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
     return None
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
-    """The block's mode if it can take the command, else the nearest one that can."""
+    """The block's mode if it accepts the command, else the nearest mode that does."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     alone = actuator.motors == 1 and not actuator.adjuster
     if command.quantity == "motor_1_position" and mode.spring and (alone or second is not None):
-        # Motors whose places are known need no controller: they stand there.
+        # Motors whose positions are known need no controller: the positions are prescribed.
         return 2
     if command.quantity in TORQUES.get(block.mode, ()):
         return mode.number
@@ -230,25 +227,10 @@ def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
     return mode.number
 
 
-def _played(joint: str, slot: int | None, column: Column, recording: Recording, lag: float) -> Played:
+def _played(joint: str, slot: int | None, column: Column) -> Played:
     changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
-    direct = recording.format == "text" and _plays(recording.path, column, lag)
-    return Played(joint=joint, slot=slot, column=column, direct=direct, hold=following < STAIRS)
-
-
-def _plays(path: Path, column: Column, lag: float) -> bool:
-    """Whether the playback signal reads the same numbers from the recording itself."""
-    try:
-        times, values = Playback(file=path, column=column.source, start=0.0 if lag else None).samples
-    except InputError:
-        return False
-    shifted = since(column.time, lag) if lag else column.time
-    return (
-        len(times) == len(shifted)
-        and bool(np.allclose(times, shifted, rtol=0.0, atol=1e-9))
-        and bool(np.allclose(values, column.values, rtol=1e-12, atol=0.0))
-    )
+    return Played(joint=joint, slot=slot, column=column, hold=following < STAIRS)
 
 
 def _initial(
@@ -293,42 +275,40 @@ def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> Reco
             f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
             hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
-    told = " ".join(str(c.quantity) for c in recording.channels.values())
+    quantities = " ".join(str(c.quantity) for c in recording.channels.values())
     bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
     bench += f"{joint}.elastic_torque_1"
-    hint = f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in told else ''}. Without one, "
+    hint = (
+        f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in quantities else ''}. Without one, "
+    )
     hint += "a run of a scenario is compared by `asrsim plot LOG --experiment FILE`"
     problem = f"no column is a command that could be played; its columns: {found}"
     return RecordingError(problem, file=recording.path, hint=hint, code="no-command")
 
 
-def extract(plan: Plan, name: str) -> dict[str, str]:
-    """File name -> text of the played columns that the signal cannot read from the recording itself, in SI.
+STEP = 0.001
+"""s."""
+SHARE = 0.1
+"""Of the recorded range: largest RMSE that a claim allows."""
+UNKNOWN = (
+    "Limits of motors are wide open, their constants, if any, 1, controllers' derivative gains 0, since they brake as damping "
+    "does; springs that stand here hold the arm's own weight, which the defaults do not: write what is known."
+)
 
-    One file a time base; `name`: of the first.
-    """
+
+def command_tables(plan: Plan, name: str) -> dict[str, list[Played]]:
+    """File name -> the commands that it holds: one file for each time base, the first of them called `name`."""
     groups: dict[int, list[Played]] = {}
     for one in plan.played:
-        if not one.direct:
-            groups.setdefault(id(one.column.time), []).append(one)
-    return {file: _table(members) for (file, members) in zip(_names(name, len(groups)), groups.values(), strict=True)}
-
-
-def file_of(plan: Plan, one: Played, name: str) -> str:
-    """Name of the extract in which a column is."""
-    times = list(dict.fromkeys(id(other.column.time) for other in plan.played if not other.direct))
-    return _names(name, len(times))[times.index(id(one.column.time))]
-
-
-def _names(name: str, count: int) -> list[str]:
+        groups.setdefault(id(one.column.time), []).append(one)
     stem, dot, ending = name.rpartition(".")
-    return [name if number == 1 else f"{stem}_{number}{dot}{ending}" for number in range(1, count + 1)]
+    return {f"{stem}{f'_{i}' if i > 1 else ''}{dot}{ending}": members for i, members in enumerate(groups.values(), start=1)}
 
 
-def _table(members: list[Played]) -> str:
+def command_text(plan: Plan, members: Sequence[Played]) -> str:
+    """CSV of commands in SI, on the simulation's clock. Missing samples are bridged by the samples around them."""
     time = members[0].column.time
-    values = np.column_stack([time, *(one.column.values for one in members)])
-    # A playback must be whole: what is missing is bridged by the samples around it.
+    values = np.column_stack([since(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
     for i in range(1, values.shape[1]):
         good = np.isfinite(values[:, i])
         values[:, i] = np.interp(time, time[good], values[good, i])
@@ -338,23 +318,6 @@ def _table(members: list[Played]) -> str:
     return text.getvalue()
 
 
-STEP = 0.001
-"""s."""
-SHARE = 0.1
-"""Of the recorded range: the limit of a claim before the first comparison."""
-EXACT = 1e-6
-"""Of the recorded range: the least RMSE that is claimed; of a simulation's own log less would be the machine's rounding."""
-UNKNOWN = (
-    "Limits of motors are wide open, their constants, if any, 1, controllers' derivative gains 0, since they brake as damping "
-    "does; springs that stand here hold the arm's own weight, which the defaults do not: write what is known."
-)
-
-STILL = 0.02
-"""Share of the recorded range below which the simulation rests."""
-APART = 0.25
-"""Share of the recorded range beyond which simulation and recording are no pair."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Names:
     """Files as the scenario names them, from its own folder."""
@@ -362,7 +325,7 @@ class Names:
     scenario: str
     robot: str
     recording: str
-    extract: str
+    commands: str
     schema: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
     """Of xacro."""
@@ -372,24 +335,12 @@ class Names:
     """Files of users' actuators."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Claim:
-    """A limit on the RMSE of one quantity, and where it comes from."""
-
-    joint: str
-    quantity: str
-    limit: float
-    said: str
-    active: bool = True
-    """False: written as a comment, since the two have too little in common."""
-
-
 def recording_text(
-    plan: Plan, names: Names, claims: Sequence[Claim], *, mode: int | None = None, mounted: Sequence[str] = (),
+    plan: Plan, names: Names, *, mode: int | None = None, mounted: Sequence[str] = (),
     parameters: Mapping[str, Mapping[str, float]] | None = None, mapping: Sequence[str] = (), rate: float | None = None,
 ) -> str:  # fmt: skip
-    """The scenario's YAML. mode, mapping, rate: as they were asked for on the command line, and are written down; mounted:
-    joints whose actuator the scenario gives; parameters: those of these that are no defaults.
+    """The scenario's YAML. mode, mapping, rate: as given on the command line, and written down; mounted: joints whose actuator
+    the scenario gives; parameters: those of these that are no defaults.
     """
     lines = [f"# yaml-language-server: $schema={names.schema}"] if names.schema else []
     lines += [*_head(plan, names, mapping, rate), "", *robot_lines(names.robot, names.arguments, names.packages)]
@@ -408,176 +359,67 @@ def recording_text(
     if plan.initial:
         lines += ["initial:".ljust(21) + "# rad, m; where the recording begins"]
         lines += [f"  {word(joint)}: {value!r}" for joint, value in plan.initial.items()]
+    playbacks = {
+        (one.joint, one.slot): f"{{playback: {{file: {word(file)}, column: {word(one.label)}, interpolation: "
+        f"{'hold' if one.hold else 'smooth'}}}}}  # {one.column.source}"
+        for file, members in command_tables(plan, names.commands).items()
+        for one in members
+    }
     if plan.robot.actuators:
-        lines += ["", "references:", *_references(plan, names)]
-    torques = [one for one in plan.played if one.slot is None]
-    if torques:
-        lines += ["", "external_torques:"]
-        lines += [f"  {word(one.joint)}: {_playback(plan, one, names)}  # {one.column.source}" for one in torques]
-    lines += ["", *_expect(plan, names, claims, mapping, rate)]
+        lines += ["", "references:", *_references(plan, playbacks)]
+    torques = [f"  {word(joint)}: {playback}" for (joint, slot), playback in playbacks.items() if slot is None]
+    lines += ["", "external_torques:", *torques] if torques else []
+    lines += ["", *_expect(plan, names, mapping, rate)]
     return "\n".join(lines) + "\n"
 
 
-def placeholders(plan: Plan) -> list[Claim]:
-    """A claim for each quantity that is compared: an RMSE of a tenth of the recorded range, before any comparison."""
-    claims = []
-    for joint, column in plan.compared:
-        values = column.values[np.isfinite(column.values)]
-        extent = float(np.ptp(values))
-        if extent > 0.0 and is_comparable(str(column.quantity)):
-            said = f"a placeholder: {100 * SHARE:g} % of the recorded range"
-            claims.append(Claim(joint=joint, quantity=str(column.quantity), limit=_rounded(SHARE * extent), said=said))
-    return claims
-
-
 def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
-    recording = plan.recording
-    name = Path(names.scenario).stem
-    recorded = shlex.quote(names.recording)
-    log = shlex.quote(f"out/{name}/default/log.mcap")
+    log = shlex.quote(f"out/{names.scenario.rpartition('.')[0]}/default/log.mcap")
     options = [
         f"--lag {exact(plan.lag)}",
         *(f"--map {shlex.quote(text)}" for text in mapping),
         *([f"--rate {rate:g}"] if rate else []),
     ]
-    yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`."
-    yield "# It plays the recorded commands into the simulation and compares the motion with the recorded one. Units are SI."
+    yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`. Units are SI."
+    yield f"# It plays the recorded commands ({names.commands}) and compares the motion with the recorded one."
     yield f"#   {command_line('run', names.scenario, names.plugins)}"
-    yield f"#   asrsim plot {log} --experiment {recorded} {' '.join(options)}"
-    yield "#"
-    yield f"# How the file was read ({recording.format}, {_sampling(recording)}); --map COLUMN=JOINT.QUANTITY corrects it:"
-    rows = [column for column in recording.channels.values() if column.quantity]
-    cells = [("column", "read as", "unit", "conversion", "why")]
-    cells += [(row.source, row.meaning, row.unit, row.conversion, row.origin) for row in rows]
-    widths = [min(34, max(len(line[i]) for line in cells)) for i in range(4)]
-    for line in cells:
-        yield "#   " + "  ".join(text.ljust(width) for text, width in zip(line, [*widths, 0], strict=True)).rstrip()
-    unused = [column.source for column in recording.channels.values() if not column.quantity]
-    if unused:
-        yield from _wrapped(f"not used: {listed(unused, 12)}", "#   ")
-    said = [*plan.remarks, *(f"{p.key}: {p.message}" if p.key else p.message for p in recording.findings)]
-    if said:
+    yield f"#   asrsim plot {log} --experiment {shlex.quote(names.recording)} {' '.join(options)}"
+    if plan.remarks:
         yield "# Assumed, or odd about the file:"
-        for text in said[:20]:
-            yield from _wrapped(text, "#   - ")
-        if len(said) > 20:
-            yield f"#   - and {len(said) - 20} more"
+    yield from (f"#   - {' '.join(text.split())}" for text in plan.remarks)
     if plan.lag:
         yield f"# The recording begins at {exact(plan.lag)} s of its own clock, which is 0 here."
-    extracted = [one for one in plan.played if not one.direct]
-    if extracted:
-        yield f"# The commands are played from {names.extract} beside this file: cleaned, in SI, on the recording's clock."
 
 
-def _sampling(recording: Recording) -> str:
-    step = float(np.median(np.diff(recording.time)))
-    return f"{len(recording.time)} samples at {1 / step:.4g} Hz"
-
-
-def _references(plan: Plan, names: Names) -> Iterator[str]:
+def _references(plan: Plan, playbacks: Mapping[tuple[str, int | None], str]) -> Iterator[str]:
     for block in plan.robot.actuators:
-        mode = MODES[block.mode]
-        drive = starter_joint(plan.robot, block)
-        own = {one.slot: one for one in plan.played if one.joint == block.joint and one.slot is not None}
+        mode, drive = MODES[block.mode], starter_joint(plan.robot, block)
         yield f"  {word(block.joint)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
         presets = drive.presets()
         preset = presets[0] if presets else drive.actuator.typical_preset
         for slot, (name, unit, rest) in enumerate(drive.levels(plan.initial.get(block.joint, 0.0), 0.0, preset)):
-            one = own.get(slot)
-            if one is not None:
-                yield f"    {name}: {_playback(plan, one, names)}  # {one.column.unit or unit}, {one.column.source}"
-            else:
-                yield f"    {name}: {number(rest)}  # {unit}, not recorded"
+            yield f"    {name}: {playbacks.get((block.joint, slot), f'{number(rest)}  # {unit}, not recorded')}"
 
 
-def _playback(plan: Plan, one: Played, names: Names) -> str:
-    file, column = (names.recording, one.column.source) if one.direct else (file_of(plan, one, names.extract), one.label)
-    keys = [f"file: {word(file)}", f"column: {word(column)}"]
-    if plan.lag:
-        keys.append(f"start: {exact(float(one.column.time[0]) - plan.lag)}")
-    keys.append(f"interpolation: {'hold' if one.hold else 'smooth'}")
-    return f"{{playback: {{{', '.join(keys)}}}}}"
-
-
-def _expect(plan: Plan, names: Names, claims: Sequence[Claim], mapping: Sequence[str], rate: float | None) -> Iterator[str]:
+def _expect(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
+    """A claim for each quantity that is compared: an RMSE of at most a tenth of the recorded range."""
+    options = [f"lag: {exact(plan.lag)}"]
+    options += [f"map: [{', '.join(word(text) for text in mapping)}]"] if mapping else []
+    options += [f"rate: {rate:g}"] if rate else []
+    against = f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
+    claims = []
+    for joint, column in plan.compared:
+        extent = float(np.ptp(column.values[np.isfinite(column.values)]))
+        if extent > 0.0 and is_comparable(str(column.quantity)):
+            limit = f"measure: rmse, comparison: <, value: {SHARE * extent:.2g}"
+            claims.append(f"  - {{joint: {word(joint)}, quantity: {column.quantity}, {limit}, {against}}}")
     if not claims:
         yield "# Nothing that the simulation has was recorded beside the commands: there is nothing to compare."
         return
-    yield "# The limits say how near the model is today, not how near it should be: put what the laboratory needs."
-    if not any(claim.active for claim in claims):
-        yield "# expect:"
-    else:
-        yield "expect:"
-    for claim in claims:
-        yield f"  # {claim.said}"
-        against = _against(plan, names, mapping, rate)
-        yield (
-            f"  {'' if claim.active else '# '}- {{joint: {word(claim.joint)}, quantity: {claim.quantity}, measure: rmse, "
-            f"comparison: <, value: {number(claim.limit)}, {against}}}"
-        )
-
-
-def _against(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> str:
-    """The recording and how it is read."""
-    options = [f"lag: {exact(plan.lag)}"]
-    if mapping:
-        options.append(f"map: [{', '.join(word(text) for text in mapping)}]")
-    if rate:
-        options.append(f"rate: {rate:g}")
-    return f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
+    yield f"expect:              # {100 * SHARE:g} % of the recorded range: write how near the model should be"
+    yield from claims
 
 
 def exact(value: float) -> str:
     """A number as YAML, to twelve digits: times of long recordings need them."""
     return f"{value + 0.0:.12g}"
-
-
-def _wrapped(text: str, first: str) -> list[str]:
-    """Lines of a comment that begins with `first`."""
-    return textwrap.wrap(" ".join(text.split()), 124, initial_indent=first, subsequent_indent="#     ", break_long_words=False)
-
-
-def _rounded(value: float) -> float:
-    """Upwards to two digits."""
-    digits = 10.0 ** (np.floor(np.log10(value)) - 1)
-    return float(np.ceil(value / digits - 1e-9) * digits)
-
-
-@dataclass(frozen=True, kw_only=True)
-class First:
-    """What the first comparison of a quantity gave."""
-
-    rmse: float
-    nrmse: float
-    """Share of the recorded range."""
-    r2: float
-    """Below 0 a constant would be nearer to the recording than the simulation is."""
-    moved: float
-    """Range of the simulation as a share of the recorded one."""
-
-    @property
-    def doubt(self) -> str:
-        """Why a limit from this comparison would say nothing; "" where it says something."""
-        if self.moved < STILL:
-            return "the simulation does not move"
-        if self.r2 < 0.0:
-            return f"R2 is {self.r2:.2g}, so that a constant would be nearer; another zero, sign or unit, or not modelled?"
-        return "" if self.nrmse < APART else "another unit, side of a gear or zero, or not modelled?"
-
-
-def first_claims(plan: Plan, measured: Mapping[tuple[str, str], First]) -> list[Claim]:
-    """Claims from the first comparison, by joint and quantity; a fifth above its RMSE. Others are placeholders, not claimed."""
-    claims = []
-    for claim in placeholders(plan):
-        first = measured.get((claim.joint, claim.quantity))
-        if first is None:
-            claim = replace(claim, active=False)
-        elif first.rmse > 0.0:
-            rmse = first.rmse
-            said = f"{rmse:.3g} in the first comparison, {100 * first.nrmse:.3g} % of the recorded range"
-            active = not first.doubt
-            said += "" if active else f": {first.doubt}"
-            limit = _rounded(1.2 * rmse * max(1.0, EXACT / first.nrmse))
-            claim = Claim(joint=claim.joint, quantity=claim.quantity, limit=limit, said=said, active=active)
-        claims.append(claim)
-    return claims

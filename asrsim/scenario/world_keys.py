@@ -106,7 +106,7 @@ _GROUND: Block[Keys] = Block(
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """What stands around the robot."""
+    """The robot's surroundings."""
 
     ground: bool = declare(
         Either(((is_mapping, _GROUND), (is_scalar, Boolean()))), default=False,

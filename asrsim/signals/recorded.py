@@ -27,9 +27,9 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     `header` for the messages' own stamps. Raises RecordingError naming file, line and column of everything that is wrong: no
     such column (the ones that there are), cells that are empty or no numbers, rows of another length, times that do not ascend.
     """
-    from asrsim.recordings.build import in_si
     from asrsim.recordings.data import RawSeries
     from asrsim.recordings.names import find_raw
+    from asrsim.recordings.read import in_si
 
     content, reading = _read(path, *_newest(path))
     table = next((one for one in content.tables if find_raw(column, one.columns) is not None), None)
@@ -73,7 +73,7 @@ def _newest(path: Path) -> tuple[int, int]:
     return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
-# The columns of one file are asked for one after the other.
+# A scenario plays several columns of one file, one after the other.
 @lru_cache(maxsize=2)
 def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
     from asrsim.recordings.formats import content_of

@@ -1,21 +1,23 @@
-"""The numerical error of a run: the run again with the step halved, twice, and Richardson's estimate from the differences.
-
-All runs go side by side, and what they differ by is summed up as they go: memory does not grow with the duration.
-"""
+"""The numerical error of a run: the run again with the step halved, twice, and Richardson's estimate from the differences."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
+
+import numpy as np
 
 from asrsim.robot.model import Robot
+from asrsim.samples import Array, Samples
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.run import Run, blame_laws
-from asrsim.simulation.side_by_side import Differences, Track, rows_of_all
+from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
+COMPARED = ("link_position", "link_torque")
+BLOCK = 65_536
+"""Samples that are compared at once."""
 ORDER_TOLERANCE = 0.35
 """By how much the measured order may fall short of the scheme's before it is said."""
 RESOLVED = 1e-12
@@ -69,32 +71,25 @@ def certify(
     then; if it says True there is no certificate. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    first, second, whole = (Differences(len(run.info.joints)) for _ in range(3))
-    with blame_laws(), ExitStack() as stack:
-        finer = [Track(stack, _finer(scenario, run, times), robot) for times in (2, 4)]
-        coarse = Track(stack, scenario if run.samples is None else [run.samples], robot)
-        for one, half, quarter in rows_of_all([coarse, *finer]):
-            if stop is not None and stop():
-                return None
-            first.add(one, half)
-            second.add(half, quarter)
-            whole.add(one, quarter)
-            if progress is not None:
-                progress("finer steps", min(track.time for track in finer))
+    motions = [motion([run.samples])] if run.samples is not None else []
+    for times in (1, 2, 4)[len(motions) :]:
+        tell = progress and partial(progress, "finer steps")
+        finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
+        if finer.status == "interrupted" or finer.samples is None:
+            return None
+        motions.append(motion([finer.samples]))
+        del finer
+    first, second, whole = (differences(motions[a], motions[b]) for a, b in ((0, 1), (1, 2), (0, 2)))
     joints: dict[str, JointError] = {}
     warnings = []
     for j, joint in enumerate(run.info.joints):
-        order = _order(first.of("link_position", j)[1], second.of("link_position", j)[1])
+        order = _order(float(first[1, 0, j]), float(second[1, 0, j]))
         used = max(order, 0.5) if order < stepping.order - ORDER_TOLERANCE else stepping.order
         # Richardson: of the difference to the run of a quarter step, whose own error is 4^-order of the coarse one's.
         scale = 1.0 / (1.0 - 4.0**-used)
-        position, torque = whole.of("link_position", j), whole.of("link_torque", j)
+        position_max, torque_max, position_rms, torque_rms = (scale * whole[:, :, j]).ravel().tolist()
         joints[joint.name] = JointError(
-            position_max=scale * position[0],
-            position_rms=scale * position[1],
-            torque_max=scale * torque[0],
-            torque_rms=scale * torque[1],
-            order=order,
+            position_max=position_max, position_rms=position_rms, torque_max=torque_max, torque_rms=torque_rms, order=order
         )
         if order < stepping.order - ORDER_TOLERANCE:
             warnings.append(
@@ -121,3 +116,23 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
 def _order(first: float, second: float) -> float:
     """Measured order of convergence, from what halving the step changes, and halving it again; NaN at rounding level."""
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
+
+
+def motion(chunks: Iterable[Samples]) -> Array:
+    """What is compared of a run's samples, (samples, quantities, joints)."""
+    return np.concatenate([np.stack([chunk.values[name] for name in COMPARED], axis=1) for chunk in chunks])
+
+
+def differences(first: Array, second: Array) -> Array:
+    """Largest differences of two motions and the roots of their mean squares, (2, quantities, joints), as far as both go; NaN
+    where nothing is compared."""
+    largest = np.full(first.shape[1:], np.nan)
+    squares, seen = np.zeros((2, *first.shape[1:]))
+    for begin in range(0, min(len(first), len(second)), BLOCK):
+        count = min(BLOCK, len(first) - begin, len(second) - begin)
+        found = np.abs(first[begin : begin + count] - second[begin : begin + count])
+        largest = np.fmax(largest, np.fmax.reduce(found, axis=0))
+        squares += np.nansum(found**2, axis=0)
+        seen += np.isfinite(found).sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.stack([largest, np.sqrt(squares / seen)])

@@ -19,14 +19,15 @@ def longest_chunk(joints: int, asked: int | None = None) -> int:
     return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
 
 
-def chunk_end(substep: int, longest: int) -> int:
-    """Substep at which the chunk ends in which `substep` is.
+def chunk_at(substep: int, longest: int) -> tuple[int, int]:
+    """Substeps at which the chunk begins and ends in which `substep` is.
 
     Chunks end at fixed substeps, first soon, then seldom: a divergence early in the run is found early, and results do not
     depend on how time is cut.
     """
-    length = SHORTEST
+    begin, length = 0, SHORTEST
     while length <= substep and length < longest:
-        length *= 4
+        begin, length = length, 4 * length
     length = min(length, longest)
-    return substep - substep % length + length
+    start = substep - substep % length
+    return max(begin, start), start + length

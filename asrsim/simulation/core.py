@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.compiling import available
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import kernel
 from asrsim.simulation.bound_engine import BoundEngine, NativeEngine, bind_engine
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.inputs import Block
+from asrsim.simulation.inputs import Given
 from asrsim.simulation.laws import plain_law
 from asrsim.simulation.layout import HEALTHY, JOINT_STEP, SPRING_LAW, STEP
 from asrsim.simulation.prepared import Prepared
@@ -34,39 +34,6 @@ def pays(joints: int, substeps: int) -> bool:
     """Compiled code wins back its start; `substeps`: of the motors, in all runs together."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD
     return joints * substeps * SECONDS_SAVED > start
-
-
-@dataclass(frozen=True)
-class Given:
-    """Inputs of some worlds for one call of the kernel; see :func:`asrsim.simulation.kernel.run`."""
-
-    inputs: Array
-    """(sets, n, joints, columns)."""
-    wrenches: Array
-    """(sets, n, w, 6)."""
-    cuts: NDArray[np.int64]
-    """(sets, c, 3)."""
-    fractions: Array
-    on_time: NDArray[np.bool_]
-    pieces: Array
-
-    def __len__(self) -> int:
-        return int(self.inputs.shape[1])
-
-
-def given_by(block: Block, begin: int, end: int) -> Given:
-    """Rows `begin` to `end` of a block, as one set of inputs."""
-    places = block.cuts.places
-    own = places[(places[:, 0] >= begin) & (places[:, 0] < end)] - np.array([begin, 0, 0])
-    rows = slice(begin, end)
-    return Given(
-        block.inputs[None, rows],
-        block.wrenches[None, rows],
-        own[None],
-        block.cuts.fractions,
-        block.cuts.on_time,
-        block.cuts.inputs,
-    )
 
 
 class Core:
@@ -206,6 +173,10 @@ class Core:
         bound.engine.state = engine
         bound.entered(self.X, world)
 
+    def engine_of(self, world: int) -> Engine:
+        """The engine of a world, in whatever state."""
+        return self._engines[world].engine
+
     def look(self, world: int) -> Engine:
         """The engine, with the world's state in it."""
         self._engines[world].enter(self.X, world)
@@ -213,69 +184,69 @@ class Core:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(
-        self,
-        which: NDArray[np.int64],
-        given: Given,
-        out: Array,
-        *,
-        every: int,
-        columns: NDArray[np.int64],
-        watched: bool = True,
-    ) -> None:
-        """Advance worlds by the rows that are given; see :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine
-        raises."""
-        first = self._engines[int(which[0, 0])]
-        if isinstance(first, NativeEngine) and all(self._engines[w] is first for w in which[:, 0].tolist()):
-            self._call(first, which, given, out, every, columns, watched)
+    def run(self, which: NDArray[np.int64], given: Given, out: Array, *options: Any) -> None:
+        """Advance worlds by the rows that are given; options: every, watched, columns; see
+        :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine raises."""
+        bounds = [self._engines[world] for world in which[:, 0].tolist()]
+        if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
+            self._call(bounds[0], which, given, out, *options)
             return
-        for place, (world, _) in enumerate(which.tolist()):
-            bound = self._engines[world]
-            run = self._call if self.compiled else self._plain
-            run(bound, which[place : place + 1], given, out[place : place + 1], every, columns, watched)
+        run = self._call if self.compiled else self._plain
+        for place, bound in enumerate(bounds):
+            run(bound, which[place : place + 1], given, out[place : place + 1], *options)
 
     def _call(
-        self,
-        bound: BoundEngine,
-        which: NDArray[np.int64],
-        given: Given,
-        out: Array,
-        every: int,
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
         columns: NDArray[np.int64],
-        watched: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, len(given), every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], given.inputs, given.wrenches, given.cuts, given.fractions, given.on_time,
-            given.pieces, exchange, bound.step, record.address, columns, out,
+            which, given.inputs.shape[1], every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, out,
         )  # fmt: skip
         bound.give_back(record)
 
     def _plain(
-        self,
-        bound: BoundEngine,
-        which: NDArray[np.int64],
-        given: Given,
-        out: Array,
-        every: int,
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
         columns: NDArray[np.int64],
-        watched: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         ((world, own),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(given.wrenches[0, 0])
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
+        inputs, wrenches, cuts, *pieces = given
         try:
-            kernel.run(
-                [(0, 0)], len(given), every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], [given.inputs[own].tolist()], [given.wrenches[own]], [given.cuts[own].tolist()],
-                given.fractions.tolist(), given.on_time.tolist(), given.pieces.tolist(), exchange.data, bound.step, 0,
-                columns.tolist(), out.data,
+            plain: Any = kernel.run
+            plain(
+                [(0, 0)], inputs.shape[1], every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
+                self._z.tolist(), [None], [inputs[own].tolist()], [wrenches[own]], [cuts[own].tolist()],
+                *(table.tolist() for table in pieces), exchange.data, bound.step, 0, columns.tolist(), out.data,
             )  # fmt: skip
         finally:
             self.S[world] = state
+
+
+def make_core(
+    prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int = 1,
+    watch: Callable[[], None] | None = None,
+) -> tuple[Core, str]:  # fmt: skip
+    """The core, and why it is the plain one where compiled code would pay; empty where it would not.
+
+    compiled: whether it is; None: the scenario's choice, else where it pays in a run of so many substeps. Raises
+    SimulationError where it cannot be had and is asked for. worlds, watch: as of :class:`Core`.
+    """
+    wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
+    if wanted or (wanted is None and pays(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)):
+        try:
+            if not available():
+                raise SimulationError("Numba is not installed")
+            return Core(prepared, engine, worlds=worlds, compiled=True, watch=watch), ""
+        except SimulationError as error:
+            if wanted:
+                raise
+            slow_because = str(error)
+    return Core(prepared, engine, worlds=worlds, watch=watch), slow_because

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
 
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
+from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
-from asrsim.samples import RunInfo, Samples
+from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.run import blame_laws
-from asrsim.simulation.side_by_side import Differences, Track, rows_of_all
+from asrsim.simulation.certify import COMPARED, differences, motion
+from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 LIMIT = 1e-8
@@ -21,49 +25,6 @@ NUDGE = 1e-12
 """rad (m) by which the start is moved to see how much the motion multiplies differences."""
 SENSITIVE = 100.0
 """Engines may differ by so many times what the nudge leads to: they round in every step, not in the first only."""
-
-
-@dataclass(frozen=True)
-class JointDifference:
-    """Between the two engines, of one joint, over the run."""
-
-    position_max: float
-    """rad (m)."""
-    position_rms: float
-    torque_max: float
-    """N m (N); NaN of a joint that nothing drives."""
-    torque_rms: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class CrossCheck:
-    """A run in two engines."""
-
-    engine: str
-    """Of the run."""
-    other: str
-    versions: tuple[str, str]
-    """Libraries of the two."""
-    contacts: bool
-    """Bodies may touch: engines model that differently."""
-    joints: dict[str, JointDifference]
-    finding: str = ""
-    """What must not be; empty: the engines agree, or need not."""
-    note: str = ""
-    """What to know about the difference."""
-
-    @property
-    def agrees(self) -> bool:
-        """Nothing was found."""
-        return not self.finding
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values for JSON; NaN as null."""
-        data = asdict(self)
-        data["versions"] = list(self.versions)
-        for joint in data["joints"].values():
-            joint.update({key: None if math.isnan(value) else value for key, value in joint.items()})
-        return {**data, "agrees": self.agrees}
 
 
 def other_engine(engine: str) -> str | None:
@@ -92,12 +53,14 @@ def cross_check(
     robot: Robot | None = None,
     *,
     progress: Callable[[str, float], None] | None = None,
-) -> CrossCheck:
-    """Run again what gave `info` and `chunks`, in another engine, and compare; memory does not grow with the run.
+) -> dict[str, Any]:
+    """Run again what gave `info` and `chunks`, in another engine, and compare.
 
     chunks: the run's samples in their order, with the quantities of :data:`COMPARED`, asked for once; robot: as read from its
-    file, to read it only once; progress: told which engine and its simulated time. Raises SimulationError where there is no
-    other engine.
+    file, to read it only once; progress: told which engine and its simulated time. Returns plain values for JSON: the two
+    engines and the versions of their libraries, whether bodies may touch, differences by joint (rad, m; N m, N; None of a joint
+    that nothing drives), `finding`: what must not be, empty where the engines agree, or need not; `note`: what to know about
+    the differences. Raises SimulationError where there is no other engine.
     """
     require_other_engine(scenario)
     other = other_engine(scenario.engine) or ""
@@ -105,42 +68,31 @@ def cross_check(
     if not STEPPINGS.get(scenario.stepping).released:
         same = replace(scenario, substeps=int(info.metadata["substeps"]), motor_substeps=int(info.metadata["motor_substeps"]))
     names = [joint.name for joint in info.joints]
-    differences = Differences(len(names))
+    found = np.full((2, 2, len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
     try:
-        with blame_laws(), ExitStack() as stack:
-            again = Track(stack, replace(same, engine=other), robot)
-            version = again.version
-            for given, found in rows_of_all([Track(stack, chunks), again]):
-                differences.add(given, found)
-                if progress is not None:
-                    progress(other, again.time)
-    except DivergenceError as error:
-        finding = "" if contacts else f"the run diverges with {other}: {error}"
-        note = f"the run diverges with {other}: {error}" if contacts else ""
+        again = _run(replace(same, engine=other), robot, progress and partial(progress, other))
+        version, found = again.info.metadata["engine_version"], _differences(motion(chunks), again)
+        if again.status == "diverged":
+            message = f"the run diverges with {other}: {again.message}"
+            finding, note = ("", message) if contacts else (message, "")
     except AsrsimError as error:
         note = f"{other} cannot run this: {error}"
-    joints = {
-        name: JointDifference(*differences.of("link_position", j), *differences.of("link_torque", j))
-        for j, name in enumerate(names)
-    }
-    worst = max(names, key=lambda name: _size(joints[name].position_max))
+    worst, difference = max(zip(names, found[0, 0].tolist(), strict=True), key=lambda pair: _size(pair[1]))
     if contacts:
         note = note or (
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
-    elif _size(joints[worst].position_max) > LIMIT and not finding:
-        finding, note = _verdict(same, robot, other, worst, joints[worst].position_max, progress)
-    return CrossCheck(
-        engine=scenario.engine,
-        other=other,
-        versions=(info.metadata["engine_version"], version),
-        contacts=contacts,
-        joints=joints,
-        finding=finding,
-        note=note,
-    )
+    elif difference > LIMIT and not finding:
+        finding, note = _verdict(same, robot, other, worst, difference, progress)
+    keys = ("position_max", "position_rms", "torque_max", "torque_rms")
+    values = {name: map(finite_or_none, found[:, :, j].T.ravel().tolist()) for j, name in enumerate(names)}
+    return {
+        "engine": scenario.engine, "other": other, "versions": [info.metadata["engine_version"], version], "contacts": contacts,
+        "joints": {name: dict(zip(keys, own, strict=True)) for name, own in values.items()}, "finding": finding, "note": note,
+        "agrees": not finding,
+    }  # fmt: skip
 
 
 def _verdict(
@@ -177,17 +129,23 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    differences = Differences(len(starts))
-    try:
-        with blame_laws(), ExitStack() as stack:
-            tracks = [Track(stack, one, known) for one in (scenario, replace(scenario, initial_positions=nudged))]
-            for plain, moved in rows_of_all(tracks):
-                differences.add(plain, moved)
-                if progress is not None:
-                    progress("sensitivity", min(track.time for track in tracks))
-    except DivergenceError:
+    tell = progress and partial(progress, "sensitivity")
+    first, second = (_run(one, known, tell) for one in (scenario, replace(scenario, initial_positions=nudged)))
+    if "diverged" in (first.status, second.status) or first.samples is None:
         return math.inf
-    return max(differences.of("link_position", j)[0] for j in range(len(starts)))
+    return float(_differences(motion([first.samples]), second)[0, 0].max())
+
+
+def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:
+    """A further run, if need be until it diverges."""
+    try:
+        return simulate(scenario, robot, names=COMPARED, progress=progress)
+    except DivergenceError as error:
+        return error.run  # type: ignore[return-value]
+
+
+def _differences(given: Array, again: Run) -> Array:
+    return differences(given, given[:0] if again.samples is None else motion([again.samples]))
 
 
 def _size(value: float) -> float:

@@ -1,11 +1,11 @@
-"""Inputs of the loop: references and external torques sampled a block at a time, and the kicks in which one jumps."""
+"""Inputs of the loop: references and external torques sampled a chunk at a time, and the kicks in which one jumps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,8 @@ from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.wrenches import wrench_table
 
 REST = Constant(value=0.0)
+KEPT = 3
+"""Chunks that are kept beside the first one: worlds may be at different times."""
 
 
 @dataclass(frozen=True)
@@ -41,36 +43,45 @@ class Cut:
         return self.edges[:1] if not self.substep and len(middles) == 1 else middles
 
 
-class Cuts(NamedTuple):
-    """The kicks in which inputs jump, as :func:`asrsim.simulation.kernel.run` takes them."""
+class Given(NamedTuple):
+    """Inputs of n substeps, in one set for each world or for worlds alike; see :func:`asrsim.simulation.kernel.run`."""
 
-    places: NDArray[np.int64]
-    """(m, 3) row of the block, first piece, piece after the last."""
+    inputs: Array
+    """(sets, n, joints, columns): external torques, references mapped to motors, and for each sensor whether it samples then,
+    and its noise."""
+    wrenches: Array
+    """(sets, n, w, 6) N, N m: means over the kicks."""
+    cuts: NDArray[np.int64]
+    """(sets, c, 3) kicks in which inputs jump: row, first piece, piece after the last."""
     fractions: Array
     """(pieces,) of a substep."""
     on_time: NDArray[np.bool_]
     """(pieces,) whether the whole substep's time is at the piece's start."""
-    inputs: Array
-    """(pieces, joints, columns)."""
+    pieces: Array
+    """(pieces, joints, columns): their inputs."""
 
 
 @dataclass(frozen=True)
-class Block:
-    """Inputs of substeps first..first+n-1."""
+class Chunk:
+    """What a scenario says for the substeps first..first+n-1."""
 
     first: int
     references: Array
-    """External torques and references as they are logged, (columns, joints, n): see
-    :data:`asrsim.simulation.layout.EXTERNAL`."""
-    inputs: Array
-    """What the joints are given, (n, joints, columns): the same with references mapped to motors, and for each sensor whether
-    it samples then, and its noise."""
+    """External torques and references, (columns, joints, n + pieces): see :data:`asrsim.simulation.layout.EXTERNAL`; the
+    pieces of the kicks that are cut stand behind."""
+    sensors: Array
+    """(n, joints, columns)."""
     wrenches: Array
-    """(n, w, 6) N, N m: means over the kicks."""
-    cuts: Cuts
+    """(n, w, 6)."""
+    places: NDArray[np.int64]
+    """(m, 3) row, first piece, piece after the last."""
+    fractions: Array
+    on_time: NDArray[np.bool_]
+    inputs: tuple[Array, Array]
+    """(n, joints, columns) and (pieces, joints, columns) where nothing is held."""
 
     def __len__(self) -> int:
-        return len(self.inputs)
+        return len(self.sensors)
 
 
 class Inputs:
@@ -86,10 +97,9 @@ class Inputs:
         sensors: Sequence[Sensor | None] = (),
     ) -> None:
         self.substep = substep
-        self.held: dict[tuple[int, int], float] = {}
-        """(joint, column) -> the value that stands in place of the scenario's; it makes no jumps."""
-        self._starts: dict[Any, tuple[Array, list[Cut]]] = {}
+        self._chunks: dict[tuple[int, int], Chunk] = {}
         self._sensors = tuple(sensors)
+        self._sensed = 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
         self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
         self.staggered = staggered
         mapped: dict[type[Actuator], list[int]] = {}
@@ -122,10 +132,6 @@ class Inputs:
 
     def sample(self, time: Array) -> Array:
         """External torques and references at `time` (n,), (columns, joints, n)."""
-        return self._with_held(self._scenario_at(time))
-
-    def _scenario_at(self, time: Array) -> Array:
-        """What the scenario's signals say: (columns, joints, n)."""
         tables = np.empty((len(self._signals), len(self._signals[0]), len(time)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
@@ -139,13 +145,8 @@ class Inputs:
                 row[:] = known[id(signal)]
         return tables
 
-    def _with_held(self, tables: Array) -> Array:
-        for (joint, slot), value in self.held.items():
-            tables[slot, joint] = value
-        return tables
-
     def _goals(self, references: Array) -> Array:
-        """References (columns, joints, n) mapped to motors."""
+        """References (columns, joints, ...) mapped to motors."""
         goals = references.copy()
         for rows, law in self._maps:
             mapped = law(*references[GOALS : GOALS + 2, rows])
@@ -153,65 +154,79 @@ class Inputs:
                 goals[GOALS + slot, rows] = values
         return goals
 
-    @property
-    def steady(self) -> bool:
-        """Nothing that the scenario says changes, and there are no sensors and no wrenches."""
-        signals = (signal for column in self._signals for signal in column)
-        return not self._wrenches and not any(self._sensors) and all(type(signal) is Constant for signal in signals)
+    def chunk(self, first: int, count: int) -> Chunk:
+        """What the scenario says for substeps `first` .. `first + count - 1`; the first chunk and the last ones are kept."""
+        key = first, count
+        if key not in self._chunks:
+            kept = [one for one in self._chunks if not one[0] or one in list(self._chunks)[-KEPT:]]
+            self._chunks = {one: self._chunks[one] for one in kept} | {key: self._make_chunk(first, count)}
+        return self._chunks[key]
 
-    def mapped(self, references: Array) -> Array:
-        """Input rows without sensors, (n, joints, columns), of external torques and references (columns, joints, n)."""
-        return self._goals(references).transpose(2, 1, 0)
-
-    def block(self, first: int, count: int) -> Block:
-        """Inputs of substeps `first` .. `first + count - 1`."""
-        tables, cuts = self._plan(first, count)
-        references = self._with_held(tables)
-        goals = self._goals(references)
-        sensors = 2 * max((0 if sensor is None else sensor.count for sensor in self._sensors), default=0)
-        inputs = np.zeros((count, goals.shape[1], len(goals) + sensors))
-        inputs[:, :, : len(goals)] = goals[:, :, :count].transpose(2, 1, 0)
+    def _make_chunk(self, first: int, count: int) -> Chunk:
+        cuts = self._cuts(first, count)
+        times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
+        parts = [self.sample(time) for time in times]
+        sensors = np.zeros((count, len(self._signals[0]), self._sensed))
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
-                sensor.fill(inputs[:, joint, len(goals) :], first, self.substep)
+                sensor.fill(sensors[:, joint], first, self.substep)
         wrenches = np.zeros((count, len(self._wrenches), 6))
         for index, table in enumerate(self._wrenches):
             wrenches[:, index] = table(first, count, self.substep)
-        pieces = np.ascontiguousarray(goals[:, :, count:].transpose(2, 1, 0))
-        return Block(first, references[:, :, :count], inputs, wrenches, self._cut_table(first, cuts, pieces))
+        places: list[tuple[int, int, int]] = []
+        fractions: list[float] = []
+        on_time: list[bool] = []
+        for cut in cuts:
+            begin, now = len(fractions), cut.substep * self.substep
+            for a, b in pairwise(cut.edges):
+                fractions.append((b - a) / self.substep)
+                on_time.append(a == now)
+            places.append((cut.substep - first, begin, len(fractions)))
+        references = np.concatenate(parts, axis=2)
+        rows = self._input_rows(references[:, :, None, :count], sensors)[0]
+        pieces = np.ascontiguousarray(self._goals(references[:, :, count:]).transpose(2, 1, 0))
+        return Chunk(
+            first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
+            np.array(on_time, dtype=bool), (rows, pieces),
+        )  # fmt: skip
 
-    def hold(self, block: Block, row: int) -> None:
-        """What is held now, in a block without cuts that was made when the same references were held, from a row on."""
-        for (joint, slot), value in self.held.items():
-            block.references[slot, joint, row:] = value
-        block.inputs[row:, :, : len(block.references)] = self._goals(block.references[:, :, row:]).transpose(2, 1, 0)
+    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> tuple[Given, Array]:
+        """Rows `begin` to `end` of a chunk, and their references (columns, joints, sets, n).
 
-    def _plan(self, first: int, count: int) -> tuple[Array, list[Cut]]:
-        """What the scenario says for a block, (columns, joints, n + pieces): for its substeps, then for the pieces of its
-        cuts, which come too. Kept for the first block of many runs alike."""
-        key = first, count, frozenset(self.held)
-        if key in self._starts:
-            tables, cuts = self._starts[key]
-            return tables.copy(), cuts
-        cuts = self._cuts(first, count)
-        times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
-        parts = [self._scenario_at(time) for time in times]
-        tables = np.concatenate(parts, axis=2) if cuts else parts[0]
-        if not first:
-            self._starts = {key: (tables.copy(), cuts)}
-        return tables, cuts
+        held: (sets, joints, columns) values that stand in the place of the scenario's, NaN: none; they have no jumps of their
+        own. None: one set, the scenario's.
+        """
+        places = chunk.places[(chunk.places[:, 0] >= begin) & (chunk.places[:, 0] < end)]
+        first, last = (places[0, 1], places[-1, 2]) if len(places) else (0, 0)
+        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], slice(first, last)
+        cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
+        if held is None:
+            inputs, cut_inputs = chunk.inputs
+            references = chunk.references[:, :, None, begin:end]
+            return Given(inputs[None, begin:end], wrenches, cuts, fractions, on_time, cut_inputs[pieces]), references
+        own, sets = held.transpose(2, 1, 0)[..., None], len(held)
+        behind = slice(len(chunk) + first, len(chunk) + last)
+        references, cut = (np.where(np.isnan(own), chunk.references[:, :, None, at], own) for at in (slice(begin, end), behind))
+        shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
+        cut_inputs = np.ascontiguousarray(self._goals(cut).transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
+        inputs = self._input_rows(references, chunk.sensors[begin:end])
+        wrenches = np.repeat(wrenches, sets, axis=0)
+        return Given(inputs, wrenches, cuts + shifts, np.tile(fractions, sets), np.tile(on_time, sets), cut_inputs), references
+
+    def _input_rows(self, references: Array, sensors: Array) -> Array:
+        """(sets, n, joints, columns) of references (columns, joints, sets, n) and sensors (n, joints, columns)."""
+        columns, joints, sets, count = references.shape
+        inputs = np.empty((sets, count, joints, columns + self._sensed))
+        inputs[..., :columns] = self._goals(references).transpose(2, 3, 1, 0)
+        inputs[..., columns:] = sensors
+        return inputs
 
     def _cuts(self, first: int, count: int) -> list[Cut]:
         if not self.staggered:
             return []
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
-        active = (
-            signal
-            for slot, column in enumerate(self._signals)
-            for joint, signal in enumerate(column)
-            if type(signal) is not Constant and (joint, slot) not in self.held
-        )
+        active = (signal for column in self._signals for signal in column if type(signal) is not Constant)
         signals = {id(signal): signal for signal in active}.values()
         # Sets, not np.unique: that imports numpy.ma, which a short run has no other use for.
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
@@ -228,15 +243,16 @@ class Inputs:
         edges = sorted({now, now + 0.5 * h, *inner} | ({now - 0.5 * h} if substep else set()))
         return Cut(substep, [edge for edge in edges if substep or edge >= now])
 
-    def _cut_table(self, first: int, cuts: Sequence[Cut], inputs: Array) -> Cuts:
-        """The cuts of a block; inputs: of all their pieces, one after the other."""
-        places: list[tuple[int, int, int]] = []
-        fractions: list[float] = []
-        on_time: list[bool] = []
-        for cut in cuts:
-            begin, now = len(fractions), cut.substep * self.substep
-            for a, b in pairwise(cut.edges):
-                fractions.append((b - a) / self.substep)
-                on_time.append(a == now)
-            places.append((cut.substep - first, begin, len(fractions)))
-        return Cuts(np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions), np.array(on_time, dtype=bool), inputs)
+
+def joined(parts: Sequence[Given]) -> Given:
+    """The sets of several, one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    most, shift = max(one.cuts.shape[1] for one in parts), 0
+    padded = []
+    for one in parts:
+        cuts = np.full((len(one.cuts), most, 3), -1)
+        cuts[:, : one.cuts.shape[1]] = one.cuts + np.array([0, shift, shift])
+        padded.append(one._replace(cuts=cuts))
+        shift += len(one.fractions)
+    return Given(*(np.concatenate(tables) for tables in zip(*padded, strict=True)))

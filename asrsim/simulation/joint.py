@@ -171,7 +171,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
             else:
                 s[thetas + i] = u[GOALS + i]
         column = note if turn == turns // 2 else 0
-        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, whole and column != 0)
+        spring_law(k[SPRING_LAW], q, s, thetas, p, k[LAW], torques, int(whole and column != 0))
         if p[P_LEVEL] > 0.0:
             for i in range(k[SPRINGS]):
                 s[torques + i] += hysteresis(s, p, i, s[thetas + i] - q)
@@ -268,7 +268,7 @@ def find_state(s: Any, p: Any, k: Any) -> None:
     """Stiffness and energy of the springs at the recorded kick, into s."""
     for i in range(k[MOTORS]):
         s[k[THETAS] + i] = s[OWN + i * PER_MOTOR + KICK_POSITION]
-    spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], True)
+    spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], 1)
 
 
 def friction_of(s: Any, p: Any, v: float) -> float:

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from asrsim.actuators.base import Actuator
-from asrsim.actuators.vectorised import GAUSS
+from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 MOTOR_NUMBERS = 16
@@ -21,10 +20,10 @@ UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What :mod:`math` raises where a law has no finite value."""
 
 
-def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, torques: int, whole: bool) -> None:
+def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, torques: int, whole: int) -> None:
     """Torques of the springs in N m into s[torques:], for a link at q rad and motors at s[thetas:]; parameters: p[law:].
 
-    whole: find their stiffness in N m/rad and their energy in J, too, into s[STIFFNESS:].
+    whole: 1: find their stiffness in N m/rad and their energy in J, too, into s[STIFFNESS:].
     """
     address(q, s, thetas, p, law, torques, whole)
 
@@ -53,36 +52,14 @@ def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)
 
-    def laws(q: float, s: Any, thetas: int, p: Any, law: int, result: int, whole: bool) -> None:
+    def laws(q: float, s: Any, thetas: int, p: Any, law: int, result: int, whole: int) -> None:
         positions, parameters = s[thetas : thetas + motors], tuple(p[law : law + count])
         try:
-            s[result : result + motors] = torques(q, *positions, parameters)
+            found = torques(q, *positions, parameters)
+            if whole:
+                s[STIFFNESS], s[LAW_ENERGY] = stiffness(q, *positions, parameters), energy(q, *positions, parameters)
+            s[result : result + motors] = found
         except UNDEFINED:
             s[result] = math.nan
-        if whole:
-            try:
-                s[STIFFNESS], s[LAW_ENERGY] = stiffness(q, *positions, parameters), energy(q, *positions, parameters)
-            except UNDEFINED:
-                s[STIFFNESS] = s[LAW_ENERGY] = math.nan
 
     return laws
-
-
-def energy_law(actuator: Any) -> Callable[..., float]:
-    """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
-    if actuator.elastic_energy is not Actuator.elastic_energy:
-        own: Callable[..., float] = actuator.elastic_energy
-        return own
-    torques, adjusted = actuator.elastic_torques, actuator.adjuster
-
-    def energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        total = 0.0
-        for node, weight in GAUSS:
-            second = theta_2 if adjusted else q + node * (theta_2 - q)
-            torque_1, torque_2 = torques(q, q + node * (theta_1 - q), second, parameters)
-            total += weight * (torque_1 * (theta_1 - q))
-            if not adjusted:
-                total += weight * (torque_2 * (theta_2 - q))
-        return total
-
-    return energy

@@ -211,7 +211,7 @@ def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
         half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
         s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
     stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
-    spring_law(k[SPRING_LAW], q, s, k[THETAS], p, k[LAW], k[TORQUES], True)
+    spring_law(k[SPRING_LAW], q, s, k[THETAS], p, k[LAW], k[TORQUES], 1)
     found = s[LAW_ENERGY]
     s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
     return found  # type: ignore[no-any-return]

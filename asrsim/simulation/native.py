@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from asrsim import compiling
+from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation import kernel
-from asrsim.simulation.laws import MOTOR_NUMBERS, energy_law
-from asrsim.simulation.layout import STIFFNESS
+from asrsim.simulation.laws import MOTOR_NUMBERS
+from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
 """Modules whose functions become part of their callers."""
@@ -34,35 +35,29 @@ def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
         "row": compiling.row_at(),
     }  # fmt: skip
-    return compiling.compile_law(_laws, names, "daaaa")
+    return compiling.compile_law(_laws, names, "daiaiii")
 
 
 # What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no
 # value the world stops, and the run names the joint.
-def _laws(q: float, thetas: int, law: int, result: int, state: int) -> None:
-    found, whole = row(result), row(state)
+def _laws(q: float, s: int, thetas: int, p: int, law: int, torques: int, whole: int) -> None:
+    state = row(s)
     try:
-        if state == 0:
-            _put_torques(q, thetas, law, found)
-        else:
-            _put_all(q, thetas, law, found, whole)
+        _put_laws(q, s + 8 * thetas, p + 8 * law, state, torques, whole)
     except Exception:
-        found[0] = np.nan
+        state[torques] = np.nan
 
 
-def _put_torques(q: float, thetas: int, law: int, found: Any) -> None:
-    values = torques(q, *positions(thetas), parameters(law))
-    for i in range(len(values)):
-        found[i] = values[i]
-
-
-def _put_all(q: float, thetas: int, law: int, found: Any, whole: Any) -> None:
+def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: int) -> None:
     # Nothing is written before all is known, so that the compiler finds what the three laws have in common.
     values = torques(q, *positions(thetas), parameters(law))
-    known = stiffness(q, *positions(thetas), parameters(law)), energy(q, *positions(thetas), parameters(law))
+    known = 0.0, 0.0
+    if whole != 0:
+        known = stiffness(q, *positions(thetas), parameters(law)), energy(q, *positions(thetas), parameters(law))
     for i in range(len(values)):
-        found[i] = values[i]
-    whole[0], whole[1] = known
+        state[result + i] = values[i]
+    if whole != 0:
+        state[STIFFNESS], state[LAW_ENERGY] = known
 
 
 def compiled_joint_step(function: Any) -> compiling.Callback:
@@ -90,51 +85,36 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    double, word, void = ir.DoubleType(), ir.IntType(64), ir.VoidType()
-    doubles, words = double.as_pointer(), word.as_pointer()
+    word = ir.IntType(64)
 
-    def data(context: Any, builder: Any, kind: Any, value: Any, offset: Any = None) -> Any:
-        pointer = context.make_array(kind)(context, builder, value).data
-        return pointer if offset is None else builder.gep(pointer, [offset])
+    def passed(*given: Any) -> Any:
+        """Types and code of a call of the C function at the first argument: arrays are given by the address of their data."""
+        signature = kinds.void(*given)
 
-    def call(builder: Any, address: Any, given: list[Any], arguments: list[Any]) -> None:
-        builder.call(builder.inttoptr(address, ir.FunctionType(void, given).as_pointer()), arguments)
-
-    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, result: Any, whole: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            address, q, s, thetas, p, law, result, whole = arguments
-            of_s, of_p = signature.args[2], signature.args[4]
-            state = ir.Constant(word, STIFFNESS)
-            taken = (of_s, s, thetas), (of_p, p, law), (of_s, s, result), (of_s, s, state)
-            places = [data(context, builder, kind, row, at) for kind, row, at in taken]
-            places[3] = builder.select(whole, places[3], ir.Constant(doubles, None))
-            call(builder, address, [double, *[doubles] * 4], [q, *places])
+            at, *values = [
+                context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
+                for kind, value in zip(signature.args, arguments, strict=True)
+            ]
+            function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
+            builder.call(builder.inttoptr(at, function.as_pointer()), values)
             return context.get_dummy_value()
 
-        at = kinds.int64
-        return kinds.void(at, kinds.float64, s, at, p, at, at, kinds.boolean), generate
+        return signature, generate
+
+    def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, torques: Any, whole: Any) -> Any:
+        return passed(address, q, s, thetas, p, law, torques, whole)
 
     def call_engine(typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            at, record, *arrays, fraction = arguments
-            places = [data(context, builder, kind, array) for kind, array in zip(signature.args[2:5], arrays, strict=True)]
-            call(builder, at, [word, doubles, doubles, doubles, double], [record, *places, fraction])
-            return context.get_dummy_value()
-
-        return kinds.void(kinds.int64, kinds.int64, x, exchange, wrenches, kinds.float64), generate
+        return passed(address, record, x, exchange, wrenches, fraction)
 
     def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            at, *rows, h, note = arguments
-            places = [data(context, builder, kind, row) for kind, row in zip(signature.args[1:5], rows, strict=True)]
-            call(builder, at, [doubles, doubles, words, doubles, double, word], [*places, h, note])
-            return context.get_dummy_value()
-
-        return kinds.void(kinds.int64, s, p, k, u, kinds.float64, kinds.int64), generate
+        return passed(address, s, p, k, u, h, note)
 
     def read_numbers(typing: Any, p: Any, at: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            first = data(context, builder, signature.args[0], arguments[0], arguments[1])
+            row = context.make_array(signature.args[0])(context, builder, arguments[0])
+            first = builder.gep(row.data, [arguments[1]])
             values = [builder.load(builder.gep(first, [ir.Constant(word, i)])) for i in range(MOTOR_NUMBERS)]
             return context.make_tuple(builder, signature.return_type, values)
 

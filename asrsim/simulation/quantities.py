@@ -11,19 +11,18 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
-from asrsim.simulation.layout import EXTERNAL, GOALS, JOINT, LINK_WORK, MOTOR, OWN, PER_MOTOR
+from asrsim.simulation.layout import EXTERNAL, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, OWN, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
-WATCHED = frozenset(column.quantity for column in JOINT[LINK_WORK:] if column.quantity)
+WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
 """Quantities of worlds that are watched: energies, and the stiffness of springs."""
 
 
 def columns_of(motors: int) -> dict[str, int]:
     """Quantity -> column of S, for joints with room for so many motors."""
-    found = {column.quantity: place for place, column in enumerate(JOINT) if column.quantity}
-    for motor in range(motors):
-        blocks = enumerate(MOTOR, start=OWN + motor * PER_MOTOR)
-        found |= {column.quantity.format(motor + 1): place for place, column in blocks if column.quantity}
+    found = {name: column for column, name in LOGGED.items()}
+    for i in range(motors):
+        found |= {name.format(i + 1): OWN + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
     return found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -11,11 +11,10 @@ import numpy as np
 
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError
-from asrsim.samples import Array, RunInfo, Samples, concatenate, grid
+from asrsim.samples import Array, Samples, concatenate, grid
 from asrsim.simulation.divergence import EnergyGuard, runaway
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import Selection
-from asrsim.simulation.world import WorldRecorder
 
 if TYPE_CHECKING:
     from asrsim.kinematics.tip import TipPoses
@@ -33,37 +32,23 @@ class Recording:
     """Rows in, samples out. Nothing is kept but what `keep` asks for."""
 
     def __init__(
-        self,
-        prepared: Prepared,
-        engine: Engine,
-        *,
-        motors: int,
-        last: int,
-        sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]],
-        keep: bool,
-        names: Sequence[str] | None = None,
+        self, prepared: Prepared, engine: Engine, selection: Selection, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
-        """motors: that a row of the state has room for; last: substep of the last sample; names: quantities to record; None:
-        all that there are."""
+        """selection: of the rows; last: substep of the last sample."""
         scenario = prepared.scenario
-        self._prepared, self._engine = prepared, engine
-        self._sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
+        self._prepared, self._engine, self.selection = prepared, engine, selection
+        self._sinks, self._last = sinks, last
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
-        self._last = last
-        self._motors, self._names = motors, names
-        self.selection = Selection(prepared.drives, motors, names)
         self.every = prepared.resolution.substeps
         """Substeps between rows."""
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
         closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
         self._look_every = 1 if self._whole and closely else scenario.log_every
-        self._world = WorldRecorder(engine, last)
-        self._first_world = copy.deepcopy(self._world.kept())
-        watched = self.active and not (scenario.world.empty and scenario.fixed_base)
-        self.watch: Callable[[int], None] | None = self._world.look if watched else None
-        """Told of a substep where the world is looked at, before it."""
+        self._bodies: dict[str, list[Any]] = {}
+        """Poses and contact forces that wait for the samples of their rows."""
+        self._contacts: dict[str, list[Any]] = {}
         self.look_every = self.every * self._look_every
         """Substeps between looks at the world."""
         # Contacts and wrenches do work of their own on the links. The released order of a step is not passive, and runs springs
@@ -105,16 +90,33 @@ class Recording:
             time = min(substep, self._last) * self._prepared.substep
             raise runaway(fault[0], time, fault[1], self._prepared.resolution.omega_h)
 
+    def look(self, substep: int) -> None:
+        """Before a substep: keep poses and contacts for its row."""
+        if substep <= self._last:
+            scene = self._engine.scene()
+            for table, found in ((self._bodies, scene.bodies), (self._contacts, scene.contacts)):
+                for name, values in found.items():
+                    table.setdefault(name, []).append(values)
+
+    def _with_world(self, samples: Samples) -> Samples:
+        """Samples with what was kept for their rows."""
+        n = len(samples.time)
+        bodies = {name: np.array(rows[:n]) for name, rows in self._bodies.items()}
+        contacts = {name: np.array(rows[:n]) for name, rows in self._contacts.items()}
+        for rows in (*self._bodies.values(), *self._contacts.values()):
+            del rows[:n]
+        return replace(samples, bodies={**bodies, **samples.bodies}, contacts=contacts)
+
     def _hand_on(self, first: int, samples: Samples) -> None:
         """Samples whose first has the number `first`."""
         every = self._prepared.scenario.log_every
         if self._look_every == 1:
-            samples = self._world.add_to(samples)
+            samples = self._with_world(samples)
         if self._whole and self._tip is not None:
             samples = self._tip.added(samples)
         logged = samples if every == 1 else _thinned(samples, slice((-first) % every, None, every))
         if self._look_every != 1:
-            logged = self._world.add_to(logged)
+            logged = self._with_world(logged)
         if self._tip is not None and not self._whole:
             logged = self._tip.added(logged)
         if self.kept is not None and len(logged.time):
@@ -132,11 +134,9 @@ class Recording:
             raise InputError("keeps no samples: make it with record=True", key="simulation", code="samples")
         return concatenate(self.kept, joints=self._engine.joints)
 
-    def take_over(self, varied: Prepared, engine: Engine) -> None:
+    def take_over(self, varied: Prepared, engine: Engine, selection: Selection) -> None:
         """Go on with other numbers, and maybe another engine."""
-        self._prepared, self._engine = varied, engine
-        self.selection = Selection(varied.drives, self._motors, self._names)
-        self._world.engine = engine
+        self._prepared, self._engine, self.selection = varied, engine, selection
         if self.active:
             self._tip = _tip_of(varied)
 
@@ -145,7 +145,7 @@ class Recording:
         if not self.active:
             return
         self._rows, self._guard = [], self._new_guard(positions, velocities)
-        self._world.put_back(copy.deepcopy(self._first_world))
+        self._bodies, self._contacts = {}, {}
         self.kept = None if self.kept is None else []
 
     def state(self) -> Any:
@@ -153,7 +153,7 @@ class Recording:
         if not self.active:
             return None
         return (
-            copy.deepcopy((self._guard, self._world.kept())),
+            copy.deepcopy((self._guard, self._bodies, self._contacts)),
             list(self._rows),
             None if self.kept is None else list(self.kept),
         )
@@ -162,9 +162,8 @@ class Recording:
         """Go on from a state; what went to sinks stays there."""
         if state is not None:
             going_on, rows, kept = state
-            self._guard, world = copy.deepcopy(going_on)
+            self._guard, self._bodies, self._contacts = copy.deepcopy(going_on)
             self._rows = list(rows)
-            self._world.put_back(world)
             self.kept = None if kept is None else list(kept)
 
 

@@ -90,7 +90,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     thetas, torques = k[THETAS], k[TORQUES]
     for i in range(MOTORS):
         s[thetas + i] = s[OWN + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
-    spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, False)
+    spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
         m = OWN + i * PER_MOTOR
         if moving:
@@ -98,7 +98,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
             s[thetas + i] = s[m + MOTOR_POSITION]
         s[m + KICK_POSITION] = s[thetas + i]
     if controlled:
-        spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, False)
+        spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
         s[OWN + i * PER_MOTOR + LOAD] = s[torques + i]
     s[TORQUE] = s[torques] + s[torques + 1]

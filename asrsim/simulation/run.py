@@ -53,6 +53,7 @@ def simulate(
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
     keep: bool = True,
+    names: Sequence[str] | None = None,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
     commands: Iterable[Command] = (),
@@ -62,7 +63,8 @@ def simulate(
     """Run one variant.
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
-    the result; progress: told the simulated time; stop: asked every some thousand substeps, True ends the run cleanly;
+    the result; names: quantities that are recorded, None: all; progress: told the simulated time; stop: asked every some
+    thousand substeps, True ends the run cleanly;
     commands: values to be set from outside, in the order of time; duration: s that are run, instead of the scenario's;
     alike: runs of this kind that there will be, this one included: the compiled loop may pay for all of them together.
     Raises InputError (ActuatorError if a user's law raises) and SimulationError; DivergenceError carries the run so far as
@@ -74,7 +76,8 @@ def simulate(
         # A live run, whose length nobody knew, chose its loop for a long one: it is repeated in the same.
         steps = round(prepared.scenario.duration / prepared.scenario.step) * alike if duration is None else 10**6
         expected = steps * prepared.resolution.substeps
-        with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:
+        options: Any = {"sinks": sinks, "record": keep, "names": names, "duration": duration, "expected_substeps": expected}
+        with Simulation(prepared, **options) as simulation:
             return run_to_end(simulation, progress=progress, stop=stop, commands=commands)
 
 

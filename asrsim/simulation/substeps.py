@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import UnresolvedSpringError
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
@@ -117,7 +117,7 @@ def _caught(drive: SteppedJoint, spread: float, sigma: float, energy: float, lim
     """Deflection from pretension `spread` at which the springs have taken `energy` J."""
     if drive.actuator is None or not math.isfinite(energy):
         return limit
-    law = energy_over_arrays(drive.actuator)
+    law = over_arrays(energy_law(drive.actuator))
     others = [-spread] * (drive.actuator.motors - 1)
     placed = [np.full(2, place) for place in _positions(drive, [spread, *others], sigma)]
     if drive.actuator.motors == 1 and not drive.actuator.adjuster:

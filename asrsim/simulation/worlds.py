@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -21,18 +21,17 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
-from asrsim.simulation.chunks import LONGEST, SHORTEST
-from asrsim.simulation.core import Given, given_by
+from asrsim.simulation.chunks import chunk_at, longest_chunk
+from asrsim.simulation.core import make_core
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.inputs import Block, Inputs
+from asrsim.simulation.inputs import Given, Inputs, joined
 from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
-from asrsim.simulation.simulation import inputs_of, make_core
 
 VARIANTS_KEPT = 256
 """Sets of numbers whose robots, at their starts, are kept: the same numbers come again with other references."""
@@ -106,61 +105,70 @@ class Worlds:
             raise InputError("must be 1 at least", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
-        self.prepared, self.count = scenario, count
-        self.substeps = scenario.resolution.substeps
+        substeps = expected_substeps or scenario.last_substep(None)
+        self._begin(scenario, count, names=names, watched=watched, compiled=compiled, substeps=substeps, threads=threads)
+
+    def _begin(
+        self, prepared: Prepared, count: int, *, names: Sequence[str] | None, watched: bool, compiled: bool | None,
+        substeps: int, threads: int = 1, chunk: int | None = None, watch: Callable[[], None] | None = None,
+    ) -> None:  # fmt: skip
+        """chunk: substeps whose inputs are found at once, at most; watch: called before each step of the engine."""
+        self.prepared, self.count = prepared, count
+        self.substeps = prepared.resolution.substeps
         """Of a step."""
-        engine = scenario.make_engine()
+        engine = prepared.make_engine()
         self._engines: dict[int, Engine] = {-1: engine}
         """Number of a world -> the engine that it has for itself; -1: that of all others."""
+        self._pool: ThreadPoolExecutor | None = None
         try:
-            self._begin(names, watched, compiled, expected_substeps or scenario.last_substep(None), threads)
+            self.joints = engine.joints
+            self.chunk = longest_chunk(len(self.joints) * count, chunk)
+            self.core, self.slow_because = make_core(
+                prepared, engine, compiled=compiled, substeps=substeps, worlds=count, watch=watch
+            )
+            self._threads = threads if self.core.native else 1
+            self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
+            self._names = names
+            self.selection = Selection(prepared.drives, self.core.shape.motors, names)
+            self._other: dict[int, Selection] = {}
+            """Of worlds in which other joints record what is selected."""
+            self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
+            self._home_inputs = inputs_of(prepared)
+            self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
+            """Those that worlds had last, and what they are as inputs."""
+            self._inputs = [self._home_inputs] * count
+            self._own = [prepared] * count
+            self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
+            """Numbers that worlds had -> the robot with them, at its start."""
+            self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
+            columns = GOALS + self.core.shape.motors
+            self._held = np.full((count, len(self.joints), columns), np.nan)
+            """What is set from outside in place of the scenario's signals; NaN: nothing."""
+            self._rows = np.full((count, len(self.joints), len(self.selection.columns)), np.nan)
+            """Logged columns at the last whole step of each world, and its inputs (count, input columns, joints)."""
+            self._given = np.full((count, columns, len(self.joints)), np.nan)
+            self._owner = object()
+            self.reset()
         except BaseException:
             self.close()
             raise
-
-    def _begin(self, names: Sequence[str] | None, watched: bool, compiled: bool | None, expected: int, threads: int) -> None:
-        prepared = self.prepared
-        self.joints = self._engines[-1].joints
-        self._core, _ = make_core(prepared, self._engines[-1], compiled=compiled, substeps=expected, worlds=self.count)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and self._core.native else None
-        self._threads = threads if self._pool else 1
-        self.selection = Selection(prepared.drives, self._core.shape.motors, names)
-        self._other: dict[int, Selection] = {}
-        """Of worlds in which other joints record what is selected."""
-        self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
-        self._home_inputs = inputs_of(prepared)
-        self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
-        """Those that worlds had last, and what they are as inputs."""
-        self._inputs = [self._home_inputs] * self.count
-        self._own = [prepared] * self.count
-        self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
-        """Numbers that worlds had -> the robot with them, at its start."""
-        self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * self.count
-        columns = GOALS + self._core.shape.motors
-        self._held = np.full((self.count, len(self.joints), columns), np.nan)
-        """What is set from outside in place of the scenario's signals; NaN: nothing."""
-        self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
-        """Logged columns at the last whole step of each world, and its inputs (count, input columns, joints)."""
-        self._given = np.full((self.count, columns, len(self.joints)), np.nan)
-        self._owner = object()
-        self.reset()
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
     @property
     def time(self) -> Array:
         """(N,) s that are simulated."""
-        return np.round(self._core.done * self.prepared.substep, 12)
+        return np.round(self.core.done * self.prepared.substep, 12)
 
     @property
     def healthy(self) -> NDArray[np.bool_]:
         """(N,) whether the world's motion is sane."""
-        return np.asarray(self._core.fault[:, 0] == HEALTHY)
+        return np.asarray(self.core.fault[:, 0] == HEALTHY)
 
     @property
     def compiled(self) -> bool:
         """Whether the loop runs compiled."""
-        return self._core.compiled
+        return self.core.compiled
 
     def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
         """Go on by a number of steps, in the worlds of a mask (N,) or list of numbers, or all. Stopped worlds stay."""
@@ -168,88 +176,73 @@ class Worlds:
             raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
 
-    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
-        """Advance by `count` substeps; the rows of whole steps in them, (m, rows, joints, columns), if they are to be kept."""
+    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> tuple[Array, Array]:
+        """Advance by `count` substeps; if they are to be kept, the rows of whole steps in them, (m, rows, joints, columns), and
+        their inputs, (m, columns, joints, rows)."""
         self._check_open()
-        done, every, columns = self._core.done, self.substeps, self.selection.columns
-        rows = -(-count // every) if keep else 0
-        kept = np.full((len(numbers), rows, len(self.joints), len(columns)), np.nan)
-        ran = 0
+        rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
+        kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
+        inputs = np.full((len(numbers), self._given.shape[1], joints, rows), np.nan)
+        ran, start = 0, -(-self.core.done[numbers] // self.substeps)
         while ran < count and len(numbers):
-            length = min(LONGEST if keep else SHORTEST, count - ran)
-            before = done[numbers].copy()
-            given, sets, references = self._inputs_for(numbers, length)
-            out = np.empty((len(numbers), -(-length // every) + 1, len(self.joints), len(columns)))
-            self._in_threads(np.column_stack([numbers, sets]), given, out)
-            first, last = before + (-before) % every, (done[numbers] - 1) // every * every
-            # Of the worlds that came by a whole step.
-            places = np.flatnonzero(last >= first)
-            self._rows[numbers[places]] = out[places, (last - first)[places] // every]
-            given_then = [references[sets[place]][:, :, last[place] - before[place]] for place in places]
-            self._given[numbers[places]] = np.reshape(given_then, (len(places), *self._given.shape[1:]))
-            for place in places.tolist() if keep else ():
-                begin, end = first[place] // every, last[place] // every + 1
-                kept[place, begin:end] = out[place, : end - begin]
+            before = self.core.done[numbers]
+            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
+            out, first, found, references, sets = self.go_on(numbers, length)
+            for place in range(len(numbers)) if keep else ():
+                at = slice(first[place] - start[place], first[place] - start[place] + found[place])
+                kept[place, at] = out[place, : found[place]]
+                own = references[:, :, sets[place], first[place] * self.substeps - before[place] :: self.substeps]
+                inputs[place, :, :, at] = own[:, :, : found[place]]
             ran += length
-        return kept
+        return kept, inputs
+
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Any, Any, Array, Any]:
+        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps; (m,) the number of the first
+        one of each world, and (m,) how many they are; references of all substeps (columns, joints, sets, n), and (m,) the set
+        of each world."""
+        done, every, columns = self.core.done, self.substeps, self.selection.columns
+        before = done[numbers]
+        given, sets, references = self._inputs_for(numbers, length)
+        out = np.empty((len(numbers), -(-length // every), len(self.joints), len(columns)))
+        self._in_threads(np.column_stack([numbers, sets]), given, out)
+        first = -(-before // every)
+        found = -(-done[numbers] // every) - first
+        # Of the worlds that came by a whole step.
+        places = np.flatnonzero(found > 0)
+        last = found[places] - 1
+        self._rows[numbers[places]] = out[places, last]
+        at = (first[places] + last) * every - before[places]
+        self._given[numbers[places]] = references[:, :, sets[places], at].transpose(2, 0, 1)
+        return out, first, found, references, sets
 
     def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
-        options: Any = {"every": self.substeps, "columns": self.selection.columns, "watched": self._watched}
+        options: Any = self.substeps, self._watched, self.selection.columns
         if self._pool is None or len(which) < 2:
-            self._core.run(which, given, out, **options)
+            self.core.run(which, given, out, *options)
             return
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
         parts = [slice(a, b) for a, b in pairwise(edges)]
-        list(self._pool.map(lambda part: self._core.run(which[part], given, out[part], **options), parts))
+        list(self._pool.map(lambda part: self.core.run(which[part], given, out[part], *options), parts))
 
-    def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
-        """Inputs of the next substeps, the number of each world's, and their references (sets, columns, joints, n)."""
-        first = self._inputs[numbers[0]]
-        if first.steady and all(self._inputs[world] is first for world in numbers.tolist()):
-            return self._steady_inputs(first, numbers, length)
-        parts: list[Block] = []
-        numbered: dict[Any, int] = {}
-        sets = np.empty(len(numbers), dtype=np.int64)
+    def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Array]:
+        """Inputs of the next substeps, the number of each world's set, and references (columns, joints, sets, n)."""
+        alike: dict[tuple[int, int], list[int]] = {}
         for place, world in enumerate(numbers.tolist()):
-            inputs, held, substep = self._inputs[world], self._held[world], int(self._core.done[world])
-            key = id(inputs), substep, held.tobytes()
-            if key not in numbered:
-                numbered[key] = len(parts)
-                inputs.held = {(j, slot): float(held[j, slot]) for j, slot in np.argwhere(~np.isnan(held)).tolist()}
-                parts.append(inputs.block(substep, length))
-            sets[place] = numbered[key]
-        blocks = [given_by(block, 0, length) for block in parts]
-        most = max(one.cuts.shape[1] for one in blocks)
-        cuts, shift = np.full((len(blocks), most, 3), -1), 0
-        for place, one in enumerate(blocks):
-            cuts[place, : one.cuts.shape[1]] = one.cuts[0] + [0, shift, shift]
-            shift += len(one.fractions)
-        given = Given(
-            np.concatenate([one.inputs for one in blocks]), np.concatenate([one.wrenches for one in blocks]), cuts,
-            np.concatenate([one.fractions for one in blocks]), np.concatenate([one.on_time for one in blocks]),
-            np.concatenate([one.pieces for one in blocks]),
-        )  # fmt: skip
-        return given, sets, [block.references for block in parts]
-
-    def _steady_inputs(self, inputs: Inputs, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Any]:
-        """The same where only what is set from outside differs."""
-        inputs.held = {}
-        base = inputs.sample(np.zeros(1))
-        own = self._held[numbers].transpose(2, 1, 0)
-        references = np.where(np.isnan(own), base, own)
-        row = np.ascontiguousarray(inputs.mapped(references))
-        table = np.repeat(row[:, None], length, axis=1)
-        wrenches = np.zeros((len(numbers), length, 0, 6))
-        cuts = np.full((len(numbers), 1, 3), -1)
-        pieces = len(numbers) if self.prepared.stepping.staggered else 0
-        if pieces:
-            # The first kick of a run is half a one.
-            fresh = self._core.done[numbers] == 0
-            places = np.arange(pieces)
-            cuts[fresh, 0] = np.column_stack([np.zeros(pieces, dtype=int), places, places + 1])[fresh]
-        given = Given(table, wrenches, cuts, np.full(pieces, 0.5), np.ones(pieces, dtype=bool), row[:pieces])
-        constant = np.broadcast_to(references.transpose(2, 0, 1)[:, :, :, None], (len(numbers), *references.shape[:2], length))
-        return given, np.arange(len(numbers)), constant
+            alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
+        parts, tables, count = [], [], 0
+        sets = np.empty(len(numbers), dtype=np.int64)
+        for (_, substep), places in alike.items():
+            worlds = numbers[places]
+            inputs, held = self._inputs[worlds[0]], self._held[worlds]
+            free = bool(np.isnan(held).all())
+            begin, end = chunk_at(substep, self.chunk)
+            chunk, first = inputs.chunk(begin, end - begin), substep - begin
+            given, references = inputs.given(chunk, first, first + length, None if free else held)
+            sets[places] = count if free else count + np.arange(len(places))
+            count += references.shape[2]
+            parts.append(given)
+            tables.append(references)
+        return joined(parts), sets, tables[0] if len(tables) == 1 else np.concatenate(tables, axis=2)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -271,22 +264,22 @@ class Worlds:
     def observe(self) -> Observation:
         """The states now; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self._check_open()
-        return observe(self.time, self.prepared.drives, self._core.S, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """As :meth:`asrsim.Simulation.read`, (N, n) each."""
         self._check_open()
         self.selection.check(names)
         rows, given = self._rows, self._given
-        fresh = np.flatnonzero((self._core.done == 0) & self.healthy)
+        fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         if len(fresh):
-            states = [self._core.state(world) for world in fresh.tolist()]
+            states = [self.core.state(world) for world in fresh.tolist()]
             before = rows.copy(), given.copy()
             self._run(fresh, 1, keep=False)
             rows, given = self._rows, self._given
             self._rows, self._given = before
             for world, state in zip(fresh.tolist(), states, strict=True):
-                self._core.put(world, state)
+                self.core.put(world, state)
         values = {name: found.copy() for name, found in self.selection.values(rows, given.transpose(1, 2, 0), names).items()}
         for world, selection in self._other.items():
             for name, own in selection.values(rows[world][None], given[world][:, :, None], names).items():
@@ -301,7 +294,7 @@ class Worlds:
     def counts(self, world: int) -> Counts:
         """Limits that a world met since its start. Raises SimulationError where worlds are not watched."""
         self._check_watched()
-        return counts_of(self._core.S[world], int(self._core.done[world]))
+        return counts_of(self.core.S[world], int(self.core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshots:
         """The states of some worlds, or all, to be given to :meth:`restore`."""
@@ -309,7 +302,7 @@ class Worlds:
         chosen = self._numbers(worlds)
         numbers = tuple(chosen.tolist())
         return Snapshots(
-            self._owner, numbers, tuple(self._core.state(world) for world in numbers),
+            self._owner, numbers, tuple(self.core.state(world) for world in numbers),
             tuple(self._own[world] for world in numbers), tuple(self._inputs[world] for world in numbers),
             self._held[chosen].copy(), self._rows[chosen].copy(), self._given[chosen].copy(),
         )  # fmt: skip
@@ -321,8 +314,8 @@ class Worlds:
             raise InputError("is a snapshot of other worlds", key="snapshot", code="snapshot")
         for place, world in enumerate(snapshot.worlds):
             if self._own[world] is not snapshot.prepared[place]:
-                self._take_over(world, snapshot.prepared[place])
-            self._core.put(world, snapshot.states[place])
+                self.take_over(world, snapshot.prepared[place])
+            self.core.put(world, snapshot.states[place])
             self._inputs[world] = snapshot.inputs[place]
         numbers = list(snapshot.worlds)
         self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
@@ -355,7 +348,7 @@ class Worlds:
                 return {k: float(np.broadcast_to(v, len(numbers))[place]) for k, v in (table or {}).items()}
 
             own = {joint: np.atleast_2d(values)[place % len(np.atleast_2d(values))] for joint, values in (motors or {}).items()}
-            self._place(world, Start(positions=pick(positions), velocities=pick(velocities), motors=own))
+            self.place(world, Start(positions=pick(positions), velocities=pick(velocities), motors=own))
 
     def _begin_world(self, world: int, start: Start) -> None:
         home = self.prepared
@@ -363,7 +356,7 @@ class Worlds:
         known = self._variants.get(key) if key else home
         varied = known or home.with_numbers(start.parameters)
         if varied is not self._own[world]:
-            self._take_over(world, varied, settled=known is not None)
+            self.take_over(world, varied, settled=known is not None)
             if known is None:
                 if len(self._variants) >= VARIANTS_KEPT:
                     self._variants.clear()
@@ -374,10 +367,12 @@ class Worlds:
             self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs
-        self._place(world, start)
+        self.place(world, start)
 
-    def _take_over(self, world: int, varied: Prepared, *, settled: bool = False) -> None:
-        """Other numbers for a world: its engine is that of all unless a link weighs something else."""
+    def take_over(self, world: int, varied: Prepared, *, signals: bool = False, settled: bool = False) -> Prepared:
+        """Give a world other numbers, and other signals if they are to change; it has to be placed then. Its engine is that of
+        all unless a link weighs something else. Returns the numbers, with the start at rest if the scenario asks for that;
+        settled: they have it already."""
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
             engine = self._own_engine(world, varied)
@@ -388,7 +383,20 @@ class Worlds:
         selection = self.selection.of(varied.drives)
         if selection.lacking != self.selection.lacking:
             self._other[world] = selection
-        self._core.take_over(world, varied, engine)
+        self.core.take_over(world, varied, engine)
+        if signals:
+            self._inputs[world] = inputs_of(varied)
+        return varied
+
+    def select(self, varied: Prepared) -> Selection:
+        """Read from now on what the joints with these numbers record."""
+        self.selection, self._other = Selection(varied.drives, self.core.shape.motors, self._names), {}
+        self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
+        return self.selection
+
+    def engine_of(self, world: int) -> Engine:
+        """The engine that steps a world."""
+        return self.core.engine_of(world)
 
     def _own_engine(self, world: int, varied: Prepared) -> Engine:
         found = self._engines.get(world)
@@ -398,12 +406,14 @@ class Worlds:
             found = self._engines[world] = varied.make_engine()
         return found
 
-    def _place(self, world: int, start: Start) -> None:
+    def place(self, world: int, start: Start) -> tuple[Sequence[float], Sequence[float]]:
+        """Put a world at its start; positions and velocities of the links then."""
         prepared = self._own[world]
         positions, velocities = prepared.start(start.positions, start.velocities)
-        self._core.start(world, started(prepared, positions, start.motors), positions, velocities)
+        self.core.start(world, started(prepared, positions, start.motors), positions, velocities)
         self._begun[world] = positions, velocities
         self._held[world] = self._rows[world] = self._given[world] = np.nan
+        return positions, velocities
 
     # -- whole runs -------------------------------------------------------------------------------------------------
 
@@ -442,27 +452,19 @@ class Worlds:
         self.selection.check(names)
         numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
-        kept = self._run(numbers, total, keep=True)
+        kept, inputs = self._run(numbers, total, keep=True)
         found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
-        substeps = np.arange(kept.shape[1]) * self.substeps
         for place, world in enumerate(numbers.tolist()):
             selection = self._other.get(world, self.selection)
-            for name, values in selection.values(kept[place], self._sampled(world, substeps), names).items():
+            for name, values in selection.values(kept[place], inputs[place], names).items():
                 found[name][place] = values
         return found
-
-    def _sampled(self, world: int, substeps: NDArray[np.int64]) -> Array:
-        """Inputs (columns, joints, n) of a world at these substeps."""
-        inputs, held = self._inputs[world], self._held[world].T
-        inputs.held = {}
-        sampled = inputs.sample(np.round(substeps * self.prepared.substep, 12))
-        return np.where(np.isnan(held)[:, :, None], sampled, held[:, :, None])
 
     def sane(self, world: int) -> bool:
         """Whether the world's motion is finite, and no energy came from nowhere since its start. Raises SimulationError where
         worlds are not watched."""
         self._check_watched()
-        prepared, model, state = self._own[world], self._core.look(world).model, self._core.S[world]
+        prepared, model, state = self._own[world], self.core.look(world).model, self.core.S[world]
         if not self.healthy[world]:
             return False
         if model is None or prepared.stepping.released:
@@ -509,14 +511,27 @@ class Worlds:
         for engine in self._engines.values():
             engine.close()
         self._engines = {}
-        if getattr(self, "_pool", None) is not None:
-            self._pool.shutdown()  # type: ignore[union-attr]
+        if self._pool is not None:
+            self._pool.shutdown()
 
     def __enter__(self) -> Worlds:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def one_world(prepared: Prepared, **options: Any) -> Worlds:
+    """A single world; options: as of `Worlds._begin`."""
+    world = Worlds.__new__(Worlds)
+    world._begin(prepared, 1, watched=True, **options)
+    return world
+
+
+def inputs_of(prepared: Prepared) -> Inputs:
+    """The input signals of the scenario."""
+    staggered = prepared.stepping.staggered
+    return Inputs(prepared.scenario, prepared.drives, substep=prepared.substep, staggered=staggered, sensors=prepared.sensors)
 
 
 def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:

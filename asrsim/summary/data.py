@@ -113,7 +113,7 @@ class RunSummary:
     certificate: Mapping[str, Any] = field(default_factory=dict)
     """Numerical error, of a certified run."""
     cross_check: Mapping[str, Any] = field(default_factory=dict)
-    """Differences to the run in another engine, where that was asked for (:class:`asrsim.simulation.crosscheck.CrossCheck`)."""
+    """Differences to the run in another engine, where that was asked for (:func:`asrsim.simulation.crosscheck.cross_check`)."""
     live: Mapping[str, Any] = field(default_factory=dict)
     """Of a run in real time: lateness, load and commands (:class:`asrsim.live.session.Session`)."""
     versions: Mapping[str, str] = field(default_factory=dict)

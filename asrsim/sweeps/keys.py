@@ -14,8 +14,8 @@ from asrsim.robot.tags import parameter_name
 from asrsim.robot.vary import names_of
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
-from asrsim.scenario.shadowed import shadowed
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
 """Keys of the scenario under which every run chooses its own substeps."""

@@ -71,10 +71,7 @@ def law_of(value: Any, key: str) -> Values | Distribution:
             raise _wrong(key, "the list is empty", value)
         return Values(tuple(value))
     if isinstance(value, dict):
-        if len(value) != 1 or next(iter(value)) not in DISTRIBUTIONS:
-            raise _wrong(key, "must name one distribution", value, tuple(DISTRIBUTIONS))
-        name, arguments = next(iter(value.items()))
-        return _distribution(key, str(name), arguments if isinstance(arguments, list | tuple) else [arguments])
+        raise _wrong(key, "a single mapping must stand in a list", value)
     if isinstance(value, str):
         return _from_text(value, key)
     return Values((value,))

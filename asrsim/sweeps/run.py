@@ -87,7 +87,7 @@ def sweep(
     library("pyarrow", "sweep")
     if workers is not None and workers < 1:
         raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
-    payload = make_payload(_study(scenario, over, options))
+    payload = make_payload(study_of(scenario, over, options))
     temporary = None
     if out is None:
         temporary = TemporaryDirectory(prefix="asrsim-sweep-")
@@ -108,7 +108,8 @@ def sweep(
     return Table(folder, keep=temporary, checked=True)
 
 
-def _study(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
+def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
+    """A study as it is, from its file, or of a scenario. Raises InputError, and SimulationError for options beside a study."""
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):

@@ -10,7 +10,10 @@ import numpy as np
 
 from asrsim.document.block import declare
 from asrsim.document.kinds import Number
+from asrsim.errors import RecordingError
 from asrsim.metrics import MEASURES, Measure
+from asrsim.recordings import READERS, Reader
+from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.signals import SIGNALS, Signal
 
 
@@ -33,5 +36,20 @@ def crest_factor(time, values):
     return float(np.max(np.abs(values)) / np.sqrt(np.mean(values**2)))
 
 
+RECORD = np.dtype([("time", "<f8"), ("elbow.link_position", "<f4"), ("elbow.link_velocity", "<f4")])
+
+
+def read_mylog(path, reading):
+    """A logger's file of records: time in s, position in rad, velocity in rad/s."""
+    data = path.read_bytes()
+    if len(data) % RECORD.itemsize:
+        raise RecordingError(f"ends within a record of {RECORD.itemsize} bytes")
+    table = np.frombuffer(data, RECORD)
+    columns = tuple(RawColumn(name=name, values=table[name].astype(float)) for name in RECORD.names)
+    return Content(format="mylog", tables=(RawTable(columns=columns),))
+
+
 SIGNALS.add(Triangle.kind, Triangle)
+# confined=False: read in this process, since the child that reads other binary formats does not know this file.
+READERS.add("mylog", Reader(suffixes=(".mylog",), read=read_mylog, confined=False))
 MEASURES.add("crest_factor", Measure(name="crest_factor", function=crest_factor, unit="1", needs="series"))

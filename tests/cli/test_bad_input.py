@@ -136,21 +136,9 @@ def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
 SCENARIOS = {
     "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
     "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
-    "misspelt variants": ("duration: 1.5", "duration: 1.5\nvarients: {}", "Did you mean 'variants'?"),
     "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "it names a folder too"),
-    "variant outside": ("duration: 1.5", "duration: 1.5\nvariant: a/b", "it names a folder too"),
-    "variant of two lines": ("duration: 1.5", 'duration: 1.5\nvariants: {"a\\nb": {}}', "it names a folder too"),
-    "wrench of nothing": ("duration: 1.5", "duration: 1.5\nwrenches: [{link: arm}]", "a force or a torque"),
-    "twice": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1, spring_stiffness: 2}}", "same parameter"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
-    "reversed range": (
-        "duration: 1.5",
-        "duration: 1.5\nreference_ranges: {elbow: {equilibrium_position: [1, -1]}}",
-        "larger than the largest",
-    ),
     "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
-    "named and variants": ("duration: 1.5", "duration: 1.5\nvariant: a\nvariants: {a: {}}", "names them there"),
-    "manager of nothing": ("duration: 1.5", "duration: 1.5\nmanager: step.yaml", "step.yaml"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
 }
 """Case -> what is replaced in the tiny scenario, by what, and words of the error."""

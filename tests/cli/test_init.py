@@ -140,18 +140,6 @@ def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path)
     assert "steady\nrad or m" in [column.heading for column in columns]
 
 
-def test_what_is_commented_out_in_a_starter_is_valid_too(tmp_path):
-    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
-    out = tmp_path / "s.yaml"
-    write_starter(robot, out)
-    head, more = out.read_text().split("# More that a scenario can say:\n")
-    out.write_text(head.replace("# log_rate", "log_rate") + re.sub(r"^# ", "", more, flags=re.M))
-    for scenario in load_scenario(out):
-        assert len(scenario.expect) == 1
-        assert scenario.log_every == 2
-        assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
-
-
 def test_step_stays_within_the_limits(tmp_path):
     robot = write_robot(
         tmp_path,

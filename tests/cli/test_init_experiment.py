@@ -20,7 +20,7 @@ from asrsim.identification.setup import set_up
 from asrsim.kinematics.sizing import sizing
 from asrsim.robot import load_robot
 from asrsim.runs.from_recording import Written, write_from_recording
-from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario, make_scenario
+from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_scenario
 from support.bags import ARM_ELBOW, ARM_TIME, write_arm
 from support.paths import ROOT
 
@@ -48,15 +48,16 @@ def make(folder: Path, experiment: Path, robot: str = "dof1_sea", **options: obj
     return made, scenario
 
 
-def test_a_text_file_is_played_as_it_is_and_smoothly_between_its_samples(tmp_path: Path) -> None:
+def test_commands_are_played_smoothly_between_their_samples(tmp_path: Path) -> None:
     made, scenario = make(tmp_path, lab(tmp_path))
-    assert [path.name for path in made.files] == ["s.yaml", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"]
+    assert [path.name for path in made.files] == [
+        "s.yaml", "s_commands.csv", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"
+    ]  # fmt: skip
     signal = scenario.references["joint_1"]["equilibrium_position"]
     np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
     np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.05 + 0.2 * np.sin(4 * TIME[:-1] + 0.02), atol=1e-7)
     assert scenario.duration == pytest.approx(0.79)
     assert scenario.initial_positions == {"joint_1": pytest.approx(0.05)}
-    assert made.compared
 
 
 def test_commands_in_stairs_are_held(tmp_path: Path) -> None:
@@ -110,45 +111,37 @@ def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_comma
 def test_the_command_is_played_on_the_recordings_clock(
     tmp_path: Path, zero: float, header: str, scale: float, lag: float
 ) -> None:
-    made, scenario = make(tmp_path, lab(tmp_path, zero=zero, header=header, scale=scale))
+    _, scenario = make(tmp_path, lab(tmp_path, zero=zero, header=header, scale=scale))
     signal = scenario.references["joint_1"]["equilibrium_position"]
     start = 0.5 if zero == 0.5 else 0.0
     np.testing.assert_allclose(signal.values(start + TIME), SMOOTH, atol=1e-6)  # a float of 1.7e9 s resolves 2.4e-7 s
     assert {claim.options["lag"] for claim in scenario.expect} == {lag}
     assert scenario.duration == pytest.approx(start + 0.79, abs=1.1e-3)
-    assert made.compared
 
 
-def test_what_playback_cannot_read_is_written_beside(tmp_path: Path) -> None:
+def test_gaps_and_duplicates_of_a_recording_are_bridged(tmp_path: Path) -> None:
     """Milliseconds that nobody states, a duplicate, and a cell without a number."""
-    path = lab(tmp_path, header="time,q1,q1_ref,current")
-    rows = path.read_text().splitlines()
+    rows = lab(tmp_path).read_text().splitlines()
     rows = [rows[0], *(re.sub(r"^[^,]*", f"{10 * i}", row) for i, row in enumerate(rows[1:]))]
     rows.insert(5, rows[4])
     rows[20] = ",".join([*rows[20].split(",")[:2], "", "0"])
-    path.write_text("\n".join(rows) + "\n")
-    made, scenario = make(tmp_path, path)
-    assert "s_commands.csv" in {file.name for file in made.files}
-    assert "s_commands.csv" in (tmp_path / "s.yaml").read_text()
-    signal = scenario.references["joint_1"]["equilibrium_position"]
-    np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-3)
+    (tmp_path / "lab.csv").write_text("\n".join(rows) + "\n")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
+    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-3)
 
 
-def test_matlab_is_written_beside(tmp_path: Path) -> None:
-    from scipy.io import savemat
-
-    savemat(tmp_path / "lab.mat", {"t": TIME, "q1": SMOOTH, "q1_ref": SMOOTH})
-    made, scenario = make(tmp_path, tmp_path / "lab.mat")
-    assert "s_commands.csv" in {file.name for file in made.files}
-    np.testing.assert_allclose(scenario.references["joint_1"]["equilibrium_position"].values(TIME), SMOOTH, atol=1e-9)
+def test_a_claim_allows_a_tenth_of_the_recorded_range(tmp_path: Path) -> None:
+    _, scenario = make(tmp_path, lab(tmp_path))
+    (claim,) = scenario.expect
+    assert (claim.quantity, claim.measure, claim.comparison) == ("link_position", "rmse", "<")
+    assert claim.value == pytest.approx(0.1 * np.ptp(SMOOTH), rel=0.05)
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
 def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str) -> None:
     monkeypatch.chdir(tmp_path)
     write_arm(tmp_path / "bag", storage)
-    made, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
-    assert "s_commands.csv" in {file.name for file in made.files}
+    _, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
     np.testing.assert_allclose(scenario.references["joint_2"]["equilibrium_position"].values(ARM_TIME), ARM_ELBOW, atol=1e-6)
     run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot", "--set", "duration=1.0"])
     shutil.rmtree(tmp_path / "bag")
@@ -168,8 +161,7 @@ def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: P
     assert (tmp_path / name).read_bytes() == text
 
 
-@pytest.mark.parametrize("zero", [0.0, 0.7004, 100.0037, 1_715_000_000.123, -0.35])
-@pytest.mark.parametrize("decimals", [3, 9])
+@pytest.mark.parametrize(("zero", "decimals"), [(0.0, 3), (0.7004, 9), (100.0037, 3), (1_715_000_000.123, 9), (-0.35, 3)])
 def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
     """However the clock is offset, and however the offset's rounding falls."""
     from asrsim.simulation.run import simulate
@@ -230,24 +222,6 @@ def test_a_joint_whose_place_is_not_recorded_begins_at_its_command(
 
 
 @pytest.mark.parametrize(
-    ("command", "response", "words"),
-    [
-        (0 * TIME + 0.05, 0.05 + 0.2 * np.sin(4 * TIME), "the simulation does not move"),
-        (SMOOTH, 0.1 - SMOOTH, "R2 is -"),
-        (SMOOTH, SMOOTH + 0.5, "R2 is -"),
-    ],
-)
-def test_a_simulation_that_rests_or_is_no_nearer_than_a_constant_claims_nothing(
-    tmp_path: Path, command: np.ndarray, response: np.ndarray, words: str
-) -> None:
-    rows = [f"{t:.2f},{q:.9g},{r:.9g}" for t, q, r in zip(TIME, response, command, strict=True)]
-    (tmp_path / "lab.csv").write_text("\n".join(["time,q1,q1_ref", *rows]) + "\n")
-    _, scenario = make(tmp_path, tmp_path / "lab.csv")
-    assert scenario.expect == ()
-    assert words in (tmp_path / "s.yaml").read_text()
-
-
-@pytest.mark.parametrize(
     "header", ["time,q1 [m],q1_ref,current", "time,q1,q1_ref [m],current", "time,q1 [mm],q1_ref [mm],current"]
 )
 def test_metres_are_no_angle(tmp_path: Path, header: str) -> None:
@@ -274,8 +248,6 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     assert claim.options["map"] == [
         "alpha=joint_1.link_position [deg] - 0.01", "beta=joint_1.reference_1 [deg]", "window=0.1..0.6",
     ]  # fmt: skip
-    run = CliRunner().invoke(app, ["run", "s.yaml", "--no-plot"])
-    assert run.exit_code == 0, run.output
 
 
 def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
@@ -290,34 +262,6 @@ def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path)
         make(tmp_path, tmp_path / "lab.csv", force=True)
 
 
-def test_limits_are_a_fifth_above_the_first_comparison(tmp_path: Path) -> None:
-    _, scenario = make(tmp_path, lab(tmp_path))
-    (claim,) = scenario.expect
-    said = re.search(r"# (\S+) in the first comparison", (tmp_path / "s.yaml").read_text())
-    assert said is not None
-    assert 1.2 * float(said[1]) <= claim.value * 1.01
-    assert claim.value <= 1.35 * float(said[1])
-
-
-def test_a_simulation_s_own_log_claims_no_rounding(tmp_path: Path) -> None:
-    """Its first comparison is off by 1e-17; another machine's rounding is no failure."""
-    robot = EXAMPLES / "dof1_sea.urdf"
-    steps = {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.2}}}}
-    run = asrsim.run(make_scenario(robot, duration=0.5, references=steps), out=tmp_path / "made")
-    _, scenario = make(tmp_path, run.log)
-    assert scenario.expect
-    for claim in scenario.expect:
-        moved = np.ptp(run.samples.joint(claim.joint)[claim.quantity])
-        assert claim.value == 0.0 or claim.value >= 1e-6 * moved
-
-
-def test_comments_show_mapping_and_guesses(tmp_path: Path) -> None:
-    make(tmp_path, lab(tmp_path))
-    text = (tmp_path / "s.yaml").read_text()
-    assert re.search(r"# +q1 +joint_1.link_position +rad +rad assumed +by its name", text)
-    assert "not used: current" in text
-
-
 def test_run_and_plot_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # Of a command held from sample to sample, the correlation finds a clock that is half a sample early.
@@ -328,14 +272,12 @@ def test_run_and_plot_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.
     assert made.exit_code == 0, made.output
     assert "joint_1.reference_1" in made.output
     run = runner.invoke(app, ["run", "s.yaml", "--no-plot", "--json"])
-    assert run.exit_code == 0, run.output
     claims = json.loads(run.stdout)["runs"][0]["expect"]
     # The log carries the recording of its claims.
     moved = tmp_path / "elsewhere.csv"
     (tmp_path / "lab.csv").rename(moved)
     log = "out/s/default/log.mcap"
     plot = runner.invoke(app, ["plot", log, "--experiment", str(moved), "--json"])
-    assert plot.exit_code == 0, plot.output
     told = json.loads(plot.stdout)
     metrics = {(m["quantity"], m["measure"]): m["value"] for m in told["metrics"]}
     assert [claim["measured"] for claim in claims] == [claim["measured"] for claim in told["expect"]]
@@ -351,17 +293,14 @@ class TestRealRecordings:
         made, scenario = make(
             tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints", mapping=mapping
         )
-        limits = {(claim.joint, claim.quantity): claim.value for claim in scenario.expect}
-        assert limits["joint_1", "motor_1_position"] < 0.04
-        assert limits["joint_2", "motor_1_position"] < 0.015
-        assert limits["joint_1", "deflection"] < 0.004
-        assert limits["joint_2", "deflection"] < 0.004
         assert made.remarks == ()
-
-    def test_turned_deflections_are_suspected(self, tmp_path: Path, shared: Path) -> None:
-        make(tmp_path, shared / "recordings/quanser_2dsfl_lqr_10deg.csv", robot="two_elastic_joints")
-        text = (tmp_path / "s.yaml").read_text()
-        assert text.count("# - {joint") == 2  # the deflections, the other way round
+        most = {
+            ("joint_1", "motor_1_position"): 0.04, ("joint_2", "motor_1_position"): 0.015,
+            ("joint_1", "deflection"): 0.004, ("joint_2", "deflection"): 0.004,
+        }  # fmt: skip
+        claims = zip(scenario.expect, asrsim.run(scenario).summary.claims, strict=True)
+        measured = {(claim.joint, claim.quantity): result.measured for claim, result in claims}
+        assert all(measured[key] < limit for key, limit in most.items())
 
     def test_series_elastic_module(self, tmp_path: Path, shared: Path) -> None:
         _, scenario = make(tmp_path, shared / "recordings/hebi_sine_1hz.csv", mode=6)
@@ -378,12 +317,11 @@ class TestRealRecordings:
             "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>true</sub_ext_tau>"
             "<ctrl_P>160000</ctrl_P><ctrl_D>7000</ctrl_D></plugin></gazebo></robot>"
         )
-        made = write_from_recording(
+        write_from_recording(
             tmp_path / "axis.urdf", shared / "recordings/emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
         )
         (scenario,) = load_scenario(tmp_path / "s.yaml")
         assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}
-        assert made.compared
 
 
 def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Path) -> None:
@@ -397,7 +335,6 @@ def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Pa
         assert (mounted.type, mounted.mode) == ("sea", mode)
         assert mounted.parameters.get("motor_1_torque_constant") == (1.0 if mode > 6 else None)
         assert made.fit is not None
-        assert ("# shoulder.motor_1_torque_constant" in made.fit.read_text()) == (mode > 6)
 
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])

@@ -12,7 +12,6 @@ from asrsim import make_scenario
 from asrsim.robot import load_robot
 from asrsim.scenario import Scenario
 from asrsim.signals import Constant
-from asrsim.simulation import certify as certify_module
 from asrsim.simulation.certify import certify
 from asrsim.simulation.run import simulate
 from support.paths import ROOT
@@ -60,28 +59,3 @@ def test_the_estimate_is_the_true_error_whatever_order_was_measured(stepping: st
     assert bool(reported.warnings) == (found.order < reported.scheme_order - 0.3)
     assert found.position_rms == pytest.approx(float(np.sqrt(np.mean(error**2))), rel=0.22)
     assert found.position_max == pytest.approx(float(np.max(np.abs(error))), rel=0.2)
-
-
-def test_orders_that_were_measured_make_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Richardson's factor 1 / (1 - 4^-p); p is the scheme's where the measured one is near it or unknown, and 1/2 at least."""
-    scenario = make_scenario(
-        ARM, duration=0.05, substeps=1, engine="mujoco", compiled=False, modes={"*": 5},
-        references={"joint_1": {"reference_1": {"sinusoid": {"amplitude": 0.4, "frequency": 2.0}}, "reference_2": 0.0}},
-    )  # fmt: skip
-    run, found = simulate(scenario), {}
-    for order in (2.0, np.nan, 1.7, 1.6, 1.0, 0.7, 0.5, 0.2, -1.0):
-        monkeypatch.setattr(certify_module, "_order", lambda *_, order=order: order)
-        reported = certify(scenario, run)
-        assert reported is not None
-        found[order] = reported.joints["joint_1"].position_rms
-        assert bool(reported.warnings) == (order < 1.65)
-    for order, used in ((np.nan, 2.0), (1.7, 2.0), (1.6, 1.6), (1.0, 1.0), (0.7, 0.7), (0.5, 0.5), (0.2, 0.5), (-1.0, 0.5)):
-        (measured,) = [value for key, value in found.items() if key == order or (key != key and order != order)]
-        assert measured / found[2.0] == pytest.approx((1.0 - 4.0**-2.0) / (1.0 - 4.0**-used))
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "order"), [(4e-6, 1e-6, 2.0), (1e-6, 2e-6, -1.0), (1e-13, 1e-6, np.nan), (1e-6, 1e-13, np.nan)]
-)
-def test_an_error_at_rounding_level_has_no_order(first: float, second: float, order: float) -> None:
-    assert certify_module._order(first, second) == pytest.approx(order, nan_ok=True)

@@ -26,19 +26,6 @@ def example(name: str, variant: str, **fields: object) -> asrsim.Scenario:
     return replace(scenario, expect=(), **fields)
 
 
-@pytest.mark.parametrize("kept", [True, False])
-@pytest.mark.parametrize(("asked", "runs"), [({}, 0), ({"cross_check": True}, 1), ({"certify": True}, 1)])
-def test_another_engine_runs_when_it_is_asked_for(tiny, tmp_path, monkeypatch, asked, runs, kept) -> None:
-    """Once, into a folder or not; and never otherwise, since it takes as long as the run."""
-    made = []
-    real = ENGINES.get("mujoco").make
-    entry = EngineEntry(make=lambda *given: made.append(1) or real(*given), doc="counted", module="mujoco")
-    monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
-    overrides = ["engine=bullet", "compiled=false", "duration=0.1"]
-    result = asrsim.run(tiny.scenario, overrides=overrides, out=tmp_path / "o" if kept else None, **asked)
-    assert (len(made) > 0, bool(result.summary.cross_check)) == (runs > 0, runs > 0)
-
-
 @pytest.fixture
 def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
     """A MuJoCo engine that pulls by a millionth too much."""

@@ -90,16 +90,10 @@ def test_numbers_that_leave_all_bounds_are_told_from_springs() -> None:
         run(chain(LOAD), duration=1.0, gravity=0.0, external={"joint_1": Constant(value=10.0)})
 
 
-@pytest.mark.usefixtures("softer_than_it_is")
-def test_short_runs_are_looked_at_too() -> None:
-    with pytest.raises(DivergenceError):
-        run(chain(AWAS), mode=3, references=STIFF, duration=0.05, substeps=1)
-
-
 # -- what is fine ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
+@pytest.mark.parametrize("stepping", ["euler", "toolbox"])
 @pytest.mark.parametrize("name", [name for name in SETTINGS if name != "AwAS-II .04"])
 def test_the_papers_settings_run_in_every_stepping(name: str, stepping: str) -> None:
     actuator, preset, parameters = SETTINGS[name]
@@ -162,13 +156,12 @@ FINE: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("stepping", ["leapfrog", "toolbox"])
 @pytest.mark.parametrize("name", FINE)
-def test_hard_but_sound_runs_are_left_alone(name: str, stepping: str) -> None:
+def test_hard_but_sound_runs_are_left_alone(name: str) -> None:
     options = dict(FINE[name])
     bodies = options.pop("bodies")
     parameters = options.pop("parameters", {})
-    result = run(chain(*bodies), duration=1.5, parameters=parameters, stepping=stepping, **options)
+    result = run(chain(*bodies), duration=1.0, parameters=parameters, **options)
     assert result.status == "complete"
     assert result.samples is not None
     assert np.all(np.isfinite(result.samples.values["link_position"]))

@@ -17,7 +17,6 @@ from asrsim.signals import Constant
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.steppings import STEPPINGS
 from support.random_runs import random_run
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -70,8 +69,7 @@ def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: f
 @pytest.mark.once
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
-@pytest.mark.parametrize("integral", [0.0, 30.0])
-@pytest.mark.parametrize("stepping", STEPPINGS.names())
+@pytest.mark.parametrize(("stepping", "integral"), [("leapfrog", 0.0), ("leapfrog", 30.0), ("euler", 0.0), ("toolbox", 0.0)])
 def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
     gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
     moved = start(actuator, mode, stepping, **gains)
@@ -79,14 +77,6 @@ def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str
     assert max(moved.values()) < 1e-8
     # The arm leans on what holds it, but for an integral action on the link itself.
     assert (abs(droop) > 1e-5) == (mode.number != 1 or integral == 0.0)
-
-
-@pytest.mark.parametrize("integral", [0.0, 5.0])
-def test_a_motor_of_volts_starts_at_rest_too(integral: float) -> None:
-    electric = {"motor_1_torque_constant": 0.5, "motor_1_resistance": 2.0, "motor_1_gear_ratio": 2.0}
-    moved = start("sea", MODES[5], controller_1_integral=integral, **electric)
-    moved.pop("droop")
-    assert max(moved.values()) < 1e-8
 
 
 @pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])

@@ -30,7 +30,6 @@ def test_of_an_axis_its_direction_counts(tmp_path: Path, engine: str, axis: str)
 # -- the link's controller (mode 1) ------------------------------------------------------------------------------------
 
 GAINS = {"controller_1_proportional": 12.0, "controller_1_integral": 60.0, "controller_1_derivative": 0.5}
-AT_REST = {"controller_1_proportional": 30.0, "spring_stiffness": 20.0, "motor_1_friction_torque": 0.0}
 JUMP = Wave(offset=0.3, amplitude=0.2, frequency=2.0, at=0.1, jump=0.4)
 
 
@@ -99,9 +98,8 @@ def held_chain(count: int, share: float) -> list[Body]:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("count", [4, 7])
-def test_a_chain_that_friction_holds_does_not_move(engine: str, count: int) -> None:
-    result = run(chain(*held_chain(count, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
+def test_a_chain_that_friction_holds_does_not_move(engine: str) -> None:
+    result = run(chain(*held_chain(7, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
     assert result.samples is not None
     q = result.samples.values["link_position"]
     assert np.abs(q - q[0]).max() < 1e-12
@@ -117,35 +115,7 @@ def test_eighty_links_that_friction_holds(engine: str) -> None:
     assert np.abs(q - q[0]).max() < 1e-8
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_friction_below_the_load_lets_go(engine: str) -> None:
-    result = run(chain(*held_chain(3, 0.9)), initial=[np.pi / 2], duration=0.1, engine=engine, compiled=False)
-    assert np.abs(column(result, "link_position") - np.pi / 2).max() > 1e-3
-
-
 # -- energies ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("mode", [3, 6])
-def test_what_the_effort_limit_takes_is_no_friction(engine: str, mode: int) -> None:
-    limits = f'<limit lower="-3" upper="3" effort="{0.5 if mode == 3 else 0.2}" velocity="100"/>'
-    bodies = [Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA, limits=limits, length=0.2)] * 2
-    result = run(
-        chain(*bodies), mode=mode, duration=1.0, engine=engine,
-        references={"equilibrium_position": Sinusoid(amplitude=0.6, frequency=1.5)}, parameters={"spring_stiffness": 20.0},
-    )  # fmt: skip
-    for j in range(2):
-        work = np.abs(column(result, "motor_work", j)).max() + np.abs(column(result, "link_work", j)).max()
-        assert np.abs(column(result, "limit_loss", j)).max() > 0.02 * work, "the limit cuts"
-        assert np.abs(column(result, "energy_residual", j)).max() < 2e-3 * work
-        if mode == 6:
-            taken = column(result, "friction_loss", j)
-            # Bristles give back what bent them: 2 x slip^2 / (2 K).
-            assert np.max(np.maximum.accumulate(taken) - taken) < 1e-3 * work
-    # The links' own balance: what pushed them is in their motion, which the engine knows.
-    given = column(result, "link_work", 0) + column(result, "link_work", 1)
-    assert np.abs(given).max() > 0.01
 
 
 # -- sensors -----------------------------------------------------------------------------------------------------------
@@ -203,15 +173,3 @@ def test_strong_damping_is_no_fault_of_the_numbers(tmp_path: Path, engine: str, 
     for stepping in ("euler", "toolbox"):
         explicit = samples(given, tmp_path, engine=engine, stepping=stepping)
         np.testing.assert_allclose(explicit.values["link_position"][::10], truth(given, times), atol=2e-2)
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_damping_between_coupled_joints_is_of_second_order(tmp_path: Path, engine: str) -> None:
-    """Once c h / I is below 1."""
-    joints = tuple(joint(f"j{i}", start=0.5, damping=0.4) for i in (1, 2, 3))
-    given = plan(links("0 1 0", "0 1 0", "1 0 0", damping=0.4), joints, 0.2)
-    found = []
-    for substeps in (1, 4):
-        result = samples(given, tmp_path, engine=engine, substeps=substeps)
-        found.append(float(np.abs(result.values["link_position"][::10] - truth(given, result.time[::10])).max()))
-    assert np.log2(found[0] / found[1]) / 2.0 > 1.8

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from asrsim.signals import Constant, PulseTrain, Sinusoid, Sum
+from asrsim.signals import Constant, PulseTrain
 from validation.models import INSTALLED, Body, chain, column, run
 
 STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
@@ -36,29 +36,3 @@ def test_a_spring_brakes_a_joint_that_is_too_fast_and_drives_it_no_faster(engine
     assert -FASTEST - 1e-3 * rate * 2.0 * FASTEST < speed.min() < -FASTEST
     crossed = (time[1:] > 0.5 * np.pi / rate) & (q[1:] > 0.0) & (speed < -FASTEST)
     assert np.ptp(speed[crossed]) < 1e-6
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("kicks", SWINGS)
-@pytest.mark.parametrize("effort", [0.4, 1e6])
-@pytest.mark.parametrize("damping", [0.0, 0.05])
-def test_a_braking_controller_moves_the_link_by_the_torque_that_is_logged(
-    engine: str, kicks: str, effort: float, damping: float
-) -> None:
-    """I (v_n+1 - v_n) = h tau, to rounding, within the effort limit and at it.
-
-    Where a kick has a jump the row is of the time after it, up to 0.6 of a kick off, in which this torque changes by 0.05 N m.
-    """
-    limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
-    body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, limits=limits, damping=damping)
-    wanted = Sum(terms=(Sinusoid(amplitude=0.5, frequency=3.0), SWINGS[kicks]))
-    result = run(
-        chain(body), mode=1, gravity=0.0, duration=0.3, engine=engine, references={"link_position": wanted}, substeps=1,
-        parameters={"controller_1_proportional": 20.0, "controller_1_integral": 30.0, "controller_1_derivative": 0.2},
-    )  # fmt: skip
-    torque, q = column(result, "link_torque"), column(result, "link_position")
-    momentum = INERTIA * np.diff(q) / 1e-3
-    pushed = torque + (column(result, "damping_torque") if damping else 0.0)
-    assert (np.abs(torque).max() == effort) == (effort < 1.0)
-    near = 1e-12 if kicks == "whole" else 5e-5
-    np.testing.assert_allclose(momentum[1:] - momentum[:-1], 1e-3 * pushed[1:-1], rtol=0.0, atol=near)

@@ -19,7 +19,6 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.signals import Ramp, Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.simulation import Simulation
-from support.paths import ROOT
 from support.stick_slip import stick_slip
 from validation.models import Body, chain, column, read, run
 
@@ -178,12 +177,6 @@ def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None
     assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
-def test_bristles_of_which_nothing_is_said_have_the_released_codes_1000_newton_metres_per_radian() -> None:
-    numbers = {"motor_1_friction_torque": 0.5, "motor_1_damping": 2.0, "spring_stiffness": 1e-12}
-    result = bench(4, {**FREE, **numbers}, references={"motor_1_torque": 0.2}, duration=0.5)
-    assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / 1000.0, rel=1e-6)
-
-
 def test_a_motor_rubs_by_its_load() -> None:
     """Winding its spring up slowly it gives k theta (1 + c) + tau_c; letting it go k theta (1 - c) - tau_c."""
     parameters = {
@@ -197,42 +190,6 @@ def test_a_motor_rubs_by_its_load() -> None:
     up, down = np.searchsorted(time, (8.0, 22.5))
     assert spring[up] * 1.2 + 0.1 == pytest.approx(torque[up], abs=0.03)
     assert spring[down] * 0.8 - 0.1 == pytest.approx(torque[down], abs=0.03)
-
-
-@pytest.mark.parametrize("engine", ENGINES_HERE)
-def test_contacts_leave_a_joint_its_friction(engine: str) -> None:
-    """With a ground the engines' own solvers hold the joint: the same motion as without, as closely as they do it."""
-    from asrsim.scenario.data import World
-
-    robot = rubbing(
-        chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=1e-3, friction=0.05)),
-        stribeck_friction=0.1,
-        stribeck_velocity=0.3,
-    )
-    how: dict[str, Any] = {"mode": 3, "references": {"equilibrium_position": 0.8}, "duration": 0.5, "compiled": False}
-    plain = run(robot, engine=engine, **how)
-    ground = run(robot, engine=engine, world=World(ground=True), base_position=(0.0, 0.0, 3.0), **how)
-    coulomb = run(rubbing(robot, stribeck_friction=0.0), engine=engine, **how)
-    distance = np.abs(column(plain, "link_position") - column(ground, "link_position")).max()
-    assert distance < 5e-4
-    assert np.abs(column(plain, "link_position") - column(coulomb, "link_position")).max() > 20.0 * distance
-
-
-@pytest.mark.parametrize(
-    "more", [{}, {"motor_1_load_friction": 0.05}, {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0}]
-)
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_no_motor_is_recorded_faster_than_it_may_be(more: dict[str, float], way: float) -> None:
-    """Pushed on by its torque, it turns as fast as it may, step by step."""
-    fastest = 3.0
-    result = run(
-        chain(Body(actuator="sea", mass=0.1, reach=0.01, inertia=5e-3)), mode=4, references={"motor_1_torque": 5.0 * way},
-        parameters={"motor_1_max_velocity": fastest, **more}, gravity=0.0, duration=0.1, compiled=False, substeps=1,
-    )  # fmt: skip
-    speed, place = (way * column(result, f"motor_1_{name}") for name in ("velocity", "position"))
-    assert speed.max() <= fastest
-    assert speed[-20:] == pytest.approx(fastest, abs=1e-12)
-    assert np.diff(place[-20:]) == pytest.approx(fastest * 1e-3, rel=1e-9)
 
 
 # -- hysteresis ----------------------------------------------------------------------------------------------------------
@@ -393,38 +350,11 @@ def test_everything_works_on_every_actuator(name: str, mode: int) -> None:
         assert values == pytest.approx(runs[-1].samples.values[quantity], rel=1e-7, abs=1e-9), quantity
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", [3, 5, 7])
-@pytest.mark.parametrize("name", ["sea", "qbmove"])
-def test_everything_is_the_same_compiled(name: str, mode: int) -> None:
-    for engine in ENGINES_HERE:
-        plain, compiled = (full_run(name, mode, engine=engine, compiled=each).samples.values for each in (False, True))
-        for quantity, values in plain.items():
-            assert np.array_equal(values, compiled[quantity], equal_nan=True), quantity
-
-
 def state_of(simulation: Simulation) -> list[list[float]]:
     """Positions and velocities of links and motors."""
     seen = simulation.observe()
     names = ("link_position", "link_velocity", *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity")))
     return [np.nan_to_num(getattr(seen, name)).tolist() for name in names]
-
-
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("mode", [3, 5])
-def test_a_snapshot_holds_all_of_it(mode: int, compiled: bool) -> None:
-    result = full_run("qbmove", mode, duration=0.1)
-    with Simulation(prepare(result.scenario, result.robot), compiled=compiled) as simulation:
-        simulation.advance_to(120)
-        kept = simulation.snapshot()
-        simulation.advance_to(200)
-        ends = state_of(simulation)
-        simulation.restore(kept)
-        simulation.advance_to(200)
-        assert state_of(simulation) == ends
-        simulation.reset()
-        simulation.advance_to(200)
-        assert state_of(simulation) == ends
 
 
 def test_a_model_may_be_switched_on_between_runs() -> None:
@@ -476,11 +406,8 @@ def test_tags_are_read_and_written() -> None:
     ("joint", "block", "said"),
     [
         ('<gazebo reference="joint_1"><stribeckVelocity>0</stribeckVelocity></gazebo>', "", "must be larger than 0"),
-        ('<gazebo reference="joint_1"><stribeckFriction>-0.1</stribeckFriction></gazebo>', "", "at least 0"),
         ('<gazebo reference="joint_1"><loadFriction>much</loadFriction></gazebo>', "", "loadFriction"),
         ("", "<mot_1_velStribeck>0</mot_1_velStribeck>", "must be larger than 0 rad/s"),
-        ("", "<mot_1_tauStribeck>-1</mot_1_tauStribeck>", "must be at least 0 N m"),
-        ("", "<hyst_def>0</hyst_def>", "must be larger than 0 rad"),
         ("", "<mot_2_R>-3</mot_2_R>", "must be at least 0 ohm"),
     ],
 )  # fmt: skip
@@ -492,14 +419,11 @@ def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
 @pytest.mark.parametrize(
     ("joint", "block", "said"),
     [
-        ('<gazebo reference="joint_1"><stribeckVelocity>0.2</stribeckVelocity></gazebo>', "", "has no effect"),
         ('<gazebo reference="joint_9"><loadFriction>0.1</loadFriction></gazebo>', "", "no such joint"),
-        ('<gazebo reference="joint_1"><loadFriction>1.5</loadFriction></gazebo>', "", "nothing moves it"),
         ("", "<mot_1_velStribeck>0.3</mot_1_velStribeck>", "no effect without motor_1_stribeck_friction"),
         ("", "<mot_2_R>3</mot_2_R><mot_2_gear>50</mot_2_gear>", "no effect without motor_2_torque_constant"),
         ("", "<mot_1_kt>0.1</mot_1_kt><mot_1_voltMax>12</mot_1_voltMax>", "no effect without motor_1_resistance"),
         ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
-        ("", "<mot_1_fricLoad>1.2</mot_1_fricLoad>", "never turns the motor back"),
     ],
 )  # fmt: skip
 def test_doubtful_values_are_said(joint: str, block: str, said: str) -> None:
@@ -534,17 +458,6 @@ def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
     log = read_log(tmp_path / "out" / "log.mcap")
     for name in ("motor_1_current", "motor_2_voltage", "winding_loss", "hysteresis_loss"):
         assert np.array_equal(log.samples.values[name], out.run.samples.values[name]), name
-
-
-def test_an_actuator_of_a_users_own_has_all_of_it() -> None:
-
-    from asrsim.actuators.user import load_plugin_file
-
-    (own,) = load_plugin_file(ROOT / "examples" / "plugins" / "my_vsa.py")
-    result = full_run(own.name, 5, engine=ENGINES_HERE[0])
-    assert column(result, "hysteresis_loss")[-1] > 1e-4
-    assert np.abs(column(result, "motor_2_voltage")).max() <= 12.0 + 1e-9
-    assert np.abs(column(result, "energy_residual")).max() < 1e-3
 
 
 @pytest.mark.parametrize("motor_substeps", [1, 3, 9])

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from asrsim.signals import Constant
-from validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies, orders
+from validation.fitting import orders
 from validation.models import Body, chain, run
-from validation.order import FASTEST, Case, errors, jump_cases, smooth_cases
+from validation.order import FASTEST, errors, jump_cases, smooth_cases
 from validation.planar import Planar, solve
 
 pytestmark = pytest.mark.once
@@ -89,25 +88,3 @@ def test_the_independent_model_keeps_energy_and_knows_its_mass_matrix() -> None:
     speed = np.gradient(path, 1e-4, axis=0, edge_order=2)
     energies = [model.energy(path[k], speed[k]) for k in range(0, 5001, 500)]
     assert np.ptp(energies) < 1e-6
-
-
-def test_fits_find_what_is_known() -> None:
-    t = np.arange(2000) * 1e-3
-    assert frequency(0.3 + 0.1 * np.cos(50.0 * t + 0.2), 1e-3) == pytest.approx(50.0, rel=1e-9)
-    both = np.column_stack([np.cos(30.0 * t) + 0.2 * np.sin(80.0 * t), 0.5 * np.cos(30.0 * t) - np.sin(80.0 * t)])
-    assert modal_frequencies(both, 1e-3, 2) == pytest.approx([30.0, 80.0], rel=1e-8)
-    assert crossings(t, np.cos(50.0 * t))[:2] == pytest.approx([np.pi / 100.0, 3.0 * np.pi / 100.0], abs=1e-6)
-    assert extremes(np.exp(-t) * np.cos(50.0 * t))[0] == pytest.approx(-np.exp(-0.0624), rel=1e-3)
-    assert orders([8.0, 2.0, 0.5]) == pytest.approx([2.0, 2.0])
-    assert leapfrog_frequency(1.0, 1e-6) == pytest.approx(1.0)
-
-
-def test_a_case_without_jumps_is_smooth() -> None:
-    """The truth of a constant input is that of no jump: the pieces of the independent solution fit together."""
-    case = Case(
-        name="still", bodies=[Body(actuator="sea")], mode=3, references={"equilibrium_position": Constant(value=0.2)},
-        parameters={"spring_stiffness": 5.0}, duration=0.2,
-    )  # fmt: skip
-    whole = errors(case, (1e-3,))[0]
-    pieces = errors(replace(case, jumps=(0.05, 0.1)), (1e-3,))[0]
-    assert pieces == pytest.approx(whole, rel=1e-5)

@@ -148,14 +148,6 @@ def test_many_passive_trees(tmp_path: Path, seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fixed", [True, False])
-@pytest.mark.parametrize("seed", range(3000, 3003))
-def test_compiled_too(tmp_path: Path, seed: int, fixed: bool) -> None:
-    pytest.importorskip("numba")
-    check(random_run(seed, fixed=fixed), tmp_path, INSTALLED, compiled=True, order=1.3)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4000, 4010))
 def test_many_with_friction_in_the_motors(tmp_path: Path, seed: int) -> None:
     check(random_run(seed, friction=True), tmp_path, INSTALLED, order=0.8)

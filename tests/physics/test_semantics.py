@@ -140,12 +140,6 @@ def test_a_delay_is_exact(run: Run, delay: float) -> None:
     np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
 
 
-def test_what_a_delayed_command_moves_is_as_late(run: Run) -> None:
-    now = run(references={"j": {"equilibrium_position": SINE}}, gravity=FREE, duration=1.0)["j"].link_position
-    late = commanded(run, {"delay": 0.05}, gravity=FREE)["j"].link_position
-    np.testing.assert_allclose(late[50:], now[:-50], atol=1e-9)
-
-
 def test_hold(run: Run) -> None:
     result = commanded(run, {"rate": 100})
     expected = 0.1 * np.sin(4 * np.pi * np.floor(result.time * 100 + 1e-6) / 100)
@@ -183,13 +177,6 @@ def test_parameters_of_all_joints_and_of_one(run: Run) -> None:
     for parameters, stiffness in ((soft, 20.0), (softer, 10.0)):
         result = run(parameters=parameters, gravity=FREE, external_torques={"j": 1.0}, duration=4.0)["j"]
         assert 1.0 / result.link_position[-1] == pytest.approx(stiffness, rel=1e-6)
-
-
-def test_log_rate_leaves_samples_out_and_changes_none(run: Run) -> None:
-    every, tenth = run(), run(log_rate=100)
-    np.testing.assert_array_equal(every.time[::10], tenth.time)
-    np.testing.assert_array_equal(every["j"].link_position[::10], tenth["j"].link_position)
-    np.testing.assert_array_equal(every["j"].link_velocity[::10], tenth["j"].link_velocity)
 
 
 def test_a_floating_root_needs_a_mass(run: Run) -> None:

@@ -21,13 +21,9 @@ from support.paths import ROOT
 
 ROBOT = (ROOT / "examples/urdf/dof2_horizontal.urdf").read_text()
 JOINTS = ("joint_1", "joint_2")
-UNIT = 4.0
-"""A power of two, so that no digit is lost."""
 ENERGIES = [name for name, quantity in QUANTITIES.items() if quantity.unit == "J"]
 EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at its limit of {kind}" for kind in LIMITS)}
 """Quantities that have no side."""
-GROWING = re.compile(r"torque$|_inertia|_damping|stribeck_friction|_stiffness|spring_k|max_current")
-"""Parameters in a unit that has torque in it."""
 
 
 def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
@@ -106,22 +102,6 @@ def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, 
             "motors": one["motors"][::-1],
         }
     return {**case, "joints": found}
-
-
-def enlarged(case: Mapping[str, Any]) -> dict[str, Any]:
-    """In a smaller unit of torque: all of them, masses and inertias are larger numbers, and nothing moves otherwise."""
-    found = {}
-    for joint, one in case["joints"].items():
-        # Controllers of electric motors give volts.
-        grows = re.compile(f"{GROWING.pattern}|controller") if case["mode"] == 1 or case["stepping"] == "toolbox" else GROWING
-        parameters = {k: v * (UNIT if grows.search(k) else 1.0) for k, v in one["parameters"].items()}
-        parameters |= {name: v / UNIT for name, v in parameters.items() if name.endswith("resistance")}
-        factor = UNIT if case["mode"] in (0, 4, 8) else 1.0
-        references = [[factor * value for value in part] for part in one["references"]]
-        found[joint] = {**one, "parameters": parameters, "references": references, "push": [UNIT * x for x in one["push"]]}
-    grow = ("effort", "damping", "friction")
-    limits = {name: value * (UNIT if name in grow else 1.0) for name, value in case["limits"].items()}
-    return {**case, "joints": found, "limits": limits, "unit": UNIT}
 
 
 def other_motor(name: str) -> str:
@@ -215,13 +195,3 @@ def test_the_two_motors_of_a_joint_are_alike(tmp_path: Path, mode: int, stepping
 
 
 # Bristles of the released order are as stiff as they are.
-@pytest.mark.parametrize(KINDS, [case for case in CASES if case[1] != "toolbox" or case[0] < 4])
-def test_the_unit_of_torque_moves_nothing(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
-    """Torques, energies, stiffnesses and currents are larger numbers; where and how fast everything is stays as it was."""
-    case = drawn(mode, stepping, actuator, sensed)
-    own, other = recorded(case, tmp_path), recorded(enlarged(case), tmp_path)
-    for name, values in own.items():
-        grows = "torque" in name or name.endswith("current") or name in EVEN - {"resolution"}
-        grows |= name.startswith("reference") and mode in (0, 4, 8)
-        grows &= not name.startswith("rows")
-        alike(other[name], values * (UNIT if grows else 1.0), name)

@@ -20,16 +20,15 @@ STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 @pytest.mark.once
 @pytest.mark.parametrize("mode", [5, 6])
-@pytest.mark.parametrize("omega", [1.0, 1.6, 2.0])
-def test_stiff_springs_with_motors_are_not_stopped(mode: int, omega: float) -> None:
+def test_stiff_springs_with_motors_are_not_stopped(mode: int) -> None:
     """Deflections of a milliradian: the released order of a step makes more energy than they hold."""
     name = "reference_1" if mode == 5 else "equilibrium_position"
     result = run(
         chain(replace(LOAD, actuator="sea", damping=0.065, friction=0.025)), mode=mode, stepping="toolbox", duration=2.0,
-        references={name: Sinusoid(amplitude=0.8, angular_frequency=omega)}, parameters={"spring_stiffness": 200.0},
+        references={name: Sinusoid(amplitude=0.8, angular_frequency=1.6)}, parameters={"spring_stiffness": 200.0},
     )  # fmt: skip
     assert result.status == "complete"
-    goal = 0.8 * np.sin(omega * 2.0)
+    goal = 0.8 * np.sin(1.6 * 2.0)
     assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
 
 

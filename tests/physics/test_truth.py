@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from validation.check import Check, Section, available, installed_engines, on
-from validation.document import document, number
 from validation.sections import SECTIONS
 
 pytestmark = pytest.mark.once
@@ -45,27 +44,3 @@ def keeps_its_bounds(measure: Callable[[], Iterator[Check]], engine: str) -> Non
         checks = list(measure())
     assert checks
     assert not [str(check) for check in checks if not check.passed]
-
-
-def test_a_check_passes_on_the_right_side_of_its_bound_only() -> None:
-    assert Check(name="error", figure=1.0, bound=1.0).passed
-    assert not Check(name="error", figure=1.1, bound=1.0).passed
-    assert Check(name="order", figure=1.9, bound=1.8, at_least=True).passed
-    assert not Check(name="order", figure=1.7, bound=1.8, at_least=True).passed
-    assert not Check(name="lost", figure=float("nan"), bound=1.0).passed
-    assert not Check(name="lost", figure=float("nan"), bound=1.0, at_least=True).passed
-
-
-def test_the_document_is_made_of_the_checks_own_numbers() -> None:
-    section = Section(title="Title", text="Text.", measures=())
-    good = Check(name="good", figure=1.234e-7, bound=1e-6, unit="rad", source="theory")
-    bad = Check(name="bad", figure=1.5, bound=1.8, at_least=True, source="2")
-    page = document([(section, {"": [good, bad]})])
-    assert "## Title\n\nText.\n" in page
-    assert "| good | 1.2e-07 rad | ≤ 1.0e-06 | theory |" in page
-    assert "| bad | 1.5 **missed** | ≥ 1.8 | 2 |" in page
-    assert number(0.0) == "0"
-    both = document([(section, {"bullet": [good], "mujoco": [good, bad]})])
-    assert "| check | bullet, bound | mujoco, bound | source |\n|---|---|---|---|\n" in both
-    assert "| good | 1.2e-07 rad (≤ 1.0e-06) | 1.2e-07 rad (≤ 1.0e-06) | theory |" in both
-    assert "| bad | - | 1.5 **missed** (≥ 1.8) | 2 |" in both

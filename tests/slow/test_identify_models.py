@@ -153,11 +153,10 @@ def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path:
     result = identify(
         scenario, [tmp_path / "a.csv"], free=[*motor, "joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"]
     )
-    # With bristles of 1000 N m/rad a swing was left, and said to be something else; inertias were 2 % off.
+    # With 1000 N m/rad a swing was left, and said to be something else; inertias were 2 % off.
     assert result.fits, (result.misfit, result.causes)
     assert result.find("joint_1.motor_1_friction_stiffness").value > 1e4
-    assert any("bristles" in text for text in result.remarks)
-    # They are tried once the first start does not fit, and no other is needed then.
+    # The stiffness is tried once the first start does not fit, and no other is needed then.
     assert result.attempts == 1
     truths = list(zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False))
     # Of six intervals of 95 % one may miss (one sample in four has such a one), and not by much.

@@ -71,7 +71,7 @@ PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANG
 
 
 @pytest.mark.parametrize("network", [False, True])
-def test_fast_dds_is_told_where_to_listen_unless_the_user_did(tmp_path, monkeypatch, network):
+def test_fast_dds_listens_here_unless_the_user_has_settings(tmp_path, monkeypatch, network):
     for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
         monkeypatch.delenv(name, raising=False)
     with fast_dds(network=network):

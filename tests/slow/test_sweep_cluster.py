@@ -78,7 +78,7 @@ def address(scheduler: tuple[str, subprocess.Popen[bytes]]) -> str:
 
 
 @pytest.mark.slow
-def test_dask_gives_the_rows_of_one_process_though_one_worker_and_then_all_are_killed(address: str, tmp_path: Path):
+def test_dask_gives_the_rows_of_one_process_despite_killed_workers(address: str, tmp_path: Path):
     """With the last of them goes the study that they were given."""
     study = study_of(300)
     workers = [start_worker(address) for _ in range(2)]
@@ -107,7 +107,7 @@ def test_dask_gives_the_rows_of_one_process_though_one_worker_and_then_all_are_k
 
 
 @pytest.mark.slow
-def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+def test_a_worker_of_another_version_is_refused(address: str, tmp_path: Path, monkeypatch):
     worker = start_worker(address)
     monkeypatch.setattr(cluster, "numeric_versions", OtherVersions())
     try:
@@ -122,7 +122,7 @@ def test_a_worker_of_another_version_is_told_of_before_anything_runs(address: st
 
 
 @pytest.mark.slow
-def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: str, tmp_path: Path, monkeypatch):
+def test_missing_workers_and_schedulers_are_reported_before_any_run(address: str, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     with pytest.raises(SimulationError, match="has no workers: start some: dask worker"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
@@ -132,7 +132,7 @@ def test_no_worker_and_no_scheduler_are_told_of_before_anything_runs(address: st
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_goes_is_told_of_and_its_rows_are_kept(scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path):
+def test_rows_are_kept_when_the_scheduler_disappears(scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path):
     address, process = scheduler
     worker = start_worker(address)
     try:

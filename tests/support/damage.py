@@ -63,7 +63,7 @@ def _tree(text: str, source: random.Random) -> str:
         return text
     element, other = source.choice(found), source.choice([*found, root])
     parent, what = element.getparent(), source.randrange(4)
-    copy = etree.fromstring(etree.tostring(element))
+    copy = etree.fromstring(etree.tostring(element, with_tail=False))
     if what == 0:
         parent.remove(element)
     elif what == 1:

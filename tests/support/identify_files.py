@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.identification.data import Channel
 from asrsim.identification.keys import Parameter
 from asrsim.identification.layout import Layout, make_layout
-from asrsim.identification.problem import Meter, Problem, Weights
+from asrsim.identification.problem import Meter, Problem
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
@@ -80,11 +80,11 @@ class Model:
     """In the place of a recording's simulation: residuals (m,) of one channel as a function of the vector (n,)."""
 
     def __init__(
-        self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float, given: bool
+        self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float
     ) -> None:
         time = np.linspace(0.0, 1.0, len(recorded))
         channel = Channel(
-            joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, given=given, quantum=quantum
+            joint="j", quantity="link_position", unit="rad", time=time, values=recorded, noise=1.0, quantum=quantum
         )
         self.channels, self.onset, self.data = (channel,), 0.0, SimpleNamespace(held=False, name="a", duration=1.0, commands=())
         self._left, self._layout = left, layout
@@ -100,11 +100,11 @@ class Model:
 
 def modelled(
     left: Left, entries: int | list[Parameter], samples: int, *,
-    recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0, given: bool = True,
+    recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0,
 ) -> Problem:  # fmt: skip
     """A problem whose residuals are a function of the vector. entries: parameters, or a number of them, of size 1."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
     layout = make_layout(parameters, (), ["a"], [{}])
-    track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum, given)
-    return Problem((track,), layout, (Playing((1, 1)),), ((Weights(weight),),), (1.0,), Meter())
+    track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum)
+    return Problem((track,), layout, (Playing((1, 1)),), ((weight,),), (1.0,), Meter())

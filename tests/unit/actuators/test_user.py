@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import asrsim
@@ -418,3 +419,16 @@ def test_a_plugin_brings_signals_and_measures(tiny, asrsim_command):
         outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--plugin", plugin)
         assert outcome.code == 0, outcome.err
         assert "crest_factor of reference_1" in outcome.out
+
+
+def test_a_plugin_brings_a_recording_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from asrsim.recordings import READERS, read_recording
+
+    monkeypatch.setattr(READERS, "_entries", {name: READERS.get(name) for name in READERS})
+    load_plugin_file(ROOT / "examples" / "plugins" / "my_lab.py")
+    rows = np.zeros(20, [("time", "<f8"), ("q", "<f4"), ("dq", "<f4")])
+    rows["time"], rows["q"] = np.arange(20) / 100.0, np.linspace(0.0, 0.5, 20)
+    (tmp_path / "lab.mylog").write_bytes(rows.tobytes())
+    column = read_recording(tmp_path / "lab.mylog").channels["elbow.link_position"]
+    assert column.quantity == "link_position"
+    np.testing.assert_allclose(column.values, rows["q"])

@@ -34,11 +34,6 @@ def test_two_versions_of_mujoco_in_one_folder_are_warned_of_with_the_cure(tmp_pa
     assert "pip install --no-deps mujoco==3.17.0" in str(warning.hint)
 
 
-def test_mujoco_4_is_installed_anew_with_its_core(tmp_path: Path) -> None:
-    (warning,) = installed(tmp_path, "mujoco-4.0.0", "mujoco_core-4.0.1")
-    assert "pip install mujoco==4.0.0" in str(warning.hint)
-
-
 @pytest.mark.parametrize("names", [(), ("mujoco_core-4.0.1",), ("mujoco-3.17.0",), ("mujoco-4.0.0", "mujoco_core-4.0.0")])
 def test_one_version_of_mujoco_in_a_folder_is_right(tmp_path: Path, names: tuple[str, ...]) -> None:
     assert installed(tmp_path, *names, "mujoco_warp-3.11.0") == ()
@@ -63,13 +58,3 @@ def test_a_log_names_the_loaded_library_and_not_the_metadata(tiny: Tiny, monkeyp
 def test_the_requirement_admits_the_core_that_mujoco_4_0_0_pins() -> None:
     (core,) = [one for one in map(Requirement, PROJECT["dependencies"]) if one.name == "mujoco-core"]
     assert core.specifier.contains("4.0.0")
-
-
-def test_the_sparse_factors_of_mujoco_are_not_used(tiny: Tiny) -> None:
-    """MuJoCo 4.0.0 has a fault in them."""
-    from asrsim.engines.mujoco import make_mujoco
-    from asrsim.robot import load_robot
-
-    (scenario,) = load_scenario(tiny.scenario)
-    engine, _ = make_mujoco(scenario, load_robot(tiny.robot))
-    assert engine.raw_model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE

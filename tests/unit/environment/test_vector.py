@@ -67,12 +67,6 @@ def test_spaces_are_bounded_and_of_single_precision() -> None:
     assert many.observation_space.shape == (2, 11)
 
 
-def test_gymnasium_finds_nothing_wrong() -> None:
-    from gymnasium.utils.env_checker import check_env
-
-    check_env(asrsim.make_env(asrsim.make_scenario(URDF, **KEYS), **DRAWN), skip_render_check=True)
-
-
 def test_a_copy_through_pickle_begins_like_the_original() -> None:
     scenario = asrsim.make_scenario(URDF, **KEYS)
     for made in (environments(2), asrsim.make_env(scenario, **DRAWN)):

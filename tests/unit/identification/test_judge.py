@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,10 @@ import numpy as np
 import pytest
 
 from asrsim import identification
-from asrsim.errors import InputError
 from asrsim.identification import show
 from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_noise, foreign, praise, verdict
 from asrsim.identification.verdicts import Estimate
-from asrsim.identification.write import FIT, begin_of
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
 pytestmark = pytest.mark.once
@@ -33,9 +30,7 @@ GOOD = ChannelFit(**NUMBERS)
 
 def channel(values: np.ndarray, noise: float = 1e-3) -> Channel:
     time = 2e-3 * np.arange(len(values))
-    return Channel(
-        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
-    )
+    return Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)
 
 
 def test_residuals_beyond_the_noise_are_faults_by_name() -> None:
@@ -162,10 +157,3 @@ def test_which_files_an_end_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         written = {kinds.get(path.suffix, path.name) for path in (tmp_path / name).rglob("*") if path.is_file()}
         assert (name, outcome.code, written - {".lock"}) == (name, code, files)
         assert words in outcome.out + outcome.err
-
-
-@pytest.mark.parametrize("value", [10**400, "x", None, []], ids=["no float", "a word", "nothing", "a list"])
-def test_a_fit_whose_estimates_are_no_numbers_is_refused(tmp_path: Path, value: object) -> None:
-    (tmp_path / FIT).write_text(json.dumps({"names": ["spring_k"], "estimates": [{"estimate": value}]}), encoding="utf-8")
-    with pytest.raises(InputError, match="is no fit of asrsim's"):
-        begin_of(tmp_path)

@@ -1,4 +1,4 @@
-"""Noise, steps, glitches and swings of series; regression of parameters in which torques are linear."""
+"""Noise, steps and swings of series; regression of parameters in which torques are linear."""
 
 from __future__ import annotations
 
@@ -18,15 +18,12 @@ from asrsim.identification.noise import (
     beyond_steps,
     fine_noise,
     first_samples,
-    glitches,
     lag_correlation,
     quantum_of,
     size_of,
     swing,
 )
 from asrsim.identification.problem import huber
-from asrsim.identification.uncertainty import whitened
-from support.identify_files import modelled
 
 pytestmark = pytest.mark.once
 
@@ -62,16 +59,6 @@ def test_the_size_of_residuals_counts_outliers_little() -> None:
         assert 0.0 <= borne < 1.0
 
 
-@pytest.mark.parametrize("memory", [0.0, -0.5])
-@pytest.mark.parametrize("offset", [0.0, 0.4])
-def test_outliers_are_no_noise_and_an_offset_of_all_is(memory: float, offset: float) -> None:
-    generator = np.random.default_rng(5)
-    left = lfilter([1.0], [1.0, -memory], 1e-3 * generator.normal(size=4000))
-    left[generator.permutation(4000)[:20]] += 0.5
-    ((weights,),) = whitened(modelled(lambda _: left + offset, 1, 4000, given=False), np.zeros(1))
-    assert weights.noise == pytest.approx(np.hypot(1e-3, (1.0 - weights.model.sum()) * offset), rel=0.25)
-
-
 def test_a_swing_stands_out_of_white_and_of_correlated_noise() -> None:
     generator, time = np.random.default_rng(0), np.arange(2000) * 1e-3
     for memory in (0.0, 0.5, 0.95):
@@ -93,28 +80,10 @@ def test_outliers_cost_as_their_size_beyond_three_deviations(size: float) -> Non
     assert huber(np.array([-size, size])) == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_glitches_are_found_and_smooth_motions_lose_no_sample(seed: int) -> None:
-    generator, time = np.random.default_rng(seed), np.linspace(0.0, 1.0, 200)
-    waves = [
-        generator.normal() * np.sin(2 * np.pi * generator.uniform(0.1, 4) * time + 6 * generator.random()) for _ in range(3)
-    ]
-    for motion in (np.sum(waves, axis=0), np.round(0.1 + 0.3 * time, 6), np.minimum(time, 0.5)):
-        assert not glitches(motion).any()
-        for place in (0, 1, 2, 100, 197, 198, 199):
-            spoilt = motion.copy()
-            spoilt[place] += 3 * np.ptp(motion)
-            found = np.flatnonzero(glitches(spoilt))
-            assert place in found
-            assert np.abs(found - place).max() <= 3
-
-
 def test_a_link_starts_where_a_parabola_through_15_samples_does() -> None:
     time, noise = 0.001 * np.arange(100), 0.01
     values = np.where(np.arange(100) < 15, 0.3 - 2.0 * time, 1e3)
-    channel = Channel(
-        joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, given=True, quantum=0.0
-    )
+    channel = Channel(joint="j", quantity="link_position", unit="rad", time=time, values=values, noise=noise, quantum=0.0)
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
     assert first_samples(channel, 0.05) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)

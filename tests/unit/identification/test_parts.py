@@ -15,7 +15,6 @@ from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.causes import presliding
 from asrsim.identification.extensions import extended
 from asrsim.identification.judge import fits_noise
-from asrsim.identification.problem import Weights
 from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
@@ -79,10 +78,10 @@ def test_torques_that_are_computed_are_those_that_were_recorded(law: str, tmp_pa
         (track,) = setup.problem.tracks
         assert isinstance(track, TorqueTrack)
         (channel,) = track.channels
-        # As often as a filter of 50 Hz lets differ, without what it spoils at both ends.
-        assert np.diff(channel.time).min() == pytest.approx(0.01)
-        assert 0.1 < channel.time[0] < 0.12
-        assert 2.88 < channel.time[-1] < 2.9
+        # As often as the filter lets differ, at most 50 Hz, without what it spoils at both ends.
+        assert np.diff(channel.time).min() > 0.0099
+        assert 0.1 < channel.time[0] < 0.2
+        assert 2.8 < channel.time[-1] < 2.9
         values = {f"joint_1.{name}": value for name, value in (numbers | LAWS[law]).items()}
         (found,) = track.predict(values, track.playing)
         off = np.abs(found - channel.values) / np.ptp(channel.values)
@@ -111,7 +110,7 @@ def test_bristles_are_freed_where_a_recording_asks_for_them(tmp_path: Path, trut
     record(true, tmp_path / "a.csv", ("link_position", "motor_1_position"), noise=1e-5)
     with ExitStack() as stack:
         setup = set_up(task_of(lab, [tmp_path / "a.csv"], free=["joint_1.damping"]), stack)
-        weights = (tuple(Weights(channel.noise) for channel in setup.problem.tracks[0].channels),)
+        weights = (tuple(channel.noise for channel in setup.problem.tracks[0].channels),)
         problem = replace(setup.problem, weights=weights)
         found = extended(problem, np.zeros(1), lambda wider, _: presliding(wider, setup.robot), enough=fits_noise)
         wanted = [] if truth == 1000.0 else ["joint_1.motor_1_friction_stiffness"]

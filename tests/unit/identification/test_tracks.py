@@ -12,11 +12,9 @@ import pytest
 
 from asrsim.identification import door, task_of
 from asrsim.identification.balance import TorqueTrack
-from asrsim.identification.played import Draw
-from asrsim.identification.problem import Problem, Weights, jacobian, solve
+from asrsim.identification.problem import Problem, jacobian, solve
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import Track
-from asrsim.identification.uncertainty import unbiased
 
 pytestmark = pytest.mark.once
 
@@ -165,28 +163,23 @@ def test_torques_are_compared_where_they_alone_push_and_accelerations_are_told(
 
 
 def test_a_filter_leaves_a_coarse_record_what_it_can_tell(tmp_path: Path) -> None:
-    """Of samples every 10 ms, 15 Hz and every 30th of a second."""
+    """Of samples every 10 ms, at most 15 Hz and every 30th of a second."""
     with ExitStack() as stack:
         (track,) = setup_of(stack, tmp_path, torque_driven((1e-5,), 10), ["joint_1.damping"], mode=0).tracks
-        assert np.diff(track.channels[0].time).min() == pytest.approx(0.03)
-        assert "15 Hz" in track.data.remarks[-1]
+        assert np.diff(track.channels[0].time).min() > 0.0299
 
 
-def test_what_noise_of_places_does_to_an_estimate_is_taken_away(tmp_path: Path) -> None:
-    """Accelerations that are louder than they are seem to need less inertia each."""
+def test_noise_of_places_leaves_an_inertia_unbiased(tmp_path: Path) -> None:
+    """Accelerations that are louder than they are would seem to need less inertia each: the filter leaves the motion alone."""
     found = []
     for seed in range(4):
         columns = torque_driven((0.0,))
         columns["joint_1.link_position [rad]"] += 1.5e-4 * np.random.default_rng(seed).normal(size=len(SWEEP))
         with ExitStack() as stack:
-            setup = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
-            assert isinstance(setup.tracks[0], TorqueTrack)
-            problem = replace(setup, weights=((Weights(1e-3),),))
-            x = solve(problem, np.zeros(1))
-            found.append((float(x[0]), float(unbiased(problem, x)[0])))
-    plain, other = np.mean(found, axis=0)
-    assert plain < 0.0
-    assert abs(other) < 0.3 * abs(plain)
+            problem = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
+            assert isinstance(problem.tracks[0], TorqueTrack)
+            found.append(float(solve(replace(problem, weights=((1e-3,),)), np.zeros(1))[0]))
+    assert abs(np.mean(found)) < 1e-4
 
 
 @pytest.mark.parametrize("mode", [0, 3])
@@ -197,7 +190,7 @@ def test_derivatives_on_many_threads_are_those_on_one_under_added_noise(
     columns = torque_driven((1e-4,))
     if mode == 3:
         columns["joint_1.reference_1 [rad]"] = columns.pop("joint_1.reference_1 [N m]") + noise(len(SWEEP))
-    found: dict[Draw | None, list[np.ndarray]] = {None: [], Draw(3): [], Draw(3, -1.0): []}
+    found: dict[int | None, list[np.ndarray]] = {None: [], 3: [], 4: []}
     for threads in (1, 2):
         monkeypatch.setattr(door, "AT_ONCE", threads)
         with ExitStack() as stack:

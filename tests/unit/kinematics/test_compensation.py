@@ -36,11 +36,6 @@ def test_the_spring_carries_exactly_the_load(name):
             assert sum(actuator.elastic_torques(position, *motors, spring)) == pytest.approx(load, abs=1e-11)
 
 
-def test_a_symmetric_spring_without_load_rests_at_the_link():
-    drive = drive_with(QbMove, mode=3, spring=(11.0, 0.02, 11.0, 0.02, 0.8))
-    assert equilibrium_for_load(drive, 0.3, 0.0, 0.2) == pytest.approx(0.3, abs=1e-14)
-
-
 def test_the_spring_of_a_series_elastic_actuator_gives_load_over_stiffness():
     drive = drive_with(Sea, mode=3, spring=(200.0, 0.8))
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0) == pytest.approx(0.55, abs=1e-13)
@@ -79,20 +74,6 @@ def test_a_motion_beyond_a_spring_names_the_time():
     time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
     with pytest.raises(LoadError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
         equilibria_for_loads(drive, nothing, 10.0 * time, nothing, droop=False, time=time)
-
-
-def test_motors_at_rest_balance_their_springs():
-    spring = (11.0, 0.02, 11.0, 0.02, 0.8)
-    drive = drive_with(QbMove, mode=6, spring=spring,
-        proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(12.0, 12.0),
-    )  # fmt: skip
-    theta = rest(drive, 0.1, drive.actuator.motor_references(0.3, 0.6))
-    torques = QbMove.elastic_torques(0.1, *theta, spring)
-    for reference, resting, torque in zip((0.9, -0.3), theta, torques, strict=True):
-        assert 125.0 * (reference - resting) == pytest.approx(torque, abs=1e-10)
-    equilibrium = equilibrium_for_load(drive, 0.1, 1.5, 0.4, droop=True)
-    theta = rest(drive, 0.1, drive.actuator.motor_references(equilibrium, 0.4))
-    assert sum(QbMove.elastic_torques(0.1, *theta, spring)) == pytest.approx(1.5, abs=1e-10)
 
 
 def test_an_integral_term_leaves_no_droop():

@@ -12,7 +12,6 @@ from asrsim.actuators import QbMove
 from asrsim.actuators.rest import increasing_roots
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
-from asrsim.kinematics.reach import ORIENTATION_WEIGHT
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
@@ -253,27 +252,6 @@ def test_joints_that_the_task_leaves_out_hold_their_place():
     )
     assert np.ptp(planned.path.positions[:, 1]) == 0.0
     assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)
-
-
-@pytest.mark.parametrize("turned", [0.3, -0.5])
-def test_of_what_cannot_be_met_the_closest_is_found(turned):
-    """Place and orientation that two joints cannot have together: no posture of a fine grid about it does better."""
-    model = Planar2R()
-    goal = np.array([0.5, 1.0])
-    place, rotation = model.pose(goal, "tip", ORIGIN)
-    cos, sin = math.cos(turned), math.sin(turned)
-    wanted = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ rotation
-    found = closest(model, "tip", ORIGIN, place, wanted, np.array([0.9, 0.4]))
-
-    def cost(q):
-        there, axes = model.pose(q, "tip", ORIGIN)
-        angle = math.acos(min(max((np.trace(axes.T @ wanted) - 1.0) / 2.0, -1.0), 1.0))
-        return math.hypot(float(np.linalg.norm(there - place)), ORIENTATION_WEIGHT * angle)
-
-    offsets = [np.array([a, b]) for a in np.linspace(-0.2, 0.2, 41) for b in np.linspace(-0.2, 0.2, 41)]
-    assert math.hypot(found.distance, ORIENTATION_WEIGHT * found.turn) == pytest.approx(cost(found.positions), rel=1e-9)
-    assert cost(found.positions) <= min(cost(found.positions + offset) for offset in offsets) + 1e-9
-    assert 0.0 < cost(found.positions) < cost(goal)
 
 
 @pytest.mark.parametrize("power", [1, 3, 5])

@@ -86,7 +86,7 @@ def connected(transport, *headers):
 
 @pytest.fixture
 def transport():
-    services = {"pause": Service("", lambda flag: (True, ""), takes_flag=True)}
+    services = {"pause": Service(lambda flag: "", takes_flag=True)}
     outlets = (Outlet("/clock", "rosgraph_msgs/Clock"),)
     interface = Interface("/asrsim", outlets=outlets, inlets=(), latched={}, services=services)
     transport = FoxgloveTransport(interface, Access(port=0, origins=(origin_of("https://Lab.example/"),)))
@@ -99,7 +99,7 @@ def transport():
     [None, "http://localhost", "http://localhost:8080", "https://127.0.0.1:3000", "http://[::1]:1", "file://", "app://lichtblick",
      "https://lab.example"],
 )  # fmt: skip
-def test_native_clients_and_pages_of_this_machine_or_of_named_origins_connect(transport, origin):
+def test_clients_without_origin_and_allowed_pages_connect(transport, origin):
     client, answer = connected(transport, *([] if origin is None else [f"Origin: {origin}"]))
     client.close()
     assert answer == "HTTP/1.1 101 Switching Protocols"
@@ -123,7 +123,7 @@ def test_one_foreign_origin_among_several_is_refused(transport):
     assert answer == "HTTP/1.1 403 Forbidden"
 
 
-def test_the_server_behind_the_check_has_another_address_than_other_servers_of_this_machine(transport):
+def test_the_server_behind_the_proxy_has_an_unusual_address(transport):
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", transport._server.port), timeout=10)
 

@@ -80,7 +80,7 @@ def random_commands(seed, count=300):
             yield "/reference_1", [chance.uniform(-1, 1), chance.uniform(-1, 1)]
 
 
-def test_a_live_run_is_repeated_from_its_log_bit_for_bit(tmp_path):
+def test_a_live_run_is_repeated_bit_for_bit(tmp_path):
     _, summary = run_live(tmp_path / "run", Script(random_commands(1)), changes=PLAIN)
     assert summary.ok
     assert summary.live["applied"] > 100
@@ -94,7 +94,7 @@ def test_a_live_run_is_repeated_from_its_log_bit_for_bit(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_run_whose_topics_cost_too_much_keeps_real_time_at_a_lower_rate(tmp_path):
+def test_costly_topics_are_published_less_often_to_keep_real_time(tmp_path):
     class Slow(Script):
         def publish(self, time_, messages):
             super().publish(time_, messages)
@@ -109,7 +109,7 @@ def test_a_run_whose_topics_cost_too_much_keeps_real_time_at_a_lower_rate(tmp_pa
     assert summary.wall_time < 8.0
 
 
-def test_five_joints_live_take_no_more_substeps_than_in_a_run(tmp_path):
+def test_a_live_run_takes_the_substeps_of_a_run(tmp_path):
     scenario = EXAMPLES / "scenarios" / "box_push_5dof.yaml"
     one = asrsim.load_scenario(scenario, overrides={"expect": []})[0]
     session = Session(one, tmp_path, Settings())
@@ -178,7 +178,7 @@ NONSENSE = [
 ]
 
 
-def test_a_command_at_the_end_of_its_range_is_no_clamped_one(tmp_path):
+def test_a_command_at_the_end_of_its_range_is_not_clamped(tmp_path):
     ranges = {"reference_ranges": {"joint_1": {"equilibrium_position": [-0.25, 0.5]}}}
     values = (-0.25, 0.5, 0.1, -0.2500001, 0.5000001)
     script = Script([("/joint_1/equilibrium_position", [value]) for value in values])
@@ -216,7 +216,7 @@ def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
     ]  # fmt: skip
 
 
-def test_only_a_preset_is_a_stiffness_and_passive_joints_have_no_place_in_arrays():
+def test_commands_reach_their_joints_by_topic_array_place_or_name():
     """Of the toolbox's arrays, one entry for each joint with an actuator."""
     kinds = {"vsa": ("qbmove", 6, 2), "free": ("rigid", None, 0), "motors": ("qbmove", 5, 2), "single": ("sea", 5, 1)}
     joints = [JointInfo(name=name, actuator=kind, mode=mode, motors=count) for name, (kind, mode, count) in kinds.items()]
@@ -279,7 +279,7 @@ def test_pause_release_and_reset(tmp_path):
         {3: ("pause", True), 9: ("pause", False), 14: ("release", False), 20: ("reset", False)},
     )  # fmt: skip
     session, last = run_live(tmp_path / "run", script, changes=PLAIN, duration=0.1)
-    assert [ok for ok, _ in script.answers] == [True] * 4
+    assert script.answers[:2] == ["paused", "running"]
     first, second = session.summaries
     assert last is second
     assert second.simulated_time == pytest.approx(0.1)
@@ -296,7 +296,7 @@ def test_pause_release_and_reset(tmp_path):
         np.testing.assert_array_equal(values, b.values[quantity])
 
 
-def test_a_killed_run_is_repeated_as_far_as_its_log_goes(tmp_path, tiny):
+def test_a_killed_run_is_repeated_up_to_its_end(tmp_path, tiny):
     commands = [("/elbow/equilibrium_position", [0.5 * math.sin(0.1 * k)]) for k in range(400)]
     run_live(tmp_path / "run", Script(commands), tiny.scenario, duration=5.0, changes={"compiled": False})
     whole = (tmp_path / "run" / "log.mcap").read_bytes()
@@ -307,7 +307,7 @@ def test_a_killed_run_is_repeated_as_far_as_its_log_goes(tmp_path, tiny):
     assert 1000 < found.samples < 5001
 
 
-def test_a_run_that_diverges_is_told_and_its_log_is_whole(tmp_path, monkeypatch):
+def test_a_diverging_run_is_reported_and_has_a_whole_log(tmp_path, monkeypatch):
     from asrsim.simulation.divergence import runaway
     from asrsim.simulation.simulation import Simulation
 
@@ -393,7 +393,7 @@ def test_ticks_catch_up_and_slip():
     assert now[0] == pytest.approx(1.205)
 
 
-def test_a_run_stops_within_a_second_however_long_a_tick_lasts(tmp_path):
+def test_a_run_stops_within_a_second_of_long_ticks(tmp_path):
     (one,) = asrsim.load_scenario(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", overrides={**PLAIN, "step": 0.01})
     session = Session(one, tmp_path / "run", Settings(speed=0.001))
     asked = []
@@ -408,7 +408,7 @@ def test_a_run_stops_within_a_second_however_long_a_tick_lasts(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="the system has no real-time priority")
 @pytest.mark.parametrize(("granted", "nice"), [(True, 0), (True, 5), (False, 0)])
-def test_real_time_priority_is_taken_where_granted_and_left_by_slow_runs(tmp_path, monkeypatch, granted, nice):
+def test_real_time_priority_is_taken_and_left_by_slow_runs(tmp_path, monkeypatch, granted, nice):
     policies = [os.SCHED_OTHER]
 
     def set_policy(pid, policy, parameter):

@@ -34,14 +34,14 @@ def test_layouts_are_about_topics_of_the_log(log):
     assert len(list(root.iter("curve"))) == sum(map(len, plots.values())) == 8
 
 
-def test_a_foxglove_layout_has_the_robot_and_a_plot_for_each_title(log):
+def test_a_foxglove_layout_has_the_robot_and_all_plots(log):
     pytest.importorskip("foxglove")
     text = layouts.write_foxglove(log).read_text()
     assert '"topic":"/robot_description"' in text
     assert json.dumps(json.loads(text)).count('"panelType": "Plot"') == len(layouts.curves(log))
 
 
-def test_the_launch_file_starts_a_live_run_without_the_sourced_ros(monkeypatch):
+def test_the_launch_file_starts_asrsim_without_the_sourced_ros(monkeypatch):
     names = ("", ".actions", ".conditions", ".substitutions", "_ros", "_ros.actions", "_ros.parameter_descriptions")
     modules = {f"launch{name}": MagicMock() for name in names}
     for name, module in modules.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import resource
@@ -23,7 +22,6 @@ from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
 from asrsim.log.chunks import read_chunk
 from asrsim.log.columns import ColumnReader
-from asrsim.log.description import info_from
 from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 from support.log_example import INFO, assert_same, example_samples, part
@@ -321,16 +319,3 @@ def test_a_row_with_another_record_in_it_is_refused(whole: bytes, tmp_path: Path
         changed[start - 9 + place] = value if changed[start - 9 + place] != value else value - 1
         with pytest.raises(ValueError, match="rows of a chunk differ"):
             reader.read(bytes(changed), names, joints)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("log_every", 0), ("log_every", -1), ("step", 0.0), ("step", -1e-3), ("step", 1e301)]
-)
-def test_a_description_without_a_step_is_damaged(whole: bytes, tmp_path: Path, key: str, value: float) -> None:
-    path = tmp_path / "run.mcap"
-    path.write_bytes(whole)
-    attachments = dict(open_log(path)._structure.attachments)
-    (name,) = (name for name, data in attachments.items() if b'"log_every"' in data and b'"format"' in data)
-    attachments[name] = json.dumps({**json.loads(attachments[name]), key: value}).encode()
-    with pytest.raises(LogError, match="larger than 0"):
-        info_from(attachments)

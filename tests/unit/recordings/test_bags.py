@@ -210,7 +210,7 @@ SENT: dict[str, Callable[[int, int], dict[str, Any]]] = {
 
 @pytest.mark.parametrize("name", SENT)
 def test_json_messages_were_measured_when_they_say(tmp_path: Path, name: str) -> None:
-    path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"q": Q[:, i].tolist()}})
+    path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: SENT[name](i, t) | {"names": [], "q": Q[:, i].tolist()}})
     column = read_recording(path, joints=["a", "b"]).column("b", "link_position")
     np.testing.assert_allclose(column.time, TIME, atol=1e-6)
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)

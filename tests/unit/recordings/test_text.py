@@ -76,6 +76,7 @@ LAYOUTS: dict[str, list[str]] = {
     "labview": ["%Time (s)\tq1 (rad)\tq2 (rad)", *rows(separator="\t")],
     "labview measurement": ["Samples\t400\t400", "X_Value\tq1\tq2", *rows(separator="\t")],
     "date and zone": ["when,q1,q2", *dated("2024-05-06T10:00:{:012.9f}+02:00")],
+    "date beside time of day": ["Date,Clock,q1,q2", *dated("2024-05-06,10:00:{:06.3f}")],
     "time of day": ["Zeit,q1,q2", *dated("10:00:{:06.3f}")],
     "ros stamp": ["header.stamp.sec,header.stamp.nanosec,q1,q2", *dated("{0:.0f},{1:.0f}")],
     "preamble": ["Laboratory 5", "Operator,Ada", "time,q1,q2", *rows()],

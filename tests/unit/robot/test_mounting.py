@@ -12,7 +12,6 @@ import asrsim
 from asrsim.actuators import ACTUATORS
 from asrsim.cli.app import app
 from asrsim.errors import ScenarioError
-from asrsim.runs.repeat import repeat
 from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, make_scenario
 from support.robots import write_plain_arm
 
@@ -68,20 +67,6 @@ def checked(robot: Path):
     return checked_robot(make_scenario(robot, duration=1.0))[0]
 
 
-def test_a_rerun_of_the_log_is_the_same_in_every_bit(tmp_path):
-    robot = write_plain_arm(tmp_path)
-    keys = {
-        "duration": 0.3,
-        "actuators": {"*": {"type": "qbmove", "parameters": {"spring_k1": 0.02}}},
-        "references": REFERENCES,
-    }
-    result = asrsim.run(make_scenario(robot, **keys), out=tmp_path / "out")
-    assert not [warning for warning in result.summary.warnings if warning.code == "no-actuators"]
-    robot.unlink()
-    again = repeat(result.log)
-    assert again.identical
-
-
 def test_every_fault_of_an_actuator_is_told_at_its_key(tmp_path):
     robot = write_plain_arm(tmp_path)
     path = tmp_path / "s.yaml"
@@ -131,13 +116,6 @@ def test_init_takes_an_actuator_a_joint_and_refuses_what_there_is_not(tmp_path):
     assert "shoulder" in str(wrong.exception)
     assert "'see'" in str(wrong.exception)
     assert not (tmp_path / "t.yaml").exists()
-
-
-def test_init_without_actuators_says_what_puts_them_on(tmp_path):
-    out = tmp_path / "s.yaml"
-    assert run_command("init", write_plain_arm(tmp_path), "-o", out).exit_code == 0
-    assert "--actuator" in out.read_text()
-    assert "actuators: qbmove" in out.read_text()
 
 
 def test_a_block_needs_its_actuator_and_names_are_escaped():

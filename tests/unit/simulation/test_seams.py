@@ -13,14 +13,11 @@ import pytest
 import asrsim
 from asrsim import make_scenario
 from asrsim.actuators import ACTUATORS, Actuator
-from asrsim.actuators.vectorised import energy_over_arrays
+from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
-from asrsim.signals import Constant, PulseTrain, Signal, Sinusoid, Step
+from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
 from asrsim.simulation.bench import Motion, run_bench
-from asrsim.simulation.divergence import FLOOR, EnergyGuard
-from asrsim.simulation.effects import through
-from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
@@ -46,24 +43,6 @@ def prepared(**fields: Any) -> Prepared:
 
 
 @pytest.mark.parametrize("size", [1, 3, 7])
-def test_kicks_are_cut_at_the_same_jumps_whatever_the_blocks(size: int) -> None:
-    given = prepared()
-    inputs = Inputs(given.scenario, given.drives, substep=H, staggered=True)
-
-    def pieces(first: int, count: int) -> dict[int, list[Any]]:
-        cuts = inputs.block(first, count).cuts
-        return {
-            first + row: [cuts.fractions[a:b].tolist(), cuts.on_time[a:b].tolist(), cuts.inputs[a:b].tolist()]
-            for row, a, b in cuts.places.tolist()
-        }
-
-    whole = pieces(0, 42)
-    parts = {k: cut for first in range(0, 42, size) for k, cut in pieces(first, min(size, 42 - first)).items()}
-    assert len(whole) > 15
-    assert parts == whole
-
-
-@pytest.mark.parametrize("size", [1, 3, 7])
 def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
     wrench = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
     table = wrench_table(wrench, staggered=True)
@@ -73,50 +52,6 @@ def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
     # Nothing of a pulse is lost: over all kicks, from 0 to 41.5 steps, what the force gave.
     edges = np.arange(0, 41.5 * H, 1e-6) + 5e-7
     assert H * whole[:, 0].sum() == pytest.approx(1e-6 * PULSES.values(edges).sum(), abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    "limits",
-    [
-        {"motor_1_max_velocity": 1.0},
-        {"motor_1_max_position": 0.05, "motor_1_min_position": -0.05},
-        {"motor_1_max_torque": 0.5},
-    ],
-)
-@pytest.mark.parametrize("size", [1, 2, 5])
-def test_energies_are_the_same_whatever_is_handed_on_at_once(limits: dict[str, float], size: int) -> None:
-    wave = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=8.0)}
-    given = prepared(references={"*": wave}, parameters={"*": {"spring_stiffness": 20.0, **limits}}, substeps=1)
-    found = []
-    for rows in (200, size):
-        with Simulation(given, record=True, compiled=False) as simulation:
-            for end in range(rows, 201, rows):
-                simulation.advance_to(end)
-                simulation.flush()
-            values = simulation.samples.values
-            found.append(np.array([values[name] for name in ("motor_work", "link_work", "friction_loss", "energy_residual")]))
-    assert np.abs(found[0]).max() > 0.01
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-12)
-
-
-def test_a_late_command_jumps_later() -> None:
-    late = through(Step(at=0.1, after=1.0), Effects(delay=0.0303), step=H, seed=(0,))
-    np.testing.assert_allclose(late.jumps(0.0, 1.0), [0.1303])
-    assert late.values(np.array([0.1302, 0.1304])).tolist() == [0.0, 1.0]
-
-
-def test_energy_that_springs_and_links_have_from_nowhere_counts_together() -> None:
-    none = {"kinetic": 0.0, "turnover": np.zeros(1), "excess": np.zeros(1), "names": ["a"]}
-    for residual, told in ((0.0, False), (-0.6 * FLOOR, True), (0.6 * FLOOR, False)):
-        fault = EnergyGuard(0.0).fault(0.6 * FLOOR, given=np.zeros(1), residual=np.array([residual]), **none)
-        assert (fault is not None) == told
-
-
-def test_a_wrench_may_give_energy() -> None:
-    push = Wrench(link="link_1", force=(Constant(value=20.0), None, None), point=(0.0, 0.0, -REACH))
-    result = run(chain(replace(BODY, actuator=None)), duration=0.3, wrenches=(push,))
-    assert result.status == "complete"
-    assert np.ptp(column(result, "link_position")) > 1.0
 
 
 def test_late_sensors_of_motors_are_of_second_order() -> None:
@@ -224,7 +159,9 @@ def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
     q = np.array([-0.1, 0.0, 0.05])
     second = np.full(3, law.typical_preset) if law.adjuster else np.array([0.02, -0.1, 0.1])
     pair = (q, np.array([0.1, 0.05, -0.1]), second)
-    np.testing.assert_allclose(energy_over_arrays(bare)(*pair, values), energy_over_arrays(law)(*pair, values), rtol=1e-6)
+    np.testing.assert_allclose(
+        over_arrays(energy_law(bare))(*pair, values), over_arrays(energy_law(law))(*pair, values), rtol=1e-6
+    )
 
 
 def test_each_encoder_has_a_noise_of_its_own() -> None:
@@ -265,21 +202,6 @@ def test_an_engine_goes_with_its_simulation(engine: str) -> None:
         assert held() is None
     finally:
         gc.enable()
-
-
-def test_a_preparation_that_nobody_runs_leaves_no_client() -> None:
-    """PyBullet keeps 28 MB for each."""
-    pybullet = pytest.importorskip("pybullet", reason="PyBullet is not here")
-
-    def free_client() -> int:
-        number = pybullet.connect(pybullet.DIRECT)
-        pybullet.disconnect(number)
-        return int(number)
-
-    before = free_client()
-    for _ in range(3):
-        prepared(engine="bullet")
-    assert free_client() == before
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])

@@ -17,14 +17,9 @@ from scipy.spatial.transform import Rotation
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.errors import RobotError
-from asrsim.scenario import scenario_from_data
-from asrsim.scenario.data import Effects
-from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
-from asrsim.simulation.certify import certify
-from asrsim.simulation.divergence import FLOOR, SHARE, EnergyGuard
-from asrsim.simulation.effects import through
+from asrsim.signals import PulseTrain, Step
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.run import COARSE, TARGET, UNSTABLE, _stiffer_than_foreseen, simulate
+from asrsim.simulation.run import COARSE, TARGET, _stiffer_than_foreseen
 from asrsim.simulation.simulation import Simulation
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, links, plan, samples, truth
 from support.paths import ROOT
@@ -50,15 +45,6 @@ def test_a_joint_s_own_spring_gives_the_links_their_energy(tmp_path: Path) -> No
             simulation.flush()
             fastest = max(fastest, abs(float(simulation.observe().link_velocity[0])))
         assert fastest > 1.0
-
-
-def test_a_fast_moment_excuses_a_slow_one_later() -> None:
-    """The engine's energy is half a step late: what matters is the fastest that the links have been."""
-    guard = EnergyGuard(0.0)
-    none: Any = {name: np.zeros(1) for name in ("given", "residual", "turnover", "excess")} | {"names": ["a"]}
-    assert guard.fault(0.0, kinetic=8.0, **none) is None
-    assert guard.fault(SHARE * 8.0 + 0.5 * FLOOR, kinetic=0.0, **none) is None
-    assert guard.fault(SHARE * 8.0 + 1.5 * FLOOR, kinetic=0.0, **none) is not None
 
 
 @pytest.mark.parametrize("engine", INSTALLED[:1])
@@ -177,32 +163,6 @@ def test_a_floating_base_rests_on_its_shape_wherever_its_centre_is(tmp_path: Pat
         compiled=False,
     )
     assert asrsim.run(scenario).bodies["b"][-1, 2] == pytest.approx(height, abs=2e-3)
-
-
-@pytest.mark.parametrize("engine", INSTALLED)
-def test_a_mesh_of_a_package_carries_what_stands_on_it(tmp_path: Path, engine: str) -> None:
-    """Its folder is named in the scenario, and lies beside neither robot nor scenario."""
-    folder = tmp_path / "far" / "meshes"
-    folder.mkdir(parents=True)
-    corners = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1)]
-    faces = ["1 2 4", "1 4 3", "5 7 8", "5 8 6", "1 5 6", "1 6 2", "3 4 8", "3 8 7", "1 3 7", "1 7 5", "2 6 8", "2 8 4"]
-    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
-    (folder / "cube.obj").write_text("\n".join(lines) + "\n")
-    robot = tmp_path / "near" / "robot.urdf"
-    robot.parent.mkdir()
-    robot.write_text(
-        """<robot name="r"><link name="b"><inertial><mass value="1"/>
-        <inertia ixx="1e-2" iyy="1e-2" izz="1e-2" ixy="0" ixz="0" iyz="0"/></inertial><collision>
-        <geometry><mesh filename="package://things/meshes/cube.obj"/></geometry></collision></link>
-        <joint name="j" type="continuous"><parent link="b"/><child link="l"/><axis xyz="0 0 1"/></joint>
-        <link name="l"><inertial><mass value="1e-3"/>
-        <inertia ixx="1e-5" iyy="1e-5" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
-    )
-    keys = {"base": {"fixed": False, "position": [0, 0, 0.1]}, "world": {"ground": {}}, "duration": 0.05, "engine": engine}
-    named = {"file": str(robot), "packages": {"things": str(tmp_path / "far")}}
-    scenario = scenario_from_data({"robot": named, "compiled": False, **keys})
-    run = asrsim.run(scenario)
-    assert run.bodies["b"][-1, 2] == pytest.approx(0.1, abs=2e-3)
 
 
 RESTING: dict[str, tuple[dict[str, Any], float]] = {
@@ -346,12 +306,6 @@ def test_quantised_readings_are_the_nearest(tmp_path: Path, start: float) -> Non
     assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * nearest)
 
 
-def test_quantised_commands_are_the_nearest() -> None:
-    for value, nearest in ((0.24, 0.2), (0.26, 0.3), (-0.24, -0.2), (-0.26, -0.3)):
-        signal = through(Constant(value=value), Effects(quantum=0.1), step=1e-3, seed=(0,))
-        assert signal.values(np.zeros(1))[0] == pytest.approx(nearest)
-
-
 # -- references from outside -------------------------------------------------------------------------------------------
 
 
@@ -375,21 +329,6 @@ def test_a_reference_set_from_outside_acts_from_the_next_step_on(tmp_path: Path,
 
 
 # -- certificates ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("stepping", "order"), [("leapfrog", 2.0), ("euler", 1.0)])
-def test_the_certified_order_is_the_measured_one(stepping: str, order: float) -> None:
-    wave: dict[str, Any] = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0)}
-    result = run(
-        chain(replace(BODY, damping=0.05)), mode=3, references=wave, duration=0.3, stepping=stepping,
-        parameters={"spring_stiffness": 5.0},
-    )  # fmt: skip
-    reported = certify(result.scenario, result, result.robot).joints["joint_1"]
-    assert reported.order == pytest.approx(order, abs=0.1)
-    fine = simulate(replace(result.scenario, substeps=64), result.robot)
-    assert fine.samples is not None
-    error = np.abs(column(result, "link_position") - fine.samples.values["link_position"][:, 0]).max()
-    assert reported.position_max == pytest.approx(error, rel=0.1)
 
 
 def test_a_jump_of_a_torque_from_outside_counts_from_its_time() -> None:
@@ -416,15 +355,6 @@ def test_a_spring_that_got_stiffer_than_foreseen_is_told_where_the_step_is_coars
         (wanted,) = re.findall(r"Set substeps to (\d+) or more", problem.hint)
         assert reached * 3 / (int(wanted) - 1) > TARGET >= reached * 3 / int(wanted)
         assert f"{seen:.4g} N m/rad" in problem.message
-
-
-@pytest.mark.parametrize("omega_h", [0.1, 1.99, 2.0, 2.5])
-@pytest.mark.parametrize("released", [True, False])
-def test_a_step_that_resolves_no_spring_is_told_in_the_released_order_only(omega_h: float, released: bool) -> None:
-    resolution = SimpleNamespace(omega_h=omega_h, substeps=1, stiffness=[])
-    prepared = SimpleNamespace(resolution=resolution, stepping=SimpleNamespace(released=released), drives=[])
-    problems = _stiffer_than_foreseen(prepared, SimpleNamespace(stiffest=np.empty(0)))
-    assert [problem.code for problem in problems] == (["unresolved-spring"] if released and omega_h >= UNSTABLE else [])
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

@@ -85,7 +85,7 @@ def test_a_varied_key_is_what_set_makes_of_it(key):
     assert_rows_are_runs(key, KEYS[key], **BESIDE.get(key, {}))
 
 
-def test_a_range_for_values_from_outside_does_not_cut_varied_references():
+def test_reference_ranges_do_not_clamp_varied_references():
     key = "references.joint_1.stiffness_preset"
     assert_rows_are_runs(key, [0.2, 0.5], **{"reference_ranges.joint_1.stiffness_preset": "[0.1, 0.3]"})
 
@@ -109,7 +109,7 @@ BAD = {
 
 @pytest.mark.once
 @pytest.mark.parametrize("key", BAD)
-def test_a_value_that_no_run_takes_is_a_row_with_the_run_s_reason(key):
+def test_a_wrong_value_is_a_row_with_the_reason(key):
     good, bad, word = BAD[key]
     (_, first), (given, row), (_, last) = rows_of({key: [good, bad, good]})
     assert first["status"] == last["status"] == "complete"

@@ -30,7 +30,7 @@ def table(tmp_path_factory):
     return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
 
 
-def test_the_axis_of_a_sweep_is_the_key_with_most_values_and_shows_all_of_them(tmp_path):
+def test_results_are_drawn_over_the_key_with_most_values(tmp_path):
     study = make_study(
         SCENARIO, {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"}, variants=["soft"],
         overrides=["duration=0.05", "engine=mujoco", "compiled=false"],
@@ -55,7 +55,7 @@ def test_numbers_of_any_size_stand_side_by_side(table, monkeypatch, middle, widt
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-def test_the_page_fits_the_window_and_says_how_to_do_a_run_again(table, tmp_path):
+def test_the_page_fits_the_window_and_has_the_repeat_command(table, tmp_path):
     page = write_page(table)
     with Browser(tmp_path) as browser:
         for width in (1200, 390):
@@ -65,7 +65,7 @@ def test_the_page_fits_the_window_and_says_how_to_do_a_run_again(table, tmp_path
             assert browser.complaints == []
 
 
-def test_a_listed_key_gets_no_distribution_but_curves_and_signal_bands(table):
+def test_a_grid_is_drawn_as_curves_and_signal_bands(table):
     assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == ["results.png", "signals.png"]
     with pytest.raises(InputError, match="no result of this study"):
         draw_sweep(table, results=["joint_2.overshot"])

@@ -1,0 +1,116 @@
+"""Advice for the next experiment: motions in numbers, and the limits within which `asrsim design` finds one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+import numpy as np
+
+from asrsim.actuators import MODES
+from asrsim.identification.result import Result
+from asrsim.identification.verdicts import AT_BOUND, CLOSE, IDENTIFIED, NO_EFFECT, RATIO, WEAK
+from asrsim.outfile import written
+from asrsim.robot.model import INERTIAS
+
+LIMITS = "limits.yaml"
+POWER = 0.95
+"""Fraction of a velocity's power that lies below the frequency up to which a joint has moved."""
+LOAD_CELL = 0.05
+"""N m, noise of a torque sensor that is not there yet."""
+REPEATED = 10.0
+"""Times as long a recording, at most, that is worth a try."""
+LONGEST = 600
+"""s of an experiment."""
+
+
+def _moved(result: Result) -> dict[str, dict[str, Any]]:
+    """Joint -> range of its positions (rad, m), greatest speed, and Hz up to which it moved, over all recordings."""
+    found: dict[str, dict[str, Any]] = {}
+    for one in (one for channels in result.series for one in channels if one["key"].endswith("position")):
+        joint = found.setdefault(one["key"].rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
+        time, values = one["time"], one["recorded"] if one["after"] is None else one["after"]
+        speed = np.gradient(values, time)
+        power = np.cumsum(np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2)
+        band = float(np.searchsorted(power, POWER * power[-1])) / float(time[-1] - time[0])
+        joint["low"], joint["high"] = min(joint["low"], float(values.min())), max(joint["high"], float(values.max()))
+        joint["speed"], joint["band"] = max(joint["speed"], float(np.abs(speed).max())), max(joint["band"], band)
+        joint["unit"] = one["unit"]
+    return found
+
+
+def advice(result: Result) -> Iterator[str]:
+    """Motions that show the parameters that are not well known, beside those that were recorded."""
+    moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
+    wanted: dict[str, list[str]] = {}
+    for one in result.estimates:
+        if one.verdict in (IDENTIFIED, AT_BOUND):
+            continue
+        owner, _, name = one.key.rpartition(".")
+        was = moved.get(children.get(owner, owner))
+        if was is not None and (text := _movement(name, children.get(owner, owner), was)):
+            wanted.setdefault(text, []).append(one.name)
+        if one.verdict == RATIO:
+            wanted.setdefault("record a torque, or give one of them", []).append(one.name)
+    yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
+    longer = {one.name: (one.margin / CLOSE) ** 2 for one in result.estimates if one.verdict == WEAK}
+    if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
+        yield f"{', '.join(near)}: {max(near.values()):.1f} times as long a recording of this motion brings the interval to 5 %"
+
+
+def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
+    """The motion that shows a parameter."""
+    unit, speed, band = was["unit"], was["speed"], was["band"]
+    if "friction" in name:
+        return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
+    if "damping" in name:
+        return f"turn {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
+    if "inertia" in name or name in ("mass", *INERTIAS):
+        return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
+    if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
+        size = 0.5 * (was["high"] - was["low"])
+        return f"deflect {joint} more, by loads, presets or reversals (recorded: {size:.2g} {unit} at up to {band:.2g} Hz)"
+    return ""
+
+
+def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
+    """A file of the recorded limits, and the command that designs the next experiment within them; "": none is needed."""
+    import yaml
+
+    unknown = [one for one in result.estimates if one.verdict in (WEAK, RATIO, NO_EFFECT)]
+    moved = _moved(result)
+    if not unknown or not moved:
+        return [], ""
+    noise = {one.key: float(f"{one.noise:.3g}") for one in result.channels}
+    choose: dict[str, Any] = {}
+    for block in result.robot.actuators:
+        mode, name = MODES[block.mode], "controller_1_proportional"
+        if mode.controller and block.joint in moved:
+            gain = block.parameters[name].value
+            choose[f"{block.joint}.{name}"] = [float(f"{factor * gain:.4g}") for factor in (0.5, 1.0, 2.0)]
+    if any(one.verdict == RATIO for one in unknown) and not any("elastic_torque" in key for key in noise):
+        noise["elastic_torque"], choose["sensors"] = LOAD_CELL, ["elastic_torque"]
+    bounds = {
+        joint: {
+            "link_position": [float(f"{was['low']:.4g}"), float(f"{was['high']:.4g}")],
+            "link_velocity": float(f"{was['speed']:.4g}"),
+        }
+        for joint, was in moved.items()
+    }
+    steps = [float(np.median(np.diff(one["time"]))) for channels in result.series for one in channels]
+    data = {"limits": bounds, "noise": noise, "rate": round(1.0 / min(steps)), **({"choose": choose} if choose else {})}
+    path, task = folder / LIMITS, result.task
+    with written(path, "limits") as stream:
+        head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
+        stream.write((head + yaml.safe_dump(data, sort_keys=False)).encode())
+    duration = sum(max(float(one["time"][-1]) for one in channels) for channels in result.series)
+    longer = max((min((one.margin / CLOSE) ** 2, 4.0) for one in unknown if one.verdict == WEAK), default=2.0)
+    words = ["asrsim", "design", str(task.file or task.scenario)]
+    if task.file is None:
+        words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
+        words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
+    words += [word for plugin in task.plugins for word in ("--plugin", str(plugin))]
+    words += ["--limits", str(path), "--seconds", f"{min(max(duration * longer, 4.0), LONGEST):.0f}", "--out", "next.csv"]
+    return [path], " ".join(map(quote, words))

@@ -1,0 +1,97 @@
+"""Names of joints and links in a scenario: their places, and entries for all joints (`*`) that have no effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from asrsim.document.composite import MapOf
+from asrsim.document.kinds import Kind, Text
+from asrsim.errors import Problem
+from asrsim.robot import Robot
+from asrsim.robot.mounting import reference_names
+from asrsim.scenario.data import Scenario
+from asrsim.scenario.keys import SCENARIO
+
+MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges", "expect")
+"""Keys about all moving joints; others are about joints with an actuator."""
+CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
+"""Keys whose joints are checked where they are applied to the robot."""
+BY_NAME = ("references", "parameters")
+"""Tables in which the entry for all joints holds for what a joint's own entry does not set."""
+
+
+def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Errors: joints and links that the robot does not have, or that have no actuator where one is needed."""
+    moving = tuple(joint.name for joint in robot.moving_joints)
+    actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
+    links = tuple(link.name for link in robot.links)
+    found = [
+        *dict.fromkeys(_names(SCENARIO, scenario.resolved, ())),
+        *((("manager",), name, "joint") for name in scenario.joint_order),
+    ]
+    for path, name, noun in found:
+        all_moving = path[0] in (*MOVING, "manager")
+        known = links if noun == "link" else moving if all_moving else actuated
+        if path[0] not in CHECKED_WITH_VALUES and name != "*" and name not in known:
+            kind = "" if noun == "link" else "moving " if all_moving else "actuated "
+            message = f"the robot has no {kind}{noun} '{name}'"
+            yield Problem(message, key=".".join(path), choices=known, meant=name, code=f"unknown-{noun}")
+
+
+def _names(kind: Kind[Any], data: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """(path, name, joint or link) of every name in plain data of a kind."""
+    if isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and isinstance(data, str | int):
+        # Entries of lists have no line of their own.
+        yield path if not path[-1].isdecimal() else path[:-1], str(data), kind.noun.rpartition(" ")[2]
+    if isinstance(kind, MapOf) and kind.noun == "joint" and isinstance(data, Mapping):
+        yield from (((*path, name), name, "joint") for name in data)
+    for place, part in kind.parts:
+        items: Iterator[tuple[str, Any]] = iter(())
+        if place == "[]" and isinstance(data, list):
+            items = ((str(index), item) for index, item in enumerate(data))
+        elif place.startswith(".<") and isinstance(data, Mapping):
+            items = iter(data.items())
+        elif place.startswith(".") and isinstance(data, Mapping) and place[1:] in data:
+            items = iter([(place[1:], data[place[1:]])])
+        elif not place:
+            yield from _names(part, data, path)
+        for name, item in items:
+            yield from _names(part, item, (*path, name))
+
+
+def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
+    """Whether a path of keys leads through an entry for all joints that has no effect, since every joint has its own.
+
+    robot: with the scenario's modes.
+    """
+    if "*" not in parts:
+        return False
+    place = parts.index("*")
+    entries = _table(scenario, parts[:place])
+    joints = [block.joint for block in robot.actuators]
+    if parts[0] in MOVING:
+        joints = [joint.name for joint in robot.moving_joints]
+    if parts[0] not in BY_NAME:
+        return bool(joints) and all(joint in entries for joint in joints)
+    name = parts[place + 1]
+    users = [
+        block.joint for block in robot.actuators
+        if name in (reference_names(block) if parts[0] == "references" else block.values())
+    ]  # fmt: skip
+    return bool(joints) and all(name in entries.get(joint, {}) for joint in users or joints)
+
+
+def shadowed_entries(scenario: Scenario, robot: Robot) -> Iterator[str]:
+    """Keys of such entries in the scenario."""
+    for path, name, _ in dict.fromkeys(_names(SCENARIO, scenario.resolved, ())):
+        if name == "*" and path[0] not in ("actuators", "expect", "ilc", "task"):
+            inner = [(*path, name) for name in _table(scenario, path)] if path[0] in BY_NAME else [path]
+            yield from (".".join(one) for one in inner if shadowed(one, scenario, robot))
+
+
+def _table(scenario: Scenario, path: Sequence[str]) -> Mapping[str, Any]:
+    entries: Any = scenario.resolved
+    for part in path:
+        entries = entries.get(part, {}) if isinstance(entries, Mapping) else {}
+    return entries if isinstance(entries, Mapping) else {}
