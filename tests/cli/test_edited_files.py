@@ -22,8 +22,6 @@ from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
 from support.edits import changed, edits
 
-pytestmark = pytest.mark.once
-
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
