@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -252,13 +253,17 @@ class Worlds:
         """
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
-        given = (
-            np.full(len(numbers), np.nan) if values is None else np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
-        )
-        if values is not None and not np.isfinite(given).all():
-            raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         low, high = self.prepared.range_of(joint, reference)
-        self._held[numbers, j, slot] = np.clip(given, low, high)
+        held: Any = np.nan
+        if isinstance(values, float):
+            # As at every step of a controller: without arrays.
+            held, finite = min(max(values, low), high), math.isfinite(values)
+        elif values is not None:
+            given = np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+            held, finite = np.clip(given, low, high), bool(np.isfinite(given).all())
+        if values is not None and not finite:
+            raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
+        self._held[numbers, j, slot] = held
         return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:

@@ -230,7 +230,8 @@ class Twin:
         for joint, value in zip(self.joints, torque.tolist(), strict=True):
             self._simulation.set_reference(joint, EXTERNAL_TORQUE, value)
         # The twin's spring is not where the robot's is.
-        return torque + np.nan_to_num(self._stiffness * error)
+        pull = self._stiffness * error
+        return np.where(pull == pull, torque + pull, torque)
 
     def _look(self, positions: Array, notes: list[str]) -> None:
         """Noise of the measurements, and what is missing."""

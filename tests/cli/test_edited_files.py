@@ -27,8 +27,6 @@ from asrsim.scenario.learning_keys import Learning
 from asrsim.signals.pieces import Constant
 from support.edits import changed, edits
 
-pytestmark = pytest.mark.once
-
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:

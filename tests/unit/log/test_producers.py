@@ -21,8 +21,6 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 EXAMPLES = ROOT / "examples/scenarios"
 
 

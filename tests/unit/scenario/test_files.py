@@ -19,8 +19,6 @@ from asrsim.scenario.data import Effects, LinkDamping
 from asrsim.scenario.keys import KEYS
 from asrsim.signals import Constant, Step
 
-pytestmark = pytest.mark.once
-
 BASE = "robot: arm.urdf\nduration: 2\n"
 
 
