@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Overrides, Plugins, load_plugins
+from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
 
 
 def design(
@@ -35,6 +35,7 @@ def design(
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw a picture.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    json: Json = False,
 ) -> None:
     """Design the experiment that tells most of the free parameters, within limits.
 
@@ -43,25 +44,34 @@ def design(
 
     Example: asrsim design lab.yaml --free 'joint_1.spring_*' --limits examples/recordings/limits.yaml --seconds 4
     """
-    from asrsim.cli.console import say, say_table, say_written
+    from asrsim.cli.console import json_errors, say, say_json, say_table, say_written
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
     from asrsim.design.write import columns, write_design
+    from asrsim.plain import finite_or_none, mapped
 
-    load_plugins(plugin)
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
     given = {name: value for name, value in options.items() if value not in (None, [])}
     with (
+        json_errors(json),
         Interruption("asrsim: stopping; the best so far is kept (Ctrl-C again to abort)") as interruption,
-        FractionBar(show=not quiet) as bar,
+        FractionBar(show=not (quiet or json)) as bar,
     ):
+        load_plugins(plugin)
         found = designed(
             scenario, limits, seconds=seconds, after=after or (), robust=robust, seed=seed, stop=interruption.stop,
             progress=lambda share: bar.update("search", share), **given,
         )  # fmt: skip
-    files = write_design(found, out, plot=plot)
-    if not quiet:
+        files = write_design(found, out, plot=plot)
+    if json:
+        intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
+        findings = [{"message": text} for text in found.remarks]
+        say_json({
+            "ok": not found.interrupted, "files": [str(path) for path in files], "findings": findings,
+            "intervals": mapped(intervals, finite_or_none),
+        })  # fmt: skip
+    elif not quiet:
         say_table(columns(found))
         for text in found.remarks:
             say(text)

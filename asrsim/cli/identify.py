@@ -100,8 +100,8 @@ def identify(
     """Fit parameters of a robot to recordings: what they are, how sure that is, and what cannot be known.
 
     Says of each parameter: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound; proves the fit on
-    data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, 2 if the model does not
-    fit or --time ended the search, 130 after Ctrl-C; both keep the best so far.
+    data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, the model does not fit,
+    or --time ended the search, 130 after Ctrl-C. The best fit so far is kept.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
@@ -152,7 +152,7 @@ def _run(
         )  # fmt: skip
     if result.status == "interrupted":
         return result, INTERRUPTED
-    return result, 0 if result.fits and result.status != "unfinished" else 2
+    return result, 0 if result.fits and result.status != "unfinished" else 1
 
 
 def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:

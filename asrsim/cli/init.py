@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, ColumnMap, Packages, Plugins, Rate, folders, into_file, load_plugins, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Json, Packages, Plugins, Rate, folders, into_file, load_plugins, pairs
 
 if TYPE_CHECKING:
     from asrsim.runs.from_recording import Written
+
+Outcome = tuple[Sequence[Path], list[dict[str, Any]]]
+"""Files written, and findings for `--json`."""
 
 
 def init(
@@ -51,7 +54,8 @@ def init(
     plugin: Plugins = None,
     argument: Arguments = None,
     package: Packages = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
+    json: Json = False,
 ) -> None:
     """Write a commented starter scenario for a robot, or one from a recording of it; or propose how a recording is read.
 
@@ -61,43 +65,63 @@ def init(
 
     Example: asrsim init --experiment examples/recordings/bench_motion.csv --out bench_motion.csv.yaml
     """
-    load_plugins(plugin)
-    if robot is None:
-        _propose(experiment, out, mapping or (), rate, overwrite=overwrite, quiet=quiet)
-        return
-    out = out or Path("scenario.yaml")
-    packages = folders(package, "--package")
-    arguments = pairs(argument, "--arg")
-    given = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
+    from asrsim.cli.console import json_errors, say_json
+
+    quiet = quiet or json
+    with json_errors(json):
+        load_plugins(plugin)
+        if robot is None:
+            files, findings = _propose(experiment, out, mapping or (), rate, overwrite=overwrite, quiet=quiet)
+        else:
+            files, findings = _write(
+                robot, out or Path("scenario.yaml"), experiment, mapping or (), rate, mode=mode, actuators=actuator or (),
+                plugins=plugin or [], arguments=pairs(argument, "--arg"), packages=folders(package, "--package"),
+                overwrite=overwrite, schema=schema, quiet=quiet,
+            )  # fmt: skip
+    if json:
+        say_json({"ok": True, "files": [str(path) for path in files], "findings": findings})
+
+
+def _write(
+    robot: Path, out: Path, experiment: Path | None, mapping: Sequence[str], rate: float | None, *, mode: int | None,
+    actuators: Sequence[str], plugins: list[Path], arguments: Mapping[str, str], packages: Mapping[str, Path],
+    overwrite: bool, schema: bool, quiet: bool,
+) -> Outcome:  # fmt: skip
+    """Write the scenario, of a recording if there is one."""
+    from asrsim.errors import Problem
+
+    mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuators)
     if experiment is not None:
         from asrsim.runs.from_recording import write_from_recording
 
         made = write_from_recording(
-            robot, experiment, out, mapping=mapping or (), rate=rate, mode=mode, actuators=given, plugins=plugin or (),
+            robot, experiment, out, mapping=mapping, rate=rate, mode=mode, actuators=mounted, plugins=plugins,
             force=overwrite, schema=schema, arguments=arguments, packages=packages,
         )  # fmt: skip
         if not quiet:
-            _print(made, out, plugin)
-        return
+            _print(made, out, plugins)
+        remarks = [Problem(text, file=made.recording.path) for text in made.remarks]
+        return made.files, [problem.as_dict() for problem in (*made.recording.findings, *remarks)]
     if mapping or rate is not None:
         raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
     from asrsim.scenario.starter import write_starter
 
     written, notes = write_starter(
-        robot, out, mode=mode, actuators=given, force=overwrite, schema=schema, arguments=arguments, packages=packages
+        robot, out, mode=mode, actuators=mounted, force=overwrite, schema=schema, arguments=arguments, packages=packages
     )
     if not quiet:
         from asrsim.actuators.user import command_line
         from asrsim.cli.console import say, say_problems
 
         say_problems(notes, "warning")
-        say(f"wrote {', '.join(map(str, written))}; run it: {command_line('run', out, plugin)}")
+        say(f"wrote {', '.join(map(str, written))}; run it: {command_line('run', out, plugins)}")
+    return written, [problem.as_dict() for problem in notes]
 
 
 def _propose(
     experiment: Path | None, out: Path | None, mapping: Sequence[str], rate: float | None, *, overwrite: bool, quiet: bool
-) -> None:
-    """The document that says how a recording is read."""
+) -> Outcome:
+    """Write the document that says how a recording is read."""
     if experiment is None:
         raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
     from asrsim.recordings.propose import propose
@@ -110,6 +134,7 @@ def _propose(
         say_columns(recording)
         say_problems(recording.findings, "note")
         say(f"wrote {written}: check it; every command that reads {experiment.name} obeys it")
+    return [written], [problem.as_dict() for problem in recording.findings]
 
 
 def _print(made: Written, scenario: Path, plugins: list[Path] | None) -> None:

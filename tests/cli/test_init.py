@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shlex
@@ -241,3 +242,12 @@ def test_starter_runs(tmp_path):
         samples = simulate(scenario).samples
         assert samples.time[-1] == pytest.approx(0.2)
         assert np.all(np.isfinite(samples.values["link_position"]))
+
+
+def test_json_names_files_and_findings(tmp_path):
+    arm = write_robot(tmp_path, {"name": "joint_1"})
+    made = CliRunner().invoke(app, ["init", str(arm), "--out", str(tmp_path / "arm.yaml"), "--json"])
+    assert made.exit_code == 0
+    said = json.loads(made.output)
+    assert (said["ok"], said["files"][0]) == (True, str(tmp_path / "arm.yaml"))
+    assert isinstance(said["findings"], list)
