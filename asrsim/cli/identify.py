@@ -25,7 +25,9 @@ def identify(
     ] = None,
     validate: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="A recording that is only predicted; without one, the last part of each is."),
+        typer.Option(
+            metavar="FILE", help="A recording that is predicted but not fitted. Default: the last part of each recording."
+        ),
     ] = None,
     free: Annotated[
         list[str] | None,
@@ -39,46 +41,54 @@ def identify(
     tie: Annotated[
         list[str] | None,
         typer.Option(
-            "--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter that follows another; * stands for the same in both."
+            "--tie",
+            metavar="KEY=[FACTOR*]KEY",
+            help="A parameter that is a multiple of another; * matches the same text on both sides.",
         ),
     ] = None,
     own: Annotated[
-        list[str] | None, typer.Option("--own", metavar="KEY", help="Free, with a value of its own in each recording.")
+        list[str] | None,
+        typer.Option("--own", metavar="KEY", help="A free parameter with a separate value for each recording."),
     ] = None,
     compare: Annotated[
-        list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Compare only this; may be repeated.", show_default="all")
+        list[str] | None,
+        typer.Option(metavar="JOINT.QUANTITY", help="Compare only this quantity; may be repeated.", show_default="all"),
     ] = None,
     mapping: Annotated[
-        list[str] | None, typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recordings is.")
+        list[str] | None,
+        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="Joint and quantity of a column of the recordings."),
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz, of recordings without time.")] = None,
-    variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate of recordings without time, Hz.")] = None,
+    variant: Annotated[str | None, typer.Option(help="Variant of the scenario.")] = None,
     overrides: Overrides = None,
     hold_out: Annotated[
         float | None,
         typer.Option(
             min=0.0,
             max=0.9,
-            help="Share at the end of each recording that is only predicted.",
+            help="Fraction at the end of each recording that is predicted but not fitted.",
             show_default="0.25",
         ),
     ] = None,
     starts: Annotated[
         int | None,
-        typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
+        typer.Option(min=1, help="Largest number of starts that the search tries until the model fits.", show_default="6"),
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
+        bool,
+        typer.Option(
+            "--check", help="Do not fit: show which parameters the recordings can identify, and which motions to add."
+        ),
     ] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
+        bool, typer.Option("--all", help="Write all parameters to the robot file, not only the identified ones.")
     ] = False,
     accept: Annotated[
         bool,
         typer.Option(
             "--accept",
-            help="Write the robot of a model that does not fit but explains 90 %, with intervals as wide as estimates from "
-            "a tenth of the recording differ.",
+            help="Write the robot although the model does not fit, if it explains 90 % of the variance. Intervals are as wide "
+            "as the spread of estimates from tenths of the recording.",
         ),
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
@@ -89,7 +99,7 @@ def identify(
             metavar="SECONDS",
             min=0.0,
             show_default="no end",
-            help="After so long the search ends, and the best so far is reported as unfinished.",
+            help="Time limit of the search. The best fit so far is then reported as unfinished.",
         ),
     ] = None,
     plugin: Plugins = None,
@@ -97,16 +107,17 @@ def identify(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     json: Json = False,
 ) -> None:
-    """Fit parameters of a robot to recordings: what they are, how sure that is, and what cannot be known.
+    """Fit parameters of a robot to recordings, with intervals and a verdict on each parameter.
 
-    Says of each parameter: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound; proves the fit on
-    data that it has not seen; and writes the robot back. Exit code: 0, 1 if nothing could be fitted, the model does not fit,
+    Verdicts: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound. The fit is tested on data that
+    were held out, and the robot is written with the identified numbers. Exit code: 0, 1 if nothing could be fitted, the model
+    does not fit,
     or --time ended the search, 130 after Ctrl-C. The best fit so far is kept.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
-    A file of all of it, from a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
-    What is said beside a fit file is added to it, or stands in place of what it says.
+    Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
+    Options beside a fit file add to its lists and replace its other values.
     """
     from asrsim.cli.console import json_errors
     from asrsim.identification.task import task_of
@@ -143,7 +154,7 @@ def _run(
     from asrsim.identification import identify
 
     with (
-        Interruption("asrsim: stopping; the best so far is judged and kept (Ctrl-C again to abort)") as interruption,
+        Interruption("asrsim: stopping; the best fit so far is judged and kept (Ctrl-C again to abort)") as interruption,
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
@@ -169,11 +180,11 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
             files += written
         elif result.status == "complete":
             ways = "--accept or --all writes" if result.explained >= ACCEPTABLE else "--all writes"
-            said.append(f"no robot is written, since the model does not fit; {ways} it all the same")
+            said.append(f"no robot is written, since the model does not fit; {ways} it nevertheless")
         if result.status == "complete":
             found, line = design_line(result, folder)
             files += found
-            said += [f"the experiment that shows more: {line}"] if line else []
+            said += [f"next experiment: {line}"] if line else []
         if plot and result.status == "complete":
             from asrsim.identification.pictures import draw
 
@@ -194,9 +205,9 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say(text, style)
     told = list(advice(result))
     if told:
-        say("to know more:", "bold")
+        say("to identify more parameters:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    starts = f"{result.attempts} starts, {result.successes} ended alike" if result.attempts > 1 else "1 start"
+    starts = f"{result.attempts} starts, {result.successes} ended at the same error" if result.attempts > 1 else "1 start"
     say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
     say_written(files)

@@ -17,17 +17,17 @@ from asrsim.robot.model import INERTIAS
 
 LIMITS = "limits.yaml"
 POWER = 0.95
-"""Fraction of a velocity's power that lies below the frequency up to which a joint has moved."""
+"""Fraction of the power of a joint's velocity that lies below the joint's bandwidth."""
 LOAD_CELL = 0.05
-"""N m, noise of a torque sensor that is not there yet."""
+"""Assumed noise of a torque sensor that the robot could get, N m."""
 REPEATED = 10.0
-"""Times as long a recording, at most, that is worth a try."""
+"""Largest factor by which a longer recording is advised."""
 LONGEST = 600
-"""s of an experiment."""
+"""Longest experiment that is proposed, s."""
 
 
 def _moved(result: Result) -> dict[str, dict[str, Any]]:
-    """Joint -> range of its positions (rad, m), greatest speed, and Hz up to which it moved, over all recordings."""
+    """Joint -> range of its positions (rad, m), largest speed and bandwidth (Hz), over all recordings."""
     found: dict[str, dict[str, Any]] = {}
     for one in (one for channels in result.series for one in channels if one["key"].endswith("position")):
         joint = found.setdefault(one["key"].rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
@@ -42,7 +42,7 @@ def _moved(result: Result) -> dict[str, dict[str, Any]]:
 
 
 def advice(result: Result) -> Iterator[str]:
-    """Motions that show the parameters that are not well known, beside those that were recorded."""
+    """Sentences that name the motions by which badly known parameters could be identified."""
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
     for one in result.estimates:
@@ -53,7 +53,7 @@ def advice(result: Result) -> Iterator[str]:
         if was is not None and (text := _movement(name, children.get(owner, owner), was)):
             wanted.setdefault(text, []).append(one.name)
         if one.verdict == RATIO:
-            wanted.setdefault("record a torque, or give one of them", []).append(one.name)
+            wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
     yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
     longer = {one.name: (one.margin / CLOSE) ** 2 for one in result.estimates if one.verdict == WEAK}
     if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
@@ -61,7 +61,7 @@ def advice(result: Result) -> Iterator[str]:
 
 
 def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
-    """The motion that shows a parameter."""
+    """Motion by which a parameter can be identified, in words; empty: none is known."""
     unit, speed, band = was["unit"], was["speed"], was["band"]
     if "friction" in name:
         return f"turn {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
@@ -76,7 +76,7 @@ def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
 
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """A file of the recorded limits, and the command that designs the next experiment within them; "": none is needed."""
+    """Limits file, and the command that designs the next experiment within the recorded limits; empty if all is identified."""
     import yaml
 
     unknown = [one for one in result.estimates if one.verdict in (WEAK, RATIO, NO_EFFECT)]

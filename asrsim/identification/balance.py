@@ -1,9 +1,9 @@
-"""Balances of torques along the recorded motion. Nothing is simulated: recorded places, filtered, give velocities and
-accelerations, and springs, motors and links each have a balance.
+"""Torque balances along the recorded motion, without a simulation. Filtered recorded positions give velocities and
+accelerations; each spring, motor and link has a balance.
 
-- :func:`regressed` finds parameters with which torques balance. Noise of the places biases them: they are starts of a search.
-- :class:`TorqueTrack` is for joints that a recorded torque drives. Such a joint holds no position: in a simulation errors of
-  the torque add up. There the torque that the motion needs is compared with the recorded one (equation error).
+- `regressed` finds parameters for which the torques balance. Noise of the positions biases them; the search starts from them.
+- `TorqueTrack` is for joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate.
+  Therefore the torque that the motion needs is compared with the recorded torque (equation error).
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 KEPT = 16
-"""Sets of masses whose torques are remembered."""
+"""Number of mass distributions whose torques are cached."""
 LOUD = 30.0
-"""Spectra of the motion count where they are this many times those of the noise."""
+"""Ratio of the motion's spectrum to the noise's spectrum above which a frequency belongs to the motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Filtered motion: place, velocity, acceleration and sign of the velocity at the compared rows; velocity on the grid."""
+    """Filtered motion: position, velocity, acceleration and sign of the velocity at the compared rows; velocity on the grid."""
 
     place: Array
     velocity: Array
@@ -52,11 +52,11 @@ class Grid:
     rows: slice | NDArray[np.intp]
 
     def smooth(self, values: Array) -> Array:
-        """(rows,) of a series on the grid."""
+        """Filtered series (rows,) at the compared rows, from a series on the grid."""
         return smoothed(values, self.cutoff)[self.rows]
 
     def motion(self, values: Array) -> Motion:
-        """Of places on the grid."""
+        """Filtered motion for positions on the grid."""
         place = smoothed(values, self.cutoff)
         speed = np.gradient(place, self.time)
         rate = np.gradient(speed, self.time)
@@ -74,7 +74,9 @@ class Links:
         self._known: list[tuple[tuple[Link, ...], Array]] = []
 
     def inertial(self, robot: Robot) -> Array:
-        """(rows, joints) torques of inertia, gravity and Coriolis; remembered, since losses and springs do not change them."""
+        """(rows, joints) torques of inertia, gravity and Coriolis forces; cached, since losses and springs do not change
+        them.
+        """
         for links, torques in self._known:
             if links == robot.links:
                 return torques
@@ -95,7 +97,7 @@ class Links:
 
 
 def bandwidth(time: Array, channel: Channel) -> float:
-    """Hz up to which the motion of a place stands out of its noise; time: an even grid."""
+    """Highest frequency at which a recorded position exceeds its noise, Hz; time: an even grid."""
     speed = np.diff(np.interp(time, channel.time, channel.values))
     n, step = len(speed), time[1] - time[0]
     power, frequency = np.abs(np.fft.rfft(speed * np.hanning(n))) ** 2, np.fft.rfftfreq(n, step)
@@ -112,23 +114,23 @@ def _size(torques: Array) -> float:
 # -- starts from regression --------------------------------------------------------------------------------------------------
 
 ROWS = 200
-"""Of a recording, at most."""
+"""Largest number of rows that are compared in a recording."""
 SPOILT = 0.05
-"""Fraction at both ends that the filter spoils."""
+"""Fraction of a recording at each end that is left out, since the filter distorts it."""
 WEAK = 1e-3
-"""Weight of the start, which parameters keep that no balance shows."""
+"""Weight of the start values: parameters without influence on a balance keep them."""
 BALANCED = 0.3
-"""Fraction of the torques that may be left over near the start."""
+"""Largest relative imbalance of a solution near the start; above it a linear regression is tried."""
 STRAIGHT = 1e-6
-"""Relative deviation from linearity of a parameter in which torques are linear."""
+"""Largest relative deviation from linearity at which the torques count as linear in a parameter."""
 STEPS, INSIDE = 60, 1e-6
-"""Evaluations of the refinement, at most; relative distance from bounds at which it begins."""
+"""Largest number of evaluations of the refinement; distance of its start from the bounds."""
 NONE = 0.1
-"""Fraction of the start that remains of a loss of which the balance shows none."""
+"""Fraction of its start value that a loss keeps if the balance estimates it as zero."""
 
 
 def regressed(problem: Problem, x: Array) -> Array | None:
-    """A vector with which torques balance; None where the recordings show no balance."""
+    """Parameter vector for which the torques balance; None if the recordings have no balance."""
     layout = problem.layout
     tracks = [(number, problem.tracks[number]) for number in problem.fitted]
     balances = [(number, _Balance(track)) for number, track in tracks if not isinstance(track, TorqueTrack)]
@@ -148,14 +150,14 @@ def regressed(problem: Problem, x: Array) -> Array | None:
             found = min(found, _near(left, far, low, high), key=lambda there: float(np.mean(left(there) ** 2)))
     except RobotError:
         return None
-    # Losses that seem to be none may be small: at zero their slopes would say nothing.
+    # A loss that is estimated as zero may be small. At zero its derivative would vanish.
     losses = [not entry.parameter.logarithmic and entry.parameter.low == 0.0 for entry in layout.entries]
     some = [entry.place(NONE * entry.start) if loss else -np.inf for entry, loss in zip(layout.entries, losses, strict=True)]
     return np.maximum(found, some)
 
 
 def _near(left: Callable[[Array], Array], start: Array, low: Array, high: Array) -> Array:
-    """A vector with which torques balance, by steps from a start."""
+    """Parameter vector for which the torques balance, by nonlinear least squares from a start."""
     from scipy.optimize import least_squares
 
     found = least_squares(
@@ -166,7 +168,9 @@ def _near(left: Callable[[Array], Array], start: Array, low: Array, high: Array)
 
 
 def linear_fit(left: Callable[[Array], Array], x: Array, layout: Layout) -> Array:
-    """A vector with which torques balance, by one regression over the parameters in which they are linear, however far off."""
+    """Parameter vector for which the torques balance, by one linear regression over the parameters in which torques are
+    linear.
+    """
     from scipy.optimize import lsq_linear
 
     plain, base, there = layout.values(x), left(x), x.copy()
@@ -184,7 +188,7 @@ def linear_fit(left: Callable[[Array], Array], x: Array, layout: Layout) -> Arra
     if not linear:
         return x
     least = [(layout.entries[i].parameter.low - plain[i]) / unit for i, unit in linear]
-    # Its steps to infinitely far bounds may be nan, which it passes over.
+    # The step to an infinite bound may be nan; lsq_linear ignores it.
     with np.errstate(invalid="ignore"):
         found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
     for (i, unit), move in zip(linear, found.x.tolist(), strict=True):
@@ -193,7 +197,7 @@ def linear_fit(left: Callable[[Array], Array], x: Array, layout: Layout) -> Arra
 
 
 class _Balance:
-    """Torques of a recording's springs, motors and links."""
+    """Torque balances of the springs, motors and links of one recording."""
 
     def __init__(self, track: Track) -> None:
         self._door, self._scenario = track.door, track.scenario
@@ -222,7 +226,7 @@ class _Balance:
         return None if one is None else np.interp(self._time, one.time, one.values)
 
     def _goals_of(self, drive: Drive) -> list[Array | None]:
-        """Goals of motors 1 and 2 on the grid."""
+        """References of motors 1 and 2 on the grid."""
         if drive.mode is None or drive.actuator is None:
             return [None, None]
         signals = self._scenario.references_of(drive.name)
@@ -235,12 +239,12 @@ class _Balance:
         return list(np.array(list(pairs)).T)
 
     def _places_of(self, drive: Drive, goals: Sequence[Array | None]) -> list[Array | None]:
-        """Motors' places; a motor without dynamics stands at its goal."""
+        """Positions of the motors; a motor without dynamics stands at its reference."""
         found = [self._sampled(drive.name, f"motor_{i}_position") for i in (1, 2)]
         return [goals[i] if one is None and i >= drive.dynamic_motors else one for i, one in enumerate(found)]
 
     def _motors_of(self, drive: Drive, goals: Sequence[Array | None]) -> list[Motion] | None:
-        """Motions of motors, and of an adjuster; None where one is not known."""
+        """Motions of the motors and of the stiffness adjuster; None if one of them is unknown."""
         if drive.actuator is None or drive.mode is None or not drive.mode.spring:
             return None
         count = 2 if drive.actuator.motors > 1 or drive.actuator.adjuster else 1
@@ -248,7 +252,7 @@ class _Balance:
         return found if len(found) == count else None
 
     def _link_of(self, drive: Drive, goals: Sequence[Array | None]) -> Array | None:
-        """Places of a link: recorded, prescribed, or from the deflection."""
+        """Positions of a link: recorded, prescribed, or computed from the deflection."""
         values, bend = self._sampled(drive.name, "link_position"), self._sampled(drive.name, "deflection")
         if values is None and self._scenario.engine == "bench":
             return link_motion(self._scenario, drive.name).values(self._time)
@@ -258,7 +262,7 @@ class _Balance:
         return values
 
     def rows(self, values: Mapping[str, float]) -> Iterator[Array]:
-        """Torques that are left over, relative to those that drive. Raises RobotError."""
+        """Imbalance of each spring, motor and link, relative to its driving torque. Raises RobotError."""
         varied = self._door.varied(numbers_of(values))
         for j, (drive, motors, link) in enumerate(zip(varied.drives, self._motors, self._links, strict=True)):
             springs = self._springs(drive, motors, link)
@@ -280,18 +284,18 @@ class _Balance:
         return [one + 0.0 * link.place for one in found[: drive.actuator.motors]]
 
     def _of_link(self, links: Links, robot: Robot, drive: Drive, j: int, link: Motion, springs: Sequence[Array]) -> Array:
-        """Torque that a link needs, less what drives it."""
+        """Torque that a link's motion needs, minus the torque that drives it."""
         inertial, push = links.inertial(robot)[:, j], sum(springs, np.zeros_like(link.place))
         command = self._commands[j][0]
         if command is not None and drive.mode is not None and not drive.mode.spring:
             push = command if drive.mode.number == 0 else drive.values["controller_1_proportional"] * (command - link.place)
-        # Where all torques scale with free parameters, neither side alone may be the measure: both would vanish.
+        # If all torques scale with free parameters, scaling by one side alone would favour vanishing torques.
         measure = np.sqrt(_size(push) * _size(inertial)) if np.any(push) else _size(inertial)
         return np.asarray((links.needed(drive, robot, j, 0.0 * self._time) - push) / measure)
 
 
 def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) -> Array:
-    """Inertia, friction and spring of motor i, less what drives it."""
+    """Torques of inertia, friction and spring of motor i, minus the torque that drives it, relative to that torque."""
     numbers, lag, mode = drive.values, drive.values[f"motor_{i}_damping"], drive.mode
     assert mode is not None  # motors without one have no dynamics
     if mode.controller:
@@ -308,19 +312,21 @@ def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) 
 # -- joints that a recorded torque drives ------------------------------------------------------------------------------------
 
 CUTOFF = 50.0
-"""Hz of the low-pass filter on motion and torque alike; less where sampling or motion are slow."""
+"""Largest cutoff of the low-pass filter on motion and torque, Hz; lower if the sampling or the motion is slow."""
 STANDS = 5.0
-"""Deviations of a place's noise below which a joint that has not moved further may stand."""
+"""Displacement, in standard deviations of the position's noise, below which a joint may stand still."""
 NEAR, THROUGH = 1.0, 0.5
-"""Periods of the cutoff frequency: beside a joint that stands, filtered friction says nothing; it may turn back within less."""
+"""Periods of the cutoff frequency: left out beside a standstill, where filtered friction is unknown; longest reversal that is
+no standstill.
+"""
 EDGE, SETTLED = 0.1, 3.0
-"""s, and periods of the cutoff frequency, at both ends that the filter spoils at least."""
+"""Time (s), and number of periods of the cutoff frequency, left out at each end, since the filter distorts them."""
 BLIND = 0.3
-"""Fraction of a joint's accelerations that may be their noise."""
+"""Largest ratio of noise to signal in a joint's accelerations."""
 
 
 def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool:
-    """Whether all moving joints have a recorded torque, in mode 0, and a recorded place, and no spring, which may be free."""
+    """Whether each moving joint is in mode 0, has a recorded torque and position, and has no spring."""
     modes = {block.joint: data.modes.get(block.joint, block.mode) for block in robot.actuators}
     torques = {command.joint for command in data.commands if command.quantity == "reference_1"}
     places = {channel.joint for channel in data.channels if channel.quantity == "link_position"}
@@ -334,10 +340,10 @@ def is_driven_by_torque(data: Data, robot: Robot, free: Collection[str]) -> bool
 
 
 class TorqueTrack(Track):
-    """A recording of joints driven by torques: its channels are the torques, filtered as the motion is."""
+    """A recording of joints that torques drive. Its channels are the torques, filtered like the motion."""
 
     has_noisy_inputs = True
-    """The compared torques have noise; that of the places counts too, magnified in the accelerations."""
+    """The compared torques have noise, and so have the accelerations, which magnify the noise of the positions."""
 
     def __init__(self, scenario: Scenario, robot: Robot, data: Data) -> None:
         super().__init__(scenario, robot, data)
@@ -348,9 +354,9 @@ class TorqueTrack(Track):
         last = min(float(channel.time[-1]) for channel in self._places)
         time = np.arange(float(max(c.time[0] for c in self._places)), last, step)
         widest = min(CUTOFF, 0.15 / step)
-        # Beyond the motion's own frequencies, accelerations are noise.
+        # Above the bandwidth of the motion, accelerations are noise.
         cutoff = min(widest, max(bandwidth(time, place) for place in self._places))
-        # As often as the filter lets differ: its own correlation is not the model's.
+        # Samples are so far apart that the filter does not correlate them.
         every = max(1, round(0.5 / (cutoff * step)))
         edge = max(EDGE, SETTLED / cutoff)
         inside = (time > time[0] + edge) & (time < time[-1] - edge)
@@ -376,7 +382,7 @@ class TorqueTrack(Track):
         self.onset = float(rows[0])
 
     def _moved(self, draw: int | None, grid: Grid) -> Links:
-        """The joints' motion from their recorded places, with noise added."""
+        """Motion of the joints from their recorded positions, with a draw of noise added; None: without noise."""
         generator, motions = np.random.default_rng(draw), []
         for place in self._places:
             values = place.values
@@ -386,7 +392,7 @@ class TorqueTrack(Track):
         return Links(self.door, grid, motions)
 
     def _surely_moves(self, place: Channel, period: float) -> NDArray[np.bool_]:
-        """(n,) of the grid: false around where a joint stands, held by any friction up to its level."""
+        """Mask (n,) on the grid: false around a standstill, where static friction may have any value up to its limit."""
         near, beside = round(NEAR * period), max(1, round(0.25 * period))
         recorded = np.interp(self._grid.time, place.time, place.values)
         moved = np.zeros(len(recorded))
@@ -402,7 +408,7 @@ class TorqueTrack(Track):
 
     @property
     def is_blind(self) -> bool:
-        """Whether noise of a joint's places is much of its accelerations, or hides all of its motion."""
+        """Whether the noise of a joint's positions dominates its accelerations or hides all of its motion."""
         if not all(len(channel.values) for channel in self.channels):
             return True
         known, noisy = (self._moved(draw, self._wide).rate for draw in (None, 0))
@@ -411,7 +417,7 @@ class TorqueTrack(Track):
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
-        """The torque that each joint's motion needs, less what acts beside the command, as the recording would show it."""
+        """Torque that each joint's motion needs, minus all torques other than the command, at the recorded times."""
         if playing.draw not in self._links:
             self._links = {None: self._links[None], playing.draw: self._moved(playing.draw, self._grid)}
         for values in tables:

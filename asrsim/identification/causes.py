@@ -1,4 +1,4 @@
-"""Extensions of a model that recordings may ask for: adopted during a fit, or named where the model does not fit."""
+"""Extensions of a model: adopted during a fit, or named as possible causes if the model does not fit."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 
 FACTORS = (0.03, 0.3, 3.0, 30.0)
-"""Of the law's own stiffness of pre-sliding friction, at which its search begins."""
+"""Start values of the pre-sliding stiffness, relative to the default of the friction law."""
 MUCH = 0.5
-"""Fraction of the misfit beyond the noise that pre-sliding may leave of a model that is far off."""
+"""Largest fraction of the misfit beyond the noise that remains with pre-sliding, if the model is far off."""
 STAIRS = 0.9
-"""Fraction of the mean square that a command played as stairs may leave."""
+"""Largest fraction of the mean square error that remains if a command is played as a staircase."""
 EXPLAINED = 0.9
-"""Fraction of the misfit beyond the noise, squared, that suspected causes explain together."""
+"""Fraction of the squared misfit beyond the noise that the suspected causes must explain together."""
 FURTHER = 0.8
-"""Fraction of the mean square that each of them may leave."""
+"""Largest fraction of the mean square error that remains after each suspected cause."""
 CAUSES, ROUNDS = 3, 15
-"""Causes that are suspected together, and steps of a search with one free, at most."""
+"""Largest number of causes that are suspected together; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
-"""Ends of quantities whose sensors may have another zero."""
+"""Last parts of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
-"""Relative difference of two tied numbers from which on it is reported."""
+"""Relative difference of two tied parameters above which the tie is reported as wrong."""
 BITES, REACHED = (0.75, 0.3), 0.999
-"""Fractions of the largest torque or speed at which another limit is tried; of a limit, from which on it is reached."""
+"""Fractions of the largest torque or speed at which a lower limit is tried; fraction of a limit above which it is reached."""
 LAGS, TREND, PARTS = 0.3, 0.6, 12
-"""Fraction of a torque's squared error that follows the direction of its change; rank correlation of a spring's estimates
-with the deflection; parts of a recording that are estimated apart.
+"""Fraction of a torque's squared error that follows the direction of its change, above which hysteresis is reported;
+rank correlation of a spring's stiffness with the deflection, above which it is reported; parts of a recording that are
+estimated separately.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -47,7 +48,7 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
 def stairs(problem: Problem) -> Iterator[Extension]:
-    """Commands whose samples are held until the next, as a digital controller holds them."""
+    """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     for key in dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands if not c.hold):
         if key not in problem.held:
             held = problem.played(problem.held | {key})
@@ -55,7 +56,9 @@ def stairs(problem: Problem) -> Iterator[Extension]:
 
 
 def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
-    """Stiffness of motors' friction before it slides, where the robot does not give it; one for motors with tied friction."""
+    """Extensions that free the pre-sliding stiffness of motor friction, if the robot has none; motors with tied friction
+    share it.
+    """
     layout = problem.layout
     known, tied = parameters_of(robot, (), {}), {tie.key: tie.to for tie in layout.ties}
     taken = {*tied, *(entry.parameter.key for entry in layout.entries)}
@@ -78,7 +81,7 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
 
 
 def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
-    """What the model may lack; problem: with the recorded noise as weights."""
+    """Sentences that name effects that the model may lack. problem: weighted by the recorded noise."""
     base = mean_square(problem, x)
     target = base - EXPLAINED * max(base - 1.0, 0.0)
     found = extended(
@@ -98,7 +101,7 @@ def _suspected(found: Extended, base: float) -> str:
     for cause in found.chosen:
         entry = cause.problem.layout.entries[-1]
         value, unit = values[entry.name], entry.parameter.unit
-        # Times and zeros are small.
+        # Delays and offsets are small: show them in ms, mrad.
         size = f"{1e3 * value:.3g} m{unit}" if entry.parameter.key.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
         texts.append(cause.text if entry.track is not None else f"{cause.text} ({size.strip()})")
         flags.append(cause.flags.replace("START", f"{value:.4g}"))
@@ -107,7 +110,7 @@ def _suspected(found: Extended, base: float) -> str:
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Numbers that could be free beside a problem's entries."""
+    """Extensions that each free one more parameter of a problem."""
     layout, tracks = problem.layout, [problem.tracks[i] for i in problem.fitted]
     free = {entry.parameter.key for entry in layout.entries}
     commands = list(dict.fromkeys(c.key for track in tracks for c in track.data.commands))
@@ -123,7 +126,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
         if zeroed and offset.key not in free:
             yield _cause(f"a zero offset of {key}", problem, offset)
         for name, parameter in (("zero", offset), ("gain", gain)):
-            # What all recordings share stays free; each but the first gets its own beside it.
+            # A shared parameter stays free; each recording but the first gets a separate value in addition.
             if (
                 len(tracks) > 1
                 and (zeroed or name == "gain")
@@ -137,7 +140,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
         taken = free | {tie.key for tie in layout.ties}
         if drive.joint.spring_stiffness == 0.0 and key not in taken and not (drive.mode and drive.mode.spring):
             parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
-            yield replace(_cause(f"a spring of {drive.name}'s own", problem, parameter), flags=f"--free {key}=START")
+            yield replace(_cause(f"a passive spring of {drive.name}", problem, parameter), flags=f"--free {key}=START")
     yield from _limits(problem, x)
     for tie, wider in _without_ties(problem, x):
         text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
@@ -150,7 +153,7 @@ def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
-    """Ties, each with a problem in which its key is free."""
+    """Each tie, with a problem in which the tied parameter is free."""
     layout = problem.layout
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
@@ -162,7 +165,7 @@ def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
 
 
 def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[str]:
-    """Ties whose two numbers differ in the recordings: by more than chance, and by more than a few percent."""
+    """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
     faults = []
     for tie, wider in _without_ties(problem, x):
         base, there = residuals(problem, x), np.append(x, 0.0)
@@ -180,7 +183,7 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
 
 
 def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, float, float]]:
-    """Drive, name, level, and the largest value that the model reaches, of torque and speed limits of first motors."""
+    """Drive, name, level and largest simulated value of each torque and speed limit of first motors."""
     track, values = problem.tracks[0], problem.layout.table(x, 0)
     for j, drive in enumerate(track.door.drives):
         for what in ("torque", "velocity") if drive.dynamic_motors else ():
@@ -197,7 +200,7 @@ def _limits_met(problem: Problem, x: Array) -> Iterator[str]:
 
 
 def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Limits below what the model reaches, the same for both motors."""
+    """Extensions with motor limits below the simulated maximum; both motors share a limit."""
     free = {entry.parameter.key for entry in problem.layout.entries}
     for drive, name, _, reached in _motor_limits(problem, x):
         key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
@@ -211,7 +214,7 @@ def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
-    """Springs whose estimates in parts of the recordings follow the deflection: backlash, or another law."""
+    """Sentences on springs whose stiffness depends on the deflection: backlash, or a different spring law."""
     entries = problem.layout.entries
     springs = [i for i, one in enumerate(entries) if one.parameter.logarithmic and any(word in one.name for word in SPRINGS)]
     if not springs:
@@ -230,10 +233,10 @@ def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
         moves, deviation = -pulls[known, i] / sizes[known, i], float(np.median(sizes[known, i] ** -0.5))
         trend, extent = _rank_correlation(reach[known], moves), float(np.ptp(moves))
         if abs(trend) > TREND and extent > max(6.0 * deviation, 0.02):
-            # Of backlash the stiffness is k (1 - width / A) at amplitude A; that of a hardening spring grows with A^2.
+            # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             late, hard = (abs(float(np.corrcoef(reach[known] ** power, moves)[0, 1])) for power in (-1.0, 2.0))
             way = "falls" if trend < 0.0 else "grows"
-            law = "backlash is missing" if trend > 0.0 and late > hard else "a spring whose law is another is missing"
+            law = "backlash is missing" if trend > 0.0 and late > hard else "the spring's law is wrong"
             yield f"{entries[number].name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
 
 
@@ -242,7 +245,7 @@ def _rank_correlation(a: Array, b: Array) -> float:
 
 
 def _hysteresis(problem: Problem, x: Array) -> Iterator[str]:
-    """Errors of a torque that follow the direction of its change."""
+    """Sentences on torques whose error follows the direction of their change: hysteresis or friction."""
     found: dict[str, tuple[float, str]] = {}
     for number in problem.fitted:
         track = problem.tracks[number]

@@ -1,4 +1,4 @@
-"""Combinations: parameters that a recording does not show apart, and the product, sum or ratio that it shows instead."""
+"""Combinations of parameters: products, sums or ratios that a recording identifies but not the factors."""
 
 from __future__ import annotations
 
@@ -14,30 +14,32 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
-"""Relative half width of an interval from which on a direction is not known."""
+"""Relative half width of an interval above which a direction is unidentifiable."""
 FAR = 2.3
-"""Change of logarithms along an unknown direction, at most."""
+"""Largest change of the logarithms along an unidentifiable direction."""
 NICE, NICER = 1.5, 2e-3
-"""Factor and summand by which the interval of a simpler form may be wider."""
+"""Factor and summand by which the interval of a simpler form may exceed the narrowest interval."""
 HIGHEST = 8.0
-"""Power in a combination, at most."""
+"""Largest exponent in a combination."""
 NEARLY = 0.15
-"""Distance of a power from a whole number, at most."""
+"""Largest distance of an exponent from the integer to which it is rounded."""
 MOST, WHOLE = 4, 0.08
-"""Factor of a term in a sum, at most, and its relative distance from a whole number."""
+"""Largest integer factor of a term in a sum; largest relative distance of a factor from that integer."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
-"""Moments of inertia about the axes; relative distance of a power from that of an inertia about its joint."""
+"""Moments of inertia about the axes; largest distance of an exponent from that of an inertia about the joint."""
 SWAY = 0.7
-"""Relative change along an unknown direction, at most, at which a combination is checked again."""
+"""Largest relative change along an unidentifiable direction at which a combination is checked."""
 
 
 def percent(share: float, sign: str = "") -> str:
-    """A fraction for people, in two digits and without a power of ten; sign: `+` shows it always."""
+    """Fraction as a percentage with two digits. sign: `+` shows the sign of positive numbers too."""
     return f"{float(f'{100.0 * share:.2g}'):{sign}g} %"
 
 
 def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
-    """Jacobian (m, n) by relative changes of the values, and the values (n,); sizes stand for values near 0."""
+    """Jacobian (m, n) with respect to relative changes of the values, and the values (n,). Near 0, changes are relative to a
+    typical size.
+    """
     values = layout.values(x)
     scale = [
         value if entry.parameter.logarithmic else max(abs(value), 0.05 * entry.parameter.size)
@@ -48,7 +50,7 @@ def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Combination:
-    """Parameters that are known together."""
+    """Expression of several parameters that is identified although the parameters are not."""
 
     text: str
     """Such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
@@ -56,14 +58,14 @@ class Combination:
     margin: float
     """Relative half width of its 95 % interval."""
     keys: tuple[int, ...]
-    """Entries in it."""
+    """Indices of its entries."""
 
     def __str__(self) -> str:
         return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
 
 
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """Combinations of the entries that lie together in unknown directions.
+    """Combinations of entries that span the unidentifiable directions.
 
     free: entries that are not at a bound and have an effect.
     """
@@ -76,7 +78,7 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     for j in set(range(len(free))) - set(pivots):
         exponents = np.eye(len(free))[j]
         for row, pivot, mine in zip(rows, pivots, parts, strict=True):
-            # Along a direction its pivot changes by 1 and entry j by row[j]: their product to these powers is constant.
+            # Along a direction the pivot changes by 1 and entry j by row[j], so the product with these exponents is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
         moving = np.flatnonzero(exponents)
         if len(moving) > 1 and (one := _simplest(known, exponents, moving.tolist())) is not None:
@@ -86,17 +88,19 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """A candidate: its text, its relative change by those of the free entries (k,), its value from theirs (k,)."""
+    """Candidate of a combination: text, gradient with respect to relative changes of the free entries (k,), and value
+    function.
+    """
 
     text: str
     change: Array
     value: Callable[[Array], float]
     size: float = 1.0
-    """Power of its entries: margins are compared at one power of the same entry."""
+    """Smallest exponent, by which margins of different powers of a form are made comparable."""
 
 
 class _Known:
-    """Directions of relative changes of the free entries that are known, and those that are not."""
+    """Identifiable and unidentifiable directions of relative changes of the free entries."""
 
     def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self.layout, self.found, self.free, self.track = problem.layout, found, list(free), problem.tracks[0]
@@ -104,25 +108,25 @@ class _Known:
         self.values = values[self.free]
         self._units = relative(self.layout, x, np.ones((1, len(x))))[0][0][self.free]
         self._scaled = scaled[:, self.free]
-        # The triangle of its factors has the same directions, and is small.
+        # The triangular factor has the same singular directions, and is small.
         self._triangle = np.linalg.qr(self._scaled, mode="r")
         _, singular, self._vectors = np.linalg.svd(self._triangle)
         self._sizes = np.full(len(self.free), 1e-100)
         self._sizes[: len(singular)] = np.maximum(singular, 1e-100)
-        # White residuals of this variance would show as much.
+        # White residuals with this variance would give the same intervals.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
         self._noise = 1.96 * variance**0.5
         off = self._noise / self._sizes
         self._inside = off <= UNKNOWN
         self.directions = self._vectors[~self._inside]
-        """(u, k) that stay unknown."""
+        """(u, k) unidentifiable directions."""
         self._extent = np.minimum(off[~self._inside], FAR)
         self._alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
         self.places = [self.values, *self._swayed(problem, x)] if len(self.directions) else [self.values]
-        """(k,) values of the estimate, and of vectors along unknown directions that fit as well."""
+        """(k,) values of the estimate, and of points along unidentifiable directions that fit equally well."""
 
     def parts(self, direction: Array) -> set[int]:
-        """Entries without which an unknown direction would be known."""
+        """Entries that make an unidentifiable direction unidentifiable: without them it would be known."""
         rest = direction.copy()
         for i in np.argsort(np.abs(direction)):
             without = rest.copy()
@@ -140,14 +144,14 @@ class _Known:
             for sway in (-min(extent, SWAY), min(extent, SWAY)):
                 change, there = sway * direction / np.abs(direction).max(), x.copy()
                 there[self.free] += np.where(plain, np.expm1(change), change) * self._units
-                # Moved back along the known directions, it fits as well as x.
+                # A correction along the identifiable directions makes it fit as well as x.
                 for _ in range(3):
                     there[self.free] -= inverse @ (self._scaled.T @ (residuals(problem, there) - base)) * self._units
                     there = np.clip(there, low, high)
                 yield self.layout.values(there)[self.free]
 
     def margin(self, form: _Form) -> float:
-        """Relative half width of a form's 95 % interval, which includes its change along the unknown directions."""
+        """Relative half width of a form's 95 % interval, including its change along the unidentifiable directions."""
         inside = self._vectors[self._inside]
         moves = np.zeros((1, len(self.found.noise)))
         moves[0, self.free] = (inside.T @ (inside @ form.change / self._sizes[self._inside] ** 2)) * self._units
@@ -159,7 +163,7 @@ class _Known:
 
 
 def _simplest(known: _Known, exponents: Array, moving: list[int]) -> Combination | None:
-    """The simplest form whose interval is hardly wider than the narrowest: ratio to an inertia, sum, whole powers, powers."""
+    """Simplest form with an interval hardly wider than the narrowest: ratio to an inertia, sum, integer powers, real powers."""
     forms = []
     if len(moving) == 2:
         first, second = moving
@@ -181,7 +185,7 @@ def _simplest(known: _Known, exponents: Array, moving: list[int]) -> Combination
 
 
 def _product(known: _Known, exponents: Array, moving: list[int]) -> _Form:
-    # The entry with the least power is no divisor.
+    # The entry with the smallest exponent stands in the numerator.
     least = moving[int(np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0)))]
     powers = exponents * np.sign(exponents[least])
     named = [(known.layout.entries[known.free[i]].name, float(powers[i])) for i in moving]
@@ -198,7 +202,7 @@ def _power(name: str, power: float) -> str:
 
 
 def _about_joint(known: _Known, first: int, second: int, power: float) -> Iterator[_Form]:
-    """k / (izz + m r^2): a motion shows the inertia about the joint. first * second^power is constant."""
+    """Forms k / (izz + m r^2), with the inertia about the joint. first * second^power is constant."""
     for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
         names = [known.layout.entries[known.free[i]].name for i in (other, inertia)]
         beside = _beside(known, known.layout.entries[known.free[inertia]])
@@ -215,7 +219,9 @@ def _over(other: int, inertia: int, beside: float, values: Array) -> float:
 
 
 def _beside(known: _Known, entry: Entry) -> float:
-    """m r^2 of the link whose moment of inertia about the joint's axis an entry is; 0 of others, and where m or r is free."""
+    """Term m r^2 of the link if the entry is its moment of inertia about the joint's axis; 0 for other entries, or if m or r
+    is free.
+    """
     link, _, name = entry.parameter.key.rpartition(".")
     free = {one.parameter.key for one in known.layout.entries}
     if name not in AXES or free & {f"{link}.{what}" for what in ("mass", *"xyz")}:
@@ -230,7 +236,7 @@ def _beside(known: _Known, entry: Entry) -> float:
 
 
 def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]:
-    """other + n pivot, of one unit, n a small whole number: its terms may change much while it stays."""
+    """Sums other + n pivot of parameters with the same unit, n a small integer."""
     first, second = (known.layout.entries[known.free[i]] for i in (other, pivot))
     a, b = float(known.values[other]), float(known.values[pivot])
     # d a / a + power d b / b = 0: a + times b is constant nearby.
@@ -250,7 +256,7 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:
-    """The same space by directions with few parts, reduced to echelon form by largest parts, and these: 1 in one row alone."""
+    """Sparse basis of the same space, in reduced echelon form with the largest elements as pivots, and the pivots' columns."""
     rows, pivots = directions.copy(), []
     for i in range(len(rows)):
         pivot = int(np.argmax(np.abs(rows[i])))

@@ -1,4 +1,4 @@
-"""Recordings made ready for a fit: commands that are played, channels that are compared, their noise, and the start."""
+"""Recordings prepared for a fit: played commands, compared channels and their noise."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.starter_recording import Plan, make_plan
 from asrsim.signals.curve import Curve, curve_through
 
-CIRCULAR = "they were computed from others and not measured, a fit to them would be circular"
-PLACED = "drives compute velocities from their places, which are compared"
+CIRCULAR = "they were computed from other columns, not measured: a fit to them would be circular"
+PLACED = "drives compute velocities from their positions, which are compared"
 ADJUSTED = "an adjuster stands at its reference"
 PLAYED = 2
-"""Mode in which motors stand at their references."""
+"""Operation mode in which motors follow their references exactly."""
 COMPUTED = 1e-3
-"""Fraction of its deviation that a line through another column leaves of a column that was computed from it."""
+"""Relative residual of a linear regression on another column below which a column counts as computed from it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,13 +41,13 @@ class Channel:
     quantity: str
     unit: str
     time: Array
-    """(n,) s on the simulation's clock."""
+    """(n,) times on the simulation's clock, s."""
     values: Array
-    """(n,) SI, without missing ones."""
+    """(n,) finite values in SI units."""
     noise: float
-    """Standard deviation of its noise: given, or from its fine structure."""
+    """Standard deviation of its noise, given or estimated from third differences."""
     quantum: float
-    """Step of a quantised encoder; 0: none seen."""
+    """Step of a quantised encoder; 0: not quantised."""
 
     @property
     def key(self) -> str:
@@ -56,7 +56,7 @@ class Channel:
 
     @property
     def floor(self) -> float:
-        """Deviation that its noise and its steps leave at least."""
+        """Smallest standard deviation that noise and quantisation allow."""
         return max(self.noise, self.quantum / float(np.sqrt(12.0)))
 
 
@@ -68,12 +68,12 @@ class Command:
     quantity: str
     """reference_1, reference_2 or external_torque."""
     name: str
-    """Of the reference in the joint's mode, or `external_torque`."""
+    """Name of the reference in the joint's mode, or `external_torque`."""
     time: Array
     values: Array
     hold: bool
     source: str
-    """Its column."""
+    """Column of the recording."""
     unit: str
 
     @property
@@ -83,12 +83,12 @@ class Command:
 
     @cached_property
     def curve(self) -> Curve:
-        """What it is between samples."""
+        """Curve through the samples."""
         return curve_through(self.time, self.values, hold=self.hold)
 
     @cached_property
     def as_stairs(self) -> Command:
-        """The same, each sample held until the next."""
+        """Command whose samples are held until the next sample."""
         return self if self.hold else replace(self, hold=True)
 
 
@@ -103,14 +103,14 @@ class Data:
     channels: tuple[Channel, ...]
     commands: tuple[Command, ...]
     modes: Mapping[str, int]
-    """That replace the robot's, because of the commands."""
+    """Joint -> operation mode that replaces the robot's, because of the commands."""
     remarks: tuple[str, ...] = ()
     held: bool
-    """Only predicted."""
+    """Whether the recording is predicted but not fitted."""
 
 
 def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
-    """All recordings, fitted ones first. Raises InputError with what is wrong in any of them."""
+    """All recordings, the fitted ones first. Raises InputError with the problems of all recordings."""
     found: list[Data] = []
     problems: list[Problem] = []
     for held, experiments in ((False, task.experiments), (True, task.validate)):
@@ -136,11 +136,11 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot, 
     channels = tuple(_channels(task, plan, lag, played, modes, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
-        message = f"nothing that it has is compared; it has {known}"
+        message = f"no channel of the recording is compared; its channels are {known}"
         hint = "; ".join(remarks) or None
         raise RecordingError(message, file=recording.path, key="compare", hint=hint, code="nothing-compared")
     if not any(np.ptp(channel.values) > 8.0 * max(channel.noise, channel.quantum) for channel in channels):
-        message = "nothing moves in it beyond its noise: it tells nothing of the robot"
+        message = "no channel moves by more than its noise, so no parameter can be identified"
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     return Data(
@@ -167,15 +167,15 @@ def _command(joint: str, quantity: str, name: str, column: Column, lag: float, *
 
 
 def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, int], remarks: list[str]) -> Iterator[Command]:
-    """Motors as they were recorded, where no command was and the scenario has none: springs and links are fitted apart from
-    the motors. Raises RecordingError where these are missing too.
+    """Recorded motor positions that are played as commands, for joints without a recorded command or a reference in the
+    scenario. Springs and links are then fitted without the motors' dynamics. Raises RecordingError if they are missing too.
     """
     commanded = {one.joint for one in plan.played if one.slot == 0}
     motors = {(joint, str(column.quantity)): column for joint, column in plan.compared}
     missing = []
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
-        # References of mode 2 are what `init` makes of recorded motors.
+        # `init` writes recorded motor positions as references of mode 2.
         if block.joint in commanded or (scenario.references_of(block.joint) and block.mode != PLAYED):
             continue
         wanted = [f"motor_{i}_position" for i in range(1, (2 if actuator.motors > 1 or actuator.adjuster else 1) + 1)]
@@ -192,7 +192,7 @@ def _played_motors(scenario: Scenario, plan: Plan, lag: float, modes: dict[str, 
     if missing:
         columns = ", ".join(list(plan.recording.channels)[:30])
         raise RecordingError(
-            f"the commands of {', '.join(missing)} are missing: no column is one, and the scenario has none; "
+            f"the commands of {', '.join(missing)} are missing in the columns and in the scenario; "
             f"its columns: {columns}", file=plan.recording.path, code="no-command",
             hint=f"Name it: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )  # fmt: skip
@@ -238,8 +238,8 @@ def _channels(
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
-    """Sources of mapped columns that are multiples of another column -> that one's. Of two that are mapped, a position is read
-    by a sensor, and the other is the product.
+    """Name of each mapped column that is a multiple of another column -> name of that column. If both are mapped, the
+    position is the measured one.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
@@ -254,7 +254,7 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
 
 
 def _left_out(quantity: str, mode: Mode | None, computed: bool) -> str | None:
-    """Why a quantity is not compared unasked; None: it is."""
+    """Reason why a quantity is not compared by default; None if it is compared."""
     if mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
         return f"motors stand at their references in mode {mode.number} ({mode.name})"
     if mode and not mode.spring and quantity.startswith(("elastic", "deflection")):

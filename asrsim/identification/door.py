@@ -1,4 +1,4 @@
-"""The door to the simulation, its engines and actuators: the only place of this package that knows inner modules of theirs."""
+"""Access to simulation, engines and actuators: the only module of this package that imports their inner modules."""
 
 from __future__ import annotations
 
@@ -31,27 +31,27 @@ __all__ = [
 ]  # fmt: skip
 
 SOURCES = ("link_position", "motor_1_position", "motor_2_position")
-"""Quantities of which others are made."""
+"""Quantities from which derived quantities are computed."""
 DERIVED = ("equilibrium_position", "deflection")
-"""Quantities of motor positions."""
+"""Quantities computed from motor and link positions."""
 COMPARABLE = (*(name for name in columns_of(2) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED)
-"""Quantities that a sensor can measure, and a simulation give."""
+"""Quantities that a sensor can measure and a simulation computes."""
 OFTEN = 10**7
-"""Substeps that the simulations of one fit come to at least: compiling pays."""
+"""Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
 ENGINES_KEPT = 3
-"""Numbers of substeps whose engines are kept: fits go to and fro between two."""
+"""Number of substep settings whose engines are kept open: fits alternate between settings."""
 AT_ONCE = cores()
-"""Worlds of a rollout that run side by side, each on a thread of its own."""
+"""Number of worlds of a rollout that run in parallel threads."""
 
 Drive = SteppedJoint
 Numbers = Mapping[str, Mapping[str, float]]
 """Joint or link -> name -> value."""
 Substeps = tuple[int, int]
-"""Of a step, and of the motors in each of these."""
+"""Number of substeps in a step, and number of motor substeps in a substep."""
 
 
 class Door:
-    """A scenario that is simulated with many sets of numbers."""
+    """A scenario that is simulated with many sets of parameters."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         check_two_motors(robot, "identification")
@@ -65,7 +65,7 @@ class Door:
         self.positions, self.velocities = self._prepared.initial_positions, self._prepared.initial_velocities
         self.substeps: Substeps = _substeps(self._prepared)
         self.exact_in_time = not self._prepared.stepping.released
-        """Whether finer substeps come nearer to the truth: the released code has steps of its own."""
+        """Whether finer substeps reduce the error; false for the released code, which prescribes its steps."""
         self._made: dict[Substeps, Worlds] = {}
 
     def _worlds(self, substeps: Substeps) -> Worlds:
@@ -86,9 +86,9 @@ class Door:
     def rollout(
         self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
     ) -> Iterator[Array | None]:
-        """(names, rows) at whole steps of each world, at least `steps` of them; None where the motion is not sane.
+        """(names, rows) at whole steps for each world, at least `steps` rows; None if the simulation diverges.
 
-        names: number of a joint and quantity.
+        names: index of a joint, and quantity.
         """
         made = self._worlds(substeps)
         wanted = {SOURCES[0], *(name for _, name in names)}
@@ -99,7 +99,7 @@ class Door:
             try:
                 found = made.rollout(quantities, start=several, steps=steps)
             except RobotError:
-                # One of them has numbers that no robot has.
+                # One of these sets of parameters is not physical: simulate each alone.
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):
@@ -110,7 +110,7 @@ class Door:
             yield from run(starts[first : first + AT_ONCE])
 
     def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
-        """(rows,) of one quantity of a joint; NaN where no joint records it."""
+        """(rows,) values of a quantity of a joint; NaN if the simulation does not record the quantity."""
         missing = np.full(next(iter(found.values())).shape[1], np.nan)
         own = {source: found[source][world, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:
@@ -120,11 +120,11 @@ class Door:
         return np.asarray(rest - position if name == "deflection" else rest)
 
     def varied(self, parameters: Numbers) -> Prepared:
-        """Its `drives` and its `robot` are those with other numbers. Raises RobotError."""
+        """Prepared scenario with changed parameters, in `drives` and `robot`. Raises RobotError."""
         return self._prepared.vary(parameters)
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
-        """Those that a run with these numbers takes. Raises RobotError, UnresolvedSpringError."""
+        """Numbers of substeps that a run with these parameters takes. Raises RobotError, UnresolvedSpringError."""
         found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
 

@@ -15,44 +15,44 @@ from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
 ASKED = 20.0
-"""Chi squared of one number from which on recordings ask for it: noise alone reaches it one time in a hundred thousand."""
+"""Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
-"""Extensions that are refitted in a round, those that promise most; extensions that are adopted in all."""
+"""Largest number of extensions that are refitted in a round, the most promising first; largest number that is adopted."""
 LOOK = 1e-3
-"""Step of a difference along a new entry, in the vector's units."""
+"""Step of finite differences along a new entry, in the vector's units."""
 FAR_OFF = 4.0
-"""Mean square, in the noise's, of a model that is wrong in more than a detail."""
+"""Mean square residual, relative to the noise, above which a model counts as far off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """A problem in which more is free, at the end of its vector, or commands are played otherwise."""
+    """A problem with additional free parameters at the end of its vector, or with commands played as a staircase."""
 
     text: str = ""
     flags: str = ""
-    """Options of `asrsim identify` that ask for it."""
+    """Options of `asrsim identify` that add this extension."""
     problem: Problem
     begins: tuple[float, ...] = ()
-    """Values of the new entry at which its search may begin; none: where slopes lead."""
+    """Start values of the new entry; empty: the linearised optimum."""
     finite: bool = False
-    """Simulate where it begins: slopes say nothing about it."""
+    """Whether its effect is simulated at the start values, since derivatives do not show it."""
     restepped: bool = False
-    """It changes how finely a simulation must be stepped."""
+    """Whether it changes the required number of substeps."""
     share: float = 1.0
-    """Largest fraction of the mean square that it may leave."""
+    """Largest fraction of the mean square error that may remain with it."""
     excess: float = 1.0
-    """Largest fraction of the misfit beyond the noise that it may leave of a model that is far off: there, any number explains
-    a part.
+    """Largest fraction of the misfit beyond the noise that may remain with it, if the model is far off. There any additional
+    parameter reduces the misfit.
     """
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
-        """Whether mean squares without and with it, from so many independent samples, show that it is there."""
+        """Whether mean square errors before and after, from independent samples, show that the extension is real."""
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
         return bool(not far and after <= self.share * before and samples * np.log(before / max(after, 1e-300)) > ASKED)
 
 
 class _Place:
-    """A vector beside which extensions are compared."""
+    """The point of the parameter space at which extensions are compared."""
 
     def __init__(self, problem: Problem, x: Array) -> None:
         self.x, self.there = x, residuals(problem, x)
@@ -60,11 +60,11 @@ class _Place:
         self._left = self.alone(self.there)
 
     def alone(self, change: Array) -> Array:
-        """The part of a change (m,) or (m, k) of the residuals that the parameters cannot make good."""
+        """Part of a change (m,) or (m, k) of the residuals that the free parameters cannot compensate."""
         return np.asarray(change - self._free @ (self._free.T @ change))
 
     def promises(self, extension: Extension) -> Iterator[tuple[float, Extension, Array]]:
-        """Fraction of the squared error that an extension would explain if slopes hold, and the start of its refit."""
+        """Fraction of the squared error that an extension would explain to first order, and the start of its refit."""
         from scipy.optimize import lsq_linear
 
         n, layout = len(self.x), extension.problem.layout
@@ -83,20 +83,20 @@ class _Place:
         yield self._share(alone @ moves), extension, np.append(self.x, extension.begins[:1] or moves)
 
     def _share(self, change: Array) -> float:
-        """Fraction of the squared error that a change explains; 0 where that may be chance."""
+        """Fraction of the squared error that a change explains; 0 if it is not significant."""
         before, after = float(self._left @ self._left), float(np.sum((self._left + change) ** 2))
         return 1.0 - after / before if (before - after) * len(change) > ASKED * after else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Extended:
-    """A problem with the extensions that recordings ask for, and its fit."""
+    """A problem with the adopted extensions, and its fit."""
 
     chosen: tuple[Extension, ...]
     problem: Problem
     x: Array
     cost: float
-    """Mean square; outliers count by Huber's loss."""
+    """Mean of the Huber loss of the residuals."""
 
 
 Propose = Callable[[Problem, Array], Iterable[Extension]]
@@ -106,7 +106,7 @@ def extended(
     problem: Problem, x: Array, propose: Propose, *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
     rounds: int = 60,
 ) -> Extended:  # fmt: skip
-    """Add the extension that explains most, one after the other, until it is enough or recordings ask for none."""
+    """Problem to which extensions are added, the most explanatory first, until `enough` is true or none is significant."""
     found = Extended((), problem, x, huber(residuals(problem, x)))
     while len(found.chosen) < most and not enough(found.problem, found.x):
         place, proposed = _Place(found.problem, found.x), list(propose(found.problem, found.x))
@@ -129,7 +129,7 @@ def extended(
 def freed(
     problem: Problem, parameters: Sequence[Parameter], ties: Sequence[Tie] = (), *, tracks: Sequence[int | None] = (None,)
 ) -> Problem:
-    """With parameters free, too. tracks: recordings that have values of their own; None: all share one."""
+    """Problem with additional free parameters. tracks: recordings with separate values; None: a value shared by all."""
     layout = problem.layout
     entries = [
         Entry(one, track, one.key if track is None else f"{one.key} ({problem.tracks[track].data.name})", one.start)

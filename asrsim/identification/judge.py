@@ -1,4 +1,4 @@
-"""Whether the model fits: residuals of the training part against the noise, and errors of the held-out part."""
+"""Judgement whether the model fits: residuals of the training part compared with the noise, and errors of the held-out part."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from asrsim.identification.problem import Errors, Problem, errors
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
-"""Residuals up to this multiple of the estimated noise may be noise; what the estimate from n samples adds, times sqrt(n)."""
+"""Largest ratio of residuals to noise that counts as noise; its increase for n samples, times sqrt(n)."""
 WHITE = 0.3
-"""Correlation of neighbouring residuals below which they may be noise."""
+"""Lag-1 correlation of residuals below which they count as noise."""
 HELD_OUT = 1.3
-"""Held-out error, in training errors, beyond which a model does not fit."""
+"""Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
-"""Standard deviations of a prediction that noise of the played commands and the intervals of the estimates explain."""
+"""Standard deviations of the prediction that noise of the commands and uncertainty of the estimates may explain."""
 EXPLAINED = 0.5
-"""Fraction of a channel's variance below which a fit does not follow it."""
+"""Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
-"""Fraction of a channel's deviation below which errors do not count: no sensor is so exact."""
+"""Error relative to a channel's standard deviation below which it is ignored: no sensor is so exact."""
 OPPOSED = 0.5
-"""Negative correlation of prediction and record from which on the sign may be wrong."""
+"""Size of a negative correlation of prediction and recording above which the sign may be wrong."""
 MOVES = 8.0
-"""A record that moves extends over more standard deviations of its noise than this."""
+"""Range of a recording, in standard deviations of its noise, above which it counts as moving."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +39,21 @@ class ChannelFit:
     key: str
     unit: str
     noise: float
-    """Estimated from the record's fine structure, or given."""
+    """Standard deviation of the noise, given or estimated from third differences."""
     before: float
-    """RMS of predicted less recorded, training part."""
+    """RMS of predicted minus recorded in the training part."""
     after: float
     held_before: float
-    """Held-out part; nan where there is none."""
+    """RMS error of the held-out part; nan if there is none."""
     held_after: float
     correlation: float
-    """Of neighbouring residuals of the training part, after the fit."""
+    """Lag-1 correlation of the training residuals after the fit."""
     explained: float
     """Fraction of the recorded variance that the fit explains, over the whole recording."""
     faults: tuple[str, ...] = ()
-    """Why residuals of the training part are more than noise."""
+    """Reasons why the training residuals are not noise."""
     shaken: float = 0.0
-    """RMS of the change of the held-out prediction by noise of the played commands."""
+    """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
     """Largest RMS error of an encoder that rounds down."""
     opposed: bool = False
@@ -63,7 +63,7 @@ class ChannelFit:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the errors do not count: below the noise, as of a simulation's own log, or below any sensor's accuracy."""
+        """Whether the errors are negligible: far below the noise, as for a simulated log, or below any sensor's accuracy."""
         left = float(np.nanmax([self.after, self.held_after, 0.0]))
         return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
 
@@ -73,9 +73,9 @@ class ChannelFit:
 
 
 def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterator[str]:
-    """Why residuals (n,) of a channel are more than noise.
+    """Reasons why residuals (n,) of a channel are not noise.
 
-    moved: (n,) change of the prediction by noise of the played commands.
+    moved: (n,) change of the prediction due to noise of the played commands.
     """
     if is_nothing(size_of(left), channel.noise):
         return
@@ -88,24 +88,24 @@ def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterato
         yield f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
     elif is_loud(beyond, float(np.hypot(channel.floor, played))):
         yield f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
-    # Steps of an encoder, and noise of played commands, swing with the motion.
+    # Quantisation and noise of commands oscillate with the motion.
     elif not channel.quantum and share < SWING and (cycles := swing(left)):
         hertz = cycles * (len(left) - 1) / float(channel.time[len(left) - 1] - channel.time[0])
-        yield f"a swing of {hertz:.3g} Hz is left in the residuals: a second mode, or no start came to its frequency"
+        yield f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, or no start found this frequency"
 
 
 def is_loud(left: Array, noise: float) -> bool:
-    """Whether residuals (n,) are larger than a noise that was estimated from as many samples."""
+    """Whether residuals (n,) significantly exceed a noise that was estimated from n samples."""
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 
 def fits_noise(problem: Problem, x: Array) -> bool:
-    """Whether the residuals look like noise, or are none, in every channel of every fitted recording."""
+    """Whether the residuals of every fitted channel are noise or zero."""
     return all(left is not None and not any(faults(channel, left)) for channel, left in _left(problem, x))
 
 
 def is_explained(problem: Problem, x: Array) -> bool:
-    """Whether no residuals are left in any channel, as of a simulation's own log."""
+    """Whether the residuals of every fitted channel are zero, as for a simulated log."""
     return all(left is not None and is_nothing(size_of(left), channel.noise) for channel, left in _left(problem, x))
 
 
@@ -116,7 +116,7 @@ def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
 
 
 def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors) -> list[ChannelFit]:
-    """before, after: residuals over each whole recording; shaken: change of the predictions by noise of the commands."""
+    """Errors of each channel. before, after: residuals over whole recordings; shaken: changes due to noise of the commands."""
     found = []
     for track, end, old, new, moved in zip(problem.tracks, problem.ends, before, after, shaken, strict=True):
         for i, channel in enumerate(track.channels):
@@ -149,14 +149,14 @@ def _opposed(predicted: Array, recorded: Array) -> bool:
 
 
 def rms(values: Array) -> float:
-    """Root mean square; nan of no values."""
+    """Root mean square; nan if there are no values."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
-    """Why the model does not fit; empty where it does.
+    """Reasons why the model does not fit; empty if it fits.
 
-    unsure: for each channel, RMS of the change of its held-out prediction within the intervals of the estimates.
+    unsure: RMS change of each channel's held-out prediction within the intervals of the estimates.
     """
     reasons = []
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
@@ -166,7 +166,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
         held = [(i, one) for i, one in mine if not np.isnan(one.held_after)]
         error, steps = _mean([one.held_after for _, one in held]), max(one.steps for _, one in mine)
         if error > max(HELD_OUT * train, steps, 1e-300):
-            # Noise of the played commands, and the uncertainty of the estimates, are no faults of the model.
+            # Noise of the commands and uncertainty of the estimates are not the model's fault.
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in held])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
@@ -178,32 +178,32 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
 
 
 def _mean(sizes: Sequence[float]) -> float:
-    """Root mean square of RMS values, without missing ones; nan of none."""
+    """Root mean square of the RMS values that are not nan; nan if there are none."""
     known = np.array(sizes)[~np.isnan(sizes)]
     return rms(known)
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
-    """Channels that the fit does not follow: their sign, quantity or start may be wrong."""
+    """Sentences on channels that the fit does not follow: their sign, quantity or start may be wrong."""
     some = any(one.explained > EXPLAINED for one in fits)
     found: dict[str, str] = {}
     for one in fits:
         if one.explained >= (0.0 if some else EXPLAINED):
             continue
         if one.opposed:
-            found[one.key] = f"{one.key} goes against its prediction: another sign? (--map COLUMN=-{one.key})"
+            found[one.key] = f"{one.key} moves opposite to its prediction: is its sign wrong? (--map COLUMN=-{one.key})"
         elif some:
-            found[one.key] = f"{one.key} is not followed at all: another quantity or zero? (--map COLUMN=ignore)"
+            found[one.key] = f"{one.key} is not explained at all: is its quantity or zero wrong? (--map COLUMN=ignore)"
         else:
-            found[one.key] = f"{one.key} is hardly followed: its start may be far off, or the quantity another"
+            found[one.key] = f"{one.key} is hardly explained: its start may be far off, or its quantity wrong"
     return list(found.values())
 
 
 def praise(fits: Sequence[ChannelFit]) -> str:
-    """What the held-out part shows of a model that fits."""
+    """Sentence on the held-out part of a model that fits."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
         return "the model fits; nothing was held out"
     if not any(one.held_moves for one in held):
-        return "the model fits; nothing moves in the held-out part, which therefore proves nothing"
-    return "the model fits, and predicts the held-out part as well as the training part lets expect"
+        return "the model fits; no channel moves in the held-out part, so it tests nothing"
+    return "the model fits, and predicts the held-out part as well as the training part"

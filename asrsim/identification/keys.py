@@ -1,4 +1,4 @@
-"""What can be free: every number of the robot, and what recordings may have wrong: zeros, gains, delays, clocks, starts."""
+"""Parameters that can be free: all numbers of the robot, and zeros, gains, delays, clocks and starts of recordings."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from asrsim.robot.model import INERTIAS, Robot
 
 CLOCK = "clock"
 LATEST = 0.25
-"""s, bound of delays and clock offsets."""
+"""Bound of delays and clock offsets, s."""
 TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
     "kg": 0.1, "kg m^2": 1e-3,
 }  # fmt: skip
-"""Unit -> size of a number that says nothing of its own size, being 0."""
+"""Unit -> typical size of a parameter whose start value is 0."""
 FACTOR = 1e6
-"""A positive parameter may become so much smaller or larger."""
+"""Largest factor by which a positive parameter may grow or shrink."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,18 +36,20 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     logarithmic: bool = False
-    """Searched over its logarithm: positive, of unknown size. Friction and damping are not: they may be none."""
+    """Whether its logarithm is searched: for positive parameters of unknown size, except friction and damping, which may be
+    0.
+    """
     own: bool = False
-    """Each recording has its own value."""
+    """Whether each recording has a separate value."""
 
     @property
     def size(self) -> float:
-        """Of a change that matters, where it is not searched over its logarithm."""
+        """Typical change of a parameter that is not searched over its logarithm."""
         return max(abs(self.start), TYPICAL.get(self.unit, 0.1))
 
 
 def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, Parameter]:
-    """Every key. commands: `joint.reference_1`, ... that recordings have; channels: `joint.quantity` -> unit."""
+    """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: `joint.quantity` -> unit."""
     found = [*_of_actuators(robot), *_of_joints(robot), *_of_links(robot), *_of_channels(robot, commands, channels)]
     return {parameter.key: parameter for parameter in found}
 
@@ -114,11 +116,11 @@ def _of_channels(robot: Robot, commands: Sequence[str], channels: Mapping[str, s
 
 
 def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:
-    """The free ones in the order of the wishes, and ties of single keys. Raises InputError with every problem."""
+    """Free parameters in the order of the task, and ties between single keys. Raises InputError with every problem."""
     problems: list[Problem] = []
     free: dict[str, Parameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern is not for limits that there are not.
+        # A pattern does not match infinite limits, unless a start is given.
         given = wish.start is not None
         keys = [
             key for key, one in known.items()
@@ -136,19 +138,19 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
         if not pairs:
             problems.append(_unknown(tie.key, known, "tie"))
         elif "*" in tie.key and not any(to in free for _, to in pairs):
-            problems.append(Problem(f"nothing of {tie.to}, to which it is tied, is free", key=tie.key, code="tie"))
+            problems.append(Problem(f"is tied to {tie.to}, which matches no free parameter", key=tie.key, code="tie"))
         for key, to in pairs:
             if to not in known:
                 problems.append(_unknown(to, known, "tie"))
             elif "*" not in tie.key or to in free:
                 ties.append(Tie(key=key, to=to, factor=tie.factor))
-    # A key that is tied is not free any more, though a pattern may have named it.
+    # A tied parameter is not free, even if a pattern matches it.
     for tie in ties:
         free.pop(tie.key, None)
     problems += _tie_faults(ties, free)
     if not free and not problems:
         hint = "Name some: --free 'joint_1.spring_*'"
-        problems.append(Problem("nothing is free", key="free", hint=hint, choices=_roots(known), code="free"))
+        problems.append(Problem("no parameter is free", key="free", hint=hint, choices=_roots(known), code="free"))
     if problems:
         raise InputError(problems)
     return list(free.values()), ties
@@ -170,7 +172,7 @@ def _wished(known: Parameter, wish: Wish) -> Parameter:
 def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
     key = parameter.key
     if not parameter.low < parameter.high:
-        yield Problem("its lower bound is not below its upper one", key=key, value=parameter.low, code="bounds")
+        yield Problem("its lower bound is not below its upper bound", key=key, value=parameter.low, code="bounds")
     elif not math.isnan(parameter.start) and not parameter.low <= parameter.start <= parameter.high:
         message = f"its start is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
         yield Problem(message, key=key, value=f"{parameter.start:g}", code="start-range")
@@ -179,7 +181,7 @@ def _faults(parameter: Parameter, wish: Wish) -> Iterator[Problem]:
 
 
 def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
-    """Keys that the pattern matches, with what they are tied to: the parts that `*` stood for go into the other's `*`."""
+    """Keys that the pattern matches, and the keys that they follow: the text matched by `*` replaces `*` in the other key."""
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
         if (match := pattern.fullmatch(key)) is not None:
@@ -203,7 +205,7 @@ def _unknown(pattern: str, known: Mapping[str, Parameter], where: str) -> Proble
     owner = pattern.partition(".")[0]
     same = tuple(key for key in known if key.partition(".")[0] == owner)
     same = tuple(key for key in same if key.rpartition(".")[2] == pattern.rpartition(".")[2]) or same
-    message = "no key is called so" if "*" not in pattern and "?" not in pattern else "no key fits this pattern"
+    message = "no parameter has this key" if "*" not in pattern and "?" not in pattern else "no key matches this pattern"
     return Problem(
         f"{message} ({where})", key=pattern, hint=did_you_mean(pattern, tuple(known)), choices=same or _roots(known),
         code="unknown-key",

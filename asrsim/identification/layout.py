@@ -1,4 +1,4 @@
-"""Free parameters as a vector: logarithms or multiples of a size, shared or a recording's own, with ties."""
+"""Free parameters as a vector of logarithms or multiples of a typical size, shared or separate for each recording."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from asrsim.samples import Array
 
 @dataclass(frozen=True)
 class Entry:
-    """A number of the vector."""
+    """An element of the parameter vector."""
 
     parameter: Parameter
     track: int | None
     """Index of the recording that this entry belongs to; None: shared by all recordings."""
     name: str
-    """For people: the key, with the recording's name where it is its own."""
+    """Displayed name: the key, with the recording's name if the recording has a separate value."""
     start: float
 
     def value(self, x: float) -> float:
-        """In the parameter's unit."""
+        """Value in the parameter's unit."""
         parameter = self.parameter
         if parameter.logarithmic:
             return min(max(parameter.start * math.exp(min(max(x, -50.0), 50.0)), parameter.low), parameter.high)
         return min(max(self.start + parameter.size * x, parameter.low), parameter.high)
 
     def slope(self, x: float) -> float:
-        """Of the value in x."""
+        """Derivative of the value with respect to x."""
         return self.value(x) if self.parameter.logarithmic else self.parameter.size
 
     def place(self, value: float) -> float:
-        """x of a value."""
+        """Element x of the vector for a value; inverse of `value`."""
         parameter = self.parameter
         if parameter.logarithmic:
             return math.log(value / parameter.start) if value > 0.0 else -math.inf
@@ -46,7 +46,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Layout:
-    """The vector's entries, and what is tied to them."""
+    """Elements of the parameter vector, and ties to them."""
 
     entries: tuple[Entry, ...]
     ties: tuple[Tie, ...]
@@ -57,21 +57,21 @@ class Layout:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper, (n,) each."""
+        """Lower and upper bounds of the vector, (n,) each."""
         low = np.array([entry.place(entry.parameter.low) for entry in self.entries])
         high = np.array([entry.place(entry.parameter.high) for entry in self.entries])
         return low, high
 
     def values(self, x: Array) -> Array:
-        """(n,) in the parameters' units."""
+        """Values (n,) in the parameters' units."""
         return np.array([entry.value(float(v)) for entry, v in zip(self.entries, x, strict=True)])
 
     def slopes(self, x: Array) -> Array:
-        """(n,) of the values."""
+        """Derivatives (n,) of the values with respect to the vector."""
         return np.array([entry.slope(float(v)) for entry, v in zip(self.entries, x, strict=True)])
 
     def table(self, x: Array, track: int) -> dict[str, float]:
-        """Key -> value for a recording, ties followed."""
+        """Key -> value for a recording, including tied parameters."""
         found = {
             entry.parameter.key: entry.value(float(v))
             for entry, v in zip(self.entries, x, strict=True)
@@ -80,11 +80,11 @@ class Layout:
         return self.tied(found)
 
     def tied(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Values by key with those that are tied to them."""
+        """Values by key, extended by the tied parameters."""
         return {**values, **{tie.key: tie.factor * values[tie.to] for tie in self.ties if tie.to in values}}
 
     def touched(self, index: int) -> range:
-        """Recordings that an entry acts on."""
+        """Indices of the recordings that an entry affects."""
         track = self.entries[index].track
         return range(self.tracks) if track is None else range(track, track + 1)
 
@@ -92,8 +92,8 @@ class Layout:
 def make_layout(
     free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
 ) -> Layout:
-    """names: of the recordings; starts: of each that is fitted, the first ones, key -> start of what begins in every recording
-    where it does.
+    """Layout of the free parameters. names: names of the recordings; starts: for each fitted recording, key -> start value of
+    parameters that depend on the recording.
     """
     entries: list[Entry] = []
     for parameter in free:

@@ -1,4 +1,4 @@
-"""Series of samples: their noise from fine structure, an encoder's quantum, models that whiten; how they begin."""
+"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and initial values."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ if TYPE_CHECKING:
 ORDER = 12
 """Largest order of the autoregressive models."""
 NOTHING = 0.5
-"""Fraction of the estimated noise below which residuals count as zero: white noise leaves all of it, correlated noise more."""
+"""Ratio of residuals to estimated noise below which residuals count as zero."""
 CLIPPED = 4.0
-"""Robust standard deviations beyond which a residual counts as this large."""
+"""Robust standard deviations to which larger residuals are clipped."""
 AROUND, WIDTH = 25, 3
-"""Frequencies on each side that give the local level of a spectrum; frequencies of a spectral line."""
+"""Number of frequencies on each side that give the local level of a spectrum; number of frequencies in a spectral line."""
 SELDOM, SWING = 1e-4, 0.03
-"""Probability that noise alone has such a line; least fraction of the residuals' power that a reported line has."""
+"""Largest probability that noise alone has a reported spectral line; smallest fraction of the power in a reported line."""
 STILL, FINE = 0.15, 0.5
-"""Share of samples that stand still on an encoder's steps; noise in these steps that they make, and little else."""
+"""Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""
 LEVELS = 20_000
-"""Different numbers in a record, at most, of an encoder whose steps count."""
+"""Largest number of different values of a recording that counts as quantised."""
 BENT = 0.4
-"""Share of the change of a start's slope over its samples by which the slope may be off."""
+"""Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
-"""Samples, at most, from which the start of a link is read, and of these, at least, whose mean says more than the first."""
+"""Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
 
 
 def fine_noise(values: Array, quantum: float = 0.0) -> float:
-    """Standard deviation of white noise on a smooth record (n,), from its third differences, by their median.
+    """Standard deviation of white noise on a smooth record (n,), from the median of its third differences.
 
-    At least what rounding to `quantum` makes, and a millionth of the range: a noiseless record has rounding of its own.
+    It is at least the error of rounding to `quantum` and a millionth of the range.
     """
     third = np.diff(values, 3)
     sigma = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
@@ -43,34 +43,34 @@ def fine_noise(values: Array, quantum: float = 0.0) -> float:
 
 
 def quantum_of(values: Array) -> float:
-    """The step of which all changes of a record (n,) are multiples; 0 where there is none, or steps are too fine to count."""
+    """Step of which all changes of a record (n,) are multiples; 0 if there is none, or if it is negligible."""
     steps = np.abs(np.diff(np.unique(values)))
     if len(steps) < 2 or len(steps) > LEVELS:
         return 0.0
     least = float(np.median(steps[steps <= 1.5 * steps.min()]))
     multiples = steps / least
     whole = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, np.round(multiples))
-    # Every record is quantised by its file's digits; it counts where the record stands still on its steps, or in motion has
-    # no more noise than these make.
+    # The digits of a file quantise every record. This matters only if many neighbours are equal, or if the noise is no
+    # larger than the rounding error.
     counts = float(np.mean(np.diff(values) == 0.0)) > STILL or fine_noise(values) < FINE * least
     return least if whole.mean() > 0.98 and counts else 0.0
 
 
 def lag_correlation(residuals: Array, lag: int = 1) -> float:
-    """Autocorrelation of residuals (n,) about 0 at a lag: what is off by a constant is no noise either."""
+    """Autocorrelation of residuals (n,) about 0 at a lag; a constant offset counts as correlation."""
     size = float(np.dot(residuals, residuals))
     return float(np.dot(residuals[lag:], residuals[:-lag]) / size) if size > 0.0 and len(residuals) > lag + 2 else 0.0
 
 
 def independent_samples(residuals: Array) -> float:
-    """As how many independent samples residuals (n,) tell, by the correlation of neighbours."""
+    """Equivalent number of independent samples of residuals (n,), from their lag-1 correlation."""
     correlation = min(max(lag_correlation(residuals), 0.0), 1.0 - 1e-6)
     return len(residuals) * (1.0 - correlation) / (1.0 + correlation)
 
 
 def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
-    """Residuals (n,) of recorded values less what an encoder's zero, anywhere within a step, makes of them, and the correlation
-    of neighbours that its steps make of the predicted motion.
+    """Residuals (n,) minus the offset that an encoder's unknown zero within a step explains, and the lag-1 correlation that
+    quantisation of the predicted motion causes.
     """
     if not quantum or not len(left):
         return left, 0.0
@@ -83,18 +83,18 @@ def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, flo
 
 
 def size_of(residuals: Array) -> float:
-    """Root mean square of residuals (n,), of which single outliers count little and a stretch that is off counts much."""
+    """Robust root mean square of residuals (n,): single outliers are clipped."""
     typical = float(np.median(np.abs(residuals))) / 0.6745
     return float(np.sqrt(np.mean(np.minimum(np.abs(residuals), CLIPPED * typical) ** 2)))
 
 
 def is_nothing(size: float, noise: float) -> bool:
-    """Whether residuals of a root mean square are so few that what was taken for noise is explained, too: there is none."""
+    """Whether residuals are far below the estimated noise: the recording then has no noise."""
     return size < NOTHING * noise
 
 
 def swing(residuals: Array) -> float:
-    """Frequency, in cycles per sample, of a line that stands out of the spectrum of residuals (n,); 0: there is none.
+    """Frequency, in cycles per sample, of a significant line in the spectrum of residuals (n,); 0: there is none.
 
     The line is compared with the median of the frequencies around it, so that coloured noise has no lines.
     """
@@ -116,7 +116,7 @@ def swing(residuals: Array) -> float:
 
 
 def autocovariances(residuals: Array) -> Array:
-    """(p + 1,) of residuals (n,) about 0, from lag 0 on; p is the largest order of a model that so many samples allow."""
+    """Autocovariances (p + 1,) of residuals (n,) about 0, from lag 0; p is the largest model order that n samples allow."""
     n = len(residuals)
     lags = range(min(ORDER, n // 20) + 1)
     return np.array([float(residuals[lag:] @ residuals[: n - lag]) for lag in lags]) / n
@@ -125,7 +125,7 @@ def autocovariances(residuals: Array) -> Array:
 def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
     """Coefficients (p,) of e_k = sum c_i e_(k-i) + white noise, and the variance of that noise, from autocovariances.
 
-    By Levinson's recursion; the order by Schwarz's criterion for so many samples, 0 for white noise.
+    Levinson's recursion; Schwarz's criterion selects the order, 0 for white noise.
     """
     coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
     chosen, best = (coefficients, power), samples * np.log(power)
@@ -141,7 +141,7 @@ def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
 
 
 def whiten(values: Array, coefficients: Array) -> Array:
-    """Values (n,) or (n, m) through the model's inverse; the first p rows, of which the past is not known, are 0."""
+    """Values (n,) or (n, m) whitened by the inverse of the model; the first p rows, whose past is unknown, are 0."""
     p = len(coefficients)
     if not p:
         return values
@@ -153,8 +153,8 @@ def whiten(values: Array, coefficients: Array) -> Array:
 
 
 def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, float] | None:
-    """Value and slope at 0 of a channel's first samples, by a parabola, with their standard errors; None where it begins later
-    than `soon` s.
+    """Value and slope at time 0 by a parabola through a channel's first samples, and their standard errors; None if the
+    channel begins later than `soon` s.
     """
     if len(channel.time) < 6 or channel.time[0] > soon:
         return None
@@ -163,13 +163,13 @@ def first_samples(channel: Channel, soon: float) -> tuple[float, float, float, f
     inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
     errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
     place, slope, bend = (inverse @ values).tolist()
-    # What is pushed at once is bent, and more with time: it begins elsewhere than a parabola.
+    # A force at the start bends the curve, so that the parabola is biased: enlarge the errors.
     off, extent = BENT * abs(bend), float(time[-1])
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:
-    """Value at 0 of a channel that may move at once, and its error: of the first sample, or of many before it moves."""
+    """Value of a channel at time 0 and its error, from the mean of the samples before it moves, or from the first sample."""
     moved = np.abs(channel.values - np.median(channel.values[:5])) > 4.0 * max(channel.noise, channel.quantum)
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
     count = still if still >= LONG else 1
@@ -177,9 +177,11 @@ def at_rest(channel: Channel) -> tuple[float, float]:
 
 
 def smoothed(values: Array, cutoff: float) -> Array:
-    """Series (n,) without what is faster than the cutoff, a share of half its rate: Butterworth's fourth order, to and fro."""
+    """Low-pass filtered series (n,): Butterworth of fourth order, forwards and backwards; cutoff: fraction of half the
+    sampling rate.
+    """
     n, line = len(values), np.linspace(values[0], values[-1], len(values))
-    # Odd about both ends, so that it begins and ends where the series does; scipy.signal takes half a second to import.
+    # Odd extension at both ends keeps the end values. scipy.signal would take half a second to import.
     odd = np.concatenate([values - line, (line - values)[::-1]])
     ratio = np.tan(np.pi * np.fft.rfftfreq(2 * n)) / np.tan(0.5 * np.pi * cutoff)
     return np.asarray(np.fft.irfft(np.fft.rfft(odd) / (1.0 + ratio**8), 2 * n)[:n] + line)

@@ -1,4 +1,4 @@
-"""Pictures of a fit: what was recorded, before and after, beside the residuals."""
+"""Pictures of a fit: recorded and predicted channels before and after the fit, and residuals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> lis
 
 
 def figures(result: Result) -> dict[str, Figure]:
-    """Name -> figure, of each recording; call it inside :func:`asrsim.plots.output.styled`."""
+    """Name -> figure of a recording; call it inside `asrsim.plots.output.styled`."""
     found, names = {}, list(dict.fromkeys(one.recording for one in result.channels))
     for name, channels, end in zip(names, result.series, result.ends, strict=True):
         found[f"overlay_{Path(name).stem}" if len(names) > 1 else "overlay"] = _overlay(channels, end, name)
@@ -53,11 +53,11 @@ def _overlay(channels: Sequence[Any], end: float, name: str) -> Figure:
         if after is not None:
             right.plot(time, after - recorded, color="C0", linewidth=0.5)
         for axis in (left, right):
-            # What was only predicted.
+            # Shade the part that was predicted but not fitted.
             if end < time[-1] - 1e-9:
                 axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
     axes[0, 0].set_title(name, fontsize="medium")
-    axes[0, 1].set_title("predicted less recorded", fontsize="medium")
+    axes[0, 1].set_title("predicted minus recorded", fontsize="medium")
     axes[0, 0].legend(fontsize="x-small", ncols=4, loc="upper right")
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")

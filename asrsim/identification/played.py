@@ -1,4 +1,4 @@
-"""Recorded commands as the simulation takes them: smooth in time and in a delay, but for a few large jumps."""
+"""Recorded commands as inputs of the simulation: smooth in time and in the delay, except at a few large jumps."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from asrsim.signals.base import Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Played(Signal):
-    """A recorded command: its mean over each step, so that results are smooth in a delay, but for a few large jumps.
+    """A recorded command, averaged over each step, so that results depend smoothly on its delay.
 
-    These are cut out of the means, and the loop splits its steps at them: a motor at its torque limit does not see a mean.
+    Large jumps are not averaged; the simulation splits its steps there, since a motor at its torque limit responds nonlinearly.
     """
 
     kind: ClassVar[str] = "played"
 
     command: Command
     step: float
-    """s over which means are taken."""
+    """Length of the averaging window, s."""
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0
 
     def values(self, time: Array) -> Array:
-        """gain (recorded - offset), `delay` s later."""
+        """Values gain * (recorded - offset), delayed by `delay` s."""
         at = time - self.delay
         curve = self.command.curve
         ends = curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
         means = (ends[1] - ends[0]) / self.step
         for jump, size in zip(curve.jumps, curve.sizes, strict=True):
-            # A mean over a jump takes the value on its own side.
+            # Near a jump, average only the samples on the same side of the jump.
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
             means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
@@ -50,12 +50,12 @@ class Played(Signal):
 
 
 def noise_of_command(command: Command) -> float:
-    """Deviation of a recorded command's noise."""
+    """Standard deviation of a recorded command's noise."""
     return fine_noise(command.values) if not command.hold and len(command.values) > 8 else 0.0
 
 
 def drawn(commands: Sequence[Command], draw: int | None) -> Sequence[Command]:
-    """Commands with a draw of their noise added; None: as they are."""
+    """Commands with a random draw of their noise added; draw None: unchanged commands."""
     if draw is None:
         return commands
     generator = np.random.default_rng(draw)

@@ -1,5 +1,5 @@
-"""A fit as one frozen value: recordings, what is free, how residuals count. Residuals, derivatives and searches are functions
-of it; another problem is made by `replace`.
+"""A fit as a frozen value: recordings, free parameters and weights. Residuals, derivatives and searches are functions of the
+problem; `replace` makes a changed problem.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.samples import Array
 
 Errors = Sequence[list[Array] | None]
-"""By recording: predicted less recorded of each channel over all of it; None where the simulation diverges."""
+"""For each recording: predicted minus recorded of each channel; None if the simulation diverges."""
 STEP = 1e-6
-"""Of differences, in the vector's units: logarithms, or typical sizes."""
+"""Step of finite differences, in the vector's units: logarithms, or typical sizes."""
 FAR = 1e3
-"""Deviations that a motion counts which is not sane."""
+"""Residual of a diverged simulation, in standard deviations of the noise."""
 REACH, ROUNDS = 0.3, 60
-"""First steps of a search: a third of a parameter's size; its evaluations with derivatives, at most."""
+"""Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
 LINEAR = 0.3
-"""Share of a step's effect that may come unforeseen, before derivatives are taken anew."""
+"""Relative error of the predicted effect of a step above which derivatives are computed again."""
 HUBER = 3.0
-"""Deviations beyond which a residual counts by its size, not its square."""
+"""Residual, in standard deviations of the noise, above which the Huber loss is linear."""
 
 
 def weigh(values: Array, noise: float, quantum: float) -> Array:
-    """Differences (n,) or (n, k) of a channel, in deviations of its noise.
+    """Residuals (n,) or (n, k) of a channel, in standard deviations of its noise.
 
-    The zero of an encoder with steps of `quantum` is known within one only: the mean counts as this uncertainty lets it.
+    The zero of an encoder is known only within its step `quantum`; the weight of the mean is reduced accordingly.
     """
     sizes = values / noise
     zero = len(values) * (quantum / noise) ** 2 / 12.0
@@ -43,79 +43,79 @@ def weigh(values: Array, noise: float, quantum: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One channel among the residuals."""
+    """Position of a channel in the vector of residuals."""
 
     rows: slice
     track: int
     channel: Channel
     noise: float
-    """By which its residuals are divided."""
+    """Standard deviation by which its residuals are divided."""
 
 
 @dataclass
 class Meter:
-    """Counts evaluations, and tells who watches."""
+    """Counts evaluations and calls an observer."""
 
     evaluations: int = 0
     cost: float = np.inf
-    """Mean square of the present search's best residuals."""
+    """Smallest mean Huber loss of the present search."""
     tell: Callable[[], None] = lambda: None
 
     def count(self) -> None:
-        """One more is done."""
+        """Count an evaluation and call the observer."""
         self.evaluations += 1
         self.tell()
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What a vector of parameters is fitted to. Residuals are those of the fitted recordings, up to each one's end of training.
+    """Data of a fit. Residuals cover the training part of the fitted recordings.
 
-    tracks, playing, weights and ends stand side by side, one of each recording; fitted recordings come first.
+    tracks, playing, weights and ends have an element for each recording; fitted recordings come first.
     """
 
     tracks: tuple[Track, ...]
     layout: Layout
     playing: tuple[Playing, ...]
     weights: tuple[tuple[float, ...], ...]
-    """Of each channel: the standard deviation of its noise."""
+    """For each recording and channel: standard deviation of the noise."""
     ends: tuple[float, ...]
-    """s; 0 for recordings that are only predicted."""
+    """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
     share: float = 1.0
-    """Of each recording's training part that counts."""
+    """Fraction of each training part that is fitted."""
 
     @property
     def fitted(self) -> tuple[int, ...]:
-        """Numbers of the recordings that are fitted."""
+        """Indices of the fitted recordings."""
         return tuple(number for number, end in enumerate(self.ends) if end > 0.0)
 
     @property
     def whole(self) -> Problem:
-        """With the part that was held out."""
+        """Problem that fits the held-out parts, too."""
         return replace(self, ends=tuple(0.0 if track.data.held else track.data.duration for track in self.tracks))
 
     @property
     def held(self) -> frozenset[str]:
-        """Commands that are played as stairs."""
+        """Keys of the commands that are played as staircases."""
         return self.playing[0].held
 
     def played(self, held: frozenset[str]) -> Problem:
-        """With these commands as stairs, in all recordings."""
+        """Problem in which these commands are played as staircases, in all recordings."""
         return replace(self, playing=tuple(replace(one, held=held) for one in self.playing))
 
     def under(self, layout: Layout) -> Problem:
-        """With other parameters free."""
+        """Problem with another layout of free parameters."""
         return replace(self, layout=layout)
 
     def until(self, track: int) -> float:
-        """s, end of what counts."""
+        """End of the fitted part of a recording, s."""
         onset = self.tracks[track].onset
         return onset + (self.ends[track] - onset) * self.share
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        """Where each channel's residuals are."""
+        """Positions of all channels in the vector of residuals."""
         found: list[Part] = []
         first = 0
         for track in self.fitted:
@@ -127,17 +127,17 @@ class Problem:
         return tuple(found)
 
     def rows(self, track: int) -> slice:
-        """Residuals of a recording."""
+        """Rows of a recording in the vector of residuals."""
         mine = [part.rows for part in self.parts if part.track == track]
         return slice(mine[0].start, mine[-1].stop)
 
     def weighted(self, differences: Sequence[Array], track: int) -> Array:
-        """(m,) of differences (n,) of each channel of a recording."""
+        """Weighted residuals (m,) from the differences (n,) of each channel of a recording."""
         parts = zip(differences, self.tracks[track].channels, self.weights[track], strict=True)
         return np.concatenate([weigh(one, noise, channel.quantum) for one, channel, noise in parts])
 
     def blocks(self, count: int) -> NDArray[np.intp]:
-        """(m,) number of the block, of about `count` per recording, that each residual belongs to."""
+        """Number (m,) of the time block of each residual; each recording has `count` blocks."""
         numbers = []
         for part in self.parts:
             time = part.channel.time[: part.rows.stop - part.rows.start]
@@ -147,7 +147,7 @@ class Problem:
 
 
 def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> list[Array] | None:
-    """Predicted less recorded, by channel; whole: of all of a recording. None where the motion is not sane."""
+    """Predicted minus recorded for each channel; whole: over the whole recording. None if the simulation diverges."""
     one, until = problem.tracks[track], None if whole else problem.until(track)
     predicted = one.predict(problem.layout.table(x, track), problem.playing[track], until)
     problem.meter.count()
@@ -157,7 +157,7 @@ def errors(problem: Problem, x: Array, track: int, *, whole: bool = False) -> li
 
 
 def residuals(problem: Problem, x: Array) -> Array:
-    """(m,) differences, weighted."""
+    """Weighted residuals (m,) of all fitted recordings."""
     return np.concatenate([_weighted(problem, errors(problem, x, track), track) for track in problem.fitted])
 
 
@@ -172,8 +172,8 @@ def jacobian(
     problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, central: bool = False,
     columns: Sequence[int] | None = None,
 ) -> Array:  # fmt: skip
-    """(m, n) by differences of one side, that which the bounds allow; central: of both, where they allow it: at a corner, where
-    joints stick, columns of different sides would not belong together. base: (m,) residuals at x; columns: only these.
+    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. central: by central differences where the
+    bounds allow them, since sticking joints make residuals non-smooth. base: (m,) residuals at x; columns: computed columns.
     """
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
@@ -189,14 +189,14 @@ def jacobian(
         ]  # fmt: skip
         rows = problem.rows(track)
         for (column, i, move), there in zip(moves, _worlds(problem, x, track, moves), strict=True):
-            # A step into motions that are not sane tells no slope.
+            # A diverged simulation gives no derivative.
             if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
                 matrix[rows, column] += (there - at[rows]) / (2.0 * move if both[i] else move)
     return matrix
 
 
 def _worlds(problem: Problem, x: Array, track: int, moves: Sequence[tuple[int, int, float]]) -> Iterator[Array]:
-    """Weighted residuals of a recording beside x: one rollout."""
+    """Weighted residuals of a recording at points beside x, from one rollout."""
     one, tables = problem.tracks[track], []
     for _, i, move in moves:
         there = x.copy()
@@ -209,18 +209,18 @@ def _worlds(problem: Problem, x: Array, track: int, moves: Sequence[tuple[int, i
 
 
 def huber(values: Array) -> float:
-    """Mean of squares; beyond :data:`HUBER`, of sizes."""
+    """Mean Huber loss: squares, and linear beyond `HUBER`."""
     size = np.abs(values)
     return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
 
 
 def mean_square(problem: Problem, x: Array) -> float:
-    """Of the residuals."""
+    """Mean square of the residuals."""
     return float(np.mean(residuals(problem, x) ** 2))
 
 
 def with_own_substeps(problem: Problem, x: Array) -> Problem:
-    """With the substeps that a run with x's numbers takes; the same where these are its own already."""
+    """Problem with the substeps that a run with the parameters x takes; the unchanged problem if it has them already."""
     playing = []
     for number, (track, one) in enumerate(zip(problem.tracks, problem.playing, strict=True)):
         try:
@@ -232,14 +232,14 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
 
 
 def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Least squares from x within the bounds, by a trust region; robust: outliers count by Huber's loss."""
+    """Solution of bounded least squares from x, by a trust region; robust: with the Huber loss."""
     from scipy.optimize import least_squares
 
     low, high = problem.layout.bounds
-    # The start must be inside; counted from it, the first trust region is REACH wide.
+    # The start must lie inside the bounds. The first trust region around it has the width REACH.
     span = np.where(np.isfinite(high - low), np.minimum(high - low, 1.0), 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
-    # What is not searched over its logarithm may have grown far beyond the size of its start.
+    # A parameter that is not searched over its logarithm may have grown far beyond its start.
     grown = [not entry.parameter.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
 
@@ -254,7 +254,7 @@ def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROU
             at, here, matrix, updates = known.pop()
             step = move - at
             foretold, surprise = matrix @ step, there - here - matrix @ step
-            # Where the last derivatives foretold a step, Broyden's update is as good as new ones.
+            # If the last derivatives predicted the step well, Broyden's update replaces new derivatives.
             if updates < max(2, len(x) // 2) and np.linalg.norm(surprise) < LINEAR * np.linalg.norm(foretold):
                 matrix = matrix + np.outer(surprise, step / float(step @ step))
                 known.append((move.copy(), there, matrix, updates + 1))

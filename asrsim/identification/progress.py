@@ -1,4 +1,4 @@
-"""Progress of a fit, and the wish to stop it."""
+"""Progress reports and interruption of a fit."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ class Progress:
 
     stage: str
     cost: float
-    """Mean square residual of the best so far, or of this start, in deviations of the noise."""
+    """Smallest mean square residual so far, relative to the noise."""
     evaluations: int
     elapsed: float
-    """s."""
+    """Time since the start, s."""
     remaining: float
-    """s to the end, if this start is the last; nan: unknown."""
+    """Estimated remaining time if this start is the last, s; nan: unknown."""
 
 
 OFTEN = 0.2
-"""s."""
+"""Time between progress reports, s."""
 SEARCH, AFTERWARDS = 12, 40
-"""Evaluations for each parameter: of a search, and of everything after it."""
+"""Estimated evaluations per parameter: of a search, and of all later stages."""
 UNFINISHED, INTERRUPTED = "unfinished", "interrupted"
-"""How a fit ended whose time was over, or that the user stopped."""
+"""Status of a fit that reached its time limit, or that the user stopped."""
 
 
 class Watch:
@@ -39,25 +39,25 @@ class Watch:
     def __init__(
         self, progress: Callable[[Progress], None] | None, stop: Callable[[], bool] | None, seconds: float | None = None
     ) -> None:
-        """seconds: after which the search ends."""
+        """seconds: time limit of the search."""
         self._progress, self._stop, self._seconds = progress, stop, math.inf if seconds is None else seconds
         self.ended = INTERRUPTED
-        """Why the search was stopped."""
+        """Status of a search that was stopped."""
         self.began = self._reported = clock.perf_counter()
         self._stage, self._before = "start", 0
         self.best: Best | None = None
         self.ignore_stop = False
-        """The fit is being judged."""
+        """Whether requests to stop are ignored, while the fit is judged."""
 
     def stage(self, name: str) -> None:
-        """Another stage, or another start of the search, begins."""
+        """Begin a stage, or a start of the search."""
         if self.best is not None:
             self.best.problem.meter.cost, self._before = math.inf, self.best.problem.meter.evaluations
         self._stage = name
         self._report()
 
     def tick(self) -> None:
-        """An evaluation is done; raises Stopped."""
+        """Report progress after an evaluation. Raises Stopped if the user stops the fit or its time is over."""
         late = clock.perf_counter() - self.began > self._seconds
         if not self.ignore_stop and (late or (self._stop is not None and self._stop())):
             self.ended = UNFINISHED if late else INTERRUPTED
@@ -66,7 +66,7 @@ class Watch:
             self._report()
 
     def unless_stopped(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
-        """Results that can be done without: none where the user asks for the end."""
+        """Optional results; empty if the user stops the fit meanwhile."""
         self.ignore_stop = False
         try:
             return tuple(found())

@@ -1,4 +1,4 @@
-"""What a fit gives."""
+"""Result of a fit."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 ACCEPTABLE = 0.9
-"""Share of the variance of every channel that a model explains which may be accepted though it does not fit."""
+"""Explained fraction of every channel's variance above which a model that does not fit may be accepted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Result:
-    """What a fit gives."""
+    """Result of a fit."""
 
     task: Task
     estimates: tuple[Estimate, ...]
     combinations: tuple[Combination, ...]
     correlation: Array
     covariance: Array
-    """Of the vector."""
+    """Covariance of the parameter vector."""
     channels: tuple[ChannelFit, ...]
     misfit: tuple[str, ...]
-    """Why the model does not fit; empty where it does."""
+    """Reasons why the model does not fit; empty if it fits."""
     causes: tuple[str, ...]
-    """What may be missing."""
+    """Effects that the model may lack."""
     remarks: tuple[str, ...]
     evaluations: int
     seconds: float
@@ -42,39 +42,41 @@ class Result:
     attempts: int
     successes: int
     status: str
-    """complete, unfinished (its time was over), interrupted or checked."""
+    """complete, unfinished (time limit reached), interrupted or checked."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
-    """s, end of each recording's training part."""
+    """End of each recording's training part, s."""
     series: tuple[tuple[Mapping[str, Any], ...], ...] = field(repr=False)
     """By recording and channel: time, recorded, before, after."""
     scenario: Scenario = field(repr=False)
     robot: Robot = field(repr=False)
     whole: bool = False
-    """Whether the estimates are from whole recordings, the part too that had been held out."""
+    """Whether the estimates are from whole recordings, including the held-out parts."""
     accepted: bool = False
-    """Whether intervals are as wide as estimates from a tenth of the recording differ, since the model does not fit."""
+    """Whether a model that does not fit was accepted; intervals then show the spread of estimates from tenths of the
+    recording.
+    """
     played: Mapping[str, str] = field(default_factory=dict)
-    """Column of a command -> what it was between its samples, as `interpolation:` of a playback says it."""
+    """Column of a command -> interpolation between its samples, as `interpolation:` of a playback."""
 
     @property
     def fits(self) -> bool:
-        """Whether the model explains what was recorded, as far as the noise lets see."""
+        """Whether the model explains the recordings within the noise."""
         return not self.misfit
 
     @property
     def explained(self) -> float:
-        """Share of the variance of every channel that the model explains, at least."""
+        """Smallest explained fraction of a channel's variance."""
         return min((one.explained for one in self.channels if not math.isnan(one.explained)), default=0.0)
 
     def find(self, key: str) -> Estimate:
-        """The estimate of a key (its first, where each recording has its own); KeyError."""
+        """Estimate of a key, the first if each recording has a separate value. Raises KeyError."""
         for one in self.estimates:
             if key in (one.key, one.name):
                 return one
         raise KeyError(key)
 
     def values(self) -> dict[str, float]:
-        """Key -> estimate of what all recordings share, ties followed."""
+        """Key -> estimate of the shared parameters, and those of the first recording, including tied parameters."""
         return self.layout.table(self.x, 0)

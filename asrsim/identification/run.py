@@ -27,7 +27,7 @@ from asrsim.samples import Array
 from asrsim.workers import one_thread
 
 APART = 10.0
-"""Mean square error of whole recordings, in that of the training part, from which on no values explain them."""
+"""Ratio of the mean square errors of whole recordings and training parts above which no parameters explain both."""
 
 
 def identify(
@@ -41,20 +41,20 @@ def identify(
     seconds: float | None = None,
     **options: Any,
 ) -> Result:
-    """Fit parameters to recordings: everything that `asrsim identify` does but the files.
+    """Result of fitting parameters to recordings, as `asrsim identify` does, without files.
 
         result = asrsim.identify("lab.yaml", ["a.csv"], free=["joint_1.spring_k_1"])
         result.find("joint_1.spring_k_1").value
 
     Args:
-        scenario: Scenario or fit file, or a task of :func:`task_of`.
-        experiments, options: As :func:`task_of` takes them.
-        progress: Called now and then.
+        scenario: Scenario or fit file, or a task from `task_of`.
+        experiments, options: Arguments of `task_of`.
+        progress: Called about five times a second.
         stop: Called between evaluations; True ends the search, and the best fit so far is judged.
-        check: Only look: sensitivities at the start.
-        accept: If the model does not fit but explains 90 % of the variance of every channel, give intervals that are as wide
-            as estimates from a tenth of the recording differ.
-        seconds: Time after which the search ends and the best fit so far is judged, as `unfinished`; None: no limit.
+        check: Compute only the sensitivities at the start.
+        accept: If the model does not fit but explains 90 % of the variance of every channel, give intervals that show the
+            spread of estimates from tenths of the recording.
+        seconds: Time limit of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
         InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
@@ -68,7 +68,7 @@ def identify(
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = _errors(problem, start)
         if any(before[track] is None for track in problem.fitted):
-            message = "the motion at the start is not sane: it diverges before the recording ends"
+            message = "the simulation with the start values diverges before the recording ends"
             raise SimulationError(f"{message}. Give other starts (--free KEY=START), or a smaller step")
         problem.meter.tell = watch.tick
         watch.best = best = Best(problem, start.copy())
@@ -78,7 +78,7 @@ def identify(
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
-    """How the search ended; `best` has its result."""
+    """Status of the search, whose result is in `best`."""
     try:
         search(best, setup, watch.stage)
         watch.stage("substeps and weights")
@@ -106,7 +106,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
         causes = [*foreign(fits), *watch.unless_stopped(lambda: _causes(problem, trained))]
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
-        misfit.append("no values explain whole recordings: estimates are from the part that is not held out")
+        misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += ties_that_are_none(final, x, found) if complete else []
     accepted = accept and bool(misfit) and min(one.explained for one in fits) >= ACCEPTABLE
     found = found.of_a_block if accepted else found
@@ -129,7 +129,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[str]:
-    """What the model may lack, in the training part, or in whole recordings where only the held-out part does not fit."""
+    """Sentences on effects that the model may lack, from the training part, or from whole recordings if that part fits."""
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
         plain = plain.whole
@@ -138,7 +138,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[str]:
 
 
 def _unsure(problem: Problem, x: Array) -> list[float]:
-    """For each channel, RMS of the change of its held-out prediction within the deviations of the estimates."""
+    """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
     values, vectors = np.linalg.eigh(uncertainty(problem, x, bounds_met(problem.layout, x)).covariance)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in problem.tracks)
     everything = replace(problem, ends=tuple(track.data.duration for track in problem.tracks), weights=weights)
@@ -151,9 +151,9 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
 
 
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty, list[bool]]:
-    """The estimate of a complete fit, from whole recordings where values explain them; its uncertainty; entries at bounds."""
+    """Problem, estimate, uncertainty and entries at bounds, from whole recordings if the fit is complete and explains them."""
     if status != "complete":
-        # An entry that has only been looked at may begin at a bound, as a delay of 0: it has not ended there.
+        # In a check an entry may start at a bound, such as a delay of 0; it was not driven there.
         met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
         return problem, trained, uncertainty(problem, trained, met, foreseen=status == "checked"), met
     whole, x = problem.whole, trained
@@ -167,27 +167,27 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
 
 
 def _remarks(setup: Setup, best: Best) -> Iterator[str]:
-    """How recordings were taken, and parameters that are estimated though nobody asked for them."""
+    """Sentences on how recordings were read, and on parameters that were freed automatically."""
     tracks, keys = best.problem.tracks, {entry.parameter.key for entry in best.problem.layout.entries}
     yield from (f"{track.data.name}: {text}" for track in tracks for text in track.data.remarks)
     for key in sorted(keys - setup.asked):
         if key.endswith("friction_stiffness"):
-            yield f"{key} is estimated, too: the recording asks for another stiffness of the friction before it slides"
+            yield f"{key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if held := best.problem.held:
         yield (
-            f"{', '.join(sorted(held))}: played as stairs, each sample held until the next, as a digital controller does: the "
-            "recording asks for it (`interpolation: hold` of the scenario's playback)"
+            f"{', '.join(sorted(held))}: played as a staircase, since the recording shows that each sample was held until the "
+            "next (`interpolation: hold` of the scenario's playback)"
         )
     for track in tracks:
         for key in keys.intersection(track.uncertain):
             yield (
-                f"{track.data.name}: {key} is estimated, too: the recording begins elsewhere than the scenario, in motion, or "
-                "where a sensor said"
+                f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
+                "scenario, in motion, or at a measured position"
             )
 
 
 def _series(problem: Problem, before: Errors, after: Errors) -> Iterator[tuple[dict[str, Any], ...]]:
-    """For each recording and channel, the lines of its picture."""
+    """Lines of the picture of each recording and channel."""
     for track, old, new in zip(problem.tracks, before, after, strict=True):
         yield tuple(
             {

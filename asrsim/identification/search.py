@@ -1,5 +1,5 @@
-"""The search: least squares from several starts, over a growing horizon where one shot does not fit; then the substeps and
-weights that the estimates ask for.
+"""The search: least squares from several starts, some with a growing horizon. Substeps and weights are then adapted to the
+estimates.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from asrsim.identification.setup import Setup
 from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
-"""Fractions of the training part, one after the other: swings stay within half a period of each other."""
+"""Successive fractions of the training part: predicted and recorded oscillations stay within half a period."""
 NEARER = 0.5
-"""Fraction of the start's cost that a start from regression may have: near the noise, its bias would mislead."""
+"""Largest cost of a start from regression, relative to the user's start, at which the regression is used."""
 AGREED = 2
-"""Searches of a model that does not fit that must end alike."""
+"""Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
 OUTLIER = 6.0
-"""Robust standard deviations beyond which a residual is an outlier."""
+"""Robust standard deviations above which a residual is an outlier."""
 SPREAD = 3.0
 """Factor by which starts are scattered."""
 
 
-class Stopped(Exception):  # noqa: N818 - no error: the user has seen enough
-    """Raised between evaluations when the user asks for the end."""
+class Stopped(Exception):  # noqa: N818 - a request, not an error
+    """Raised between evaluations when the user stops the fit."""
 
 
 @dataclass
 class Best:
-    """The best fit so far: kept outside the search, so that it survives an interruption."""
+    """The best fit so far, stored outside the search so that it survives an interruption."""
 
     problem: Problem
     x: Array
@@ -52,10 +52,10 @@ class Best:
     how: str = "start"
     attempts: int = 0
     successes: int = 0
-    """Searches that ended as near as the best."""
+    """Number of searches that ended at the best cost."""
 
     def offer(self, found: Extended, how: str) -> None:
-        """The end of another search."""
+        """Store the end of a search if it is the best."""
         self.attempts += 1
         near = np.isfinite(self.cost) and max(self.cost, found.cost) < 1.02 * min(self.cost, found.cost)
         if found.cost < self.cost * (1.0 - 1e-4):
@@ -66,10 +66,10 @@ class Best:
 
 
 def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
-    """Try starts until one fits; `best` has the best of them at any time."""
+    """Search from several starts until the model fits, and store the best fit in `best`."""
     for number, (how, start, horizons) in enumerate(islice(_attempts(best, best.x.copy()), setup.task.starts)):
         tell(how)
-        # Beside starts that are far off, commands played as stairs would fit better by chance.
+        # Far from the solution, staircase commands might fit better by chance.
         problem = best.problem.played(frozenset())
         x = np.append(start, np.zeros(len(problem.layout) - len(start)))
         for share in horizons:
@@ -87,7 +87,7 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
 
 
 def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts: the user's or that from regression, then scattered ones with losses divided otherwise."""
+    """Starts: the user's or the regression's, then scattered starts with differently divided losses."""
     generator = np.random.default_rng(0)
     how, first = _nearest(best.problem, start)
     yield how, first, SHORT
@@ -100,7 +100,7 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
         moved = best.x.copy() if number % 2 else start.copy()
         for i, entry in enumerate(layout.entries):
             if i in losses:
-                # Friction that the motor has may belong to the link, and the other way round.
+                # Friction may be attributed to the motor instead of the link, or vice versa.
                 size = max(entry.value(float(moved[i])), 0.3 * entry.parameter.size)
                 moved[i] = entry.place(size * float(np.exp(generator.uniform(-1.0, 1.0) * np.log(2.0 * SPREAD))))
             elif number % 2 == 0:
@@ -111,7 +111,7 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
 
 
 def _nearest(problem: Problem, start: Array) -> tuple[str, Array]:
-    """The user's start, or that from regression, whichever is nearer to the beginning of the recordings."""
+    """Start of the user or of the regression, whichever fits the beginning of the recordings better."""
     known, short = regressed(problem, start), replace(problem, share=SHORT[0])
     if known is not None and huber(residuals(short, known)) < NEARER * huber(residuals(short, start)):
         return "a start from regression", known
@@ -119,7 +119,7 @@ def _nearest(problem: Problem, start: Array) -> tuple[str, Array]:
 
 
 def has_outliers(values: Array) -> bool:
-    """Whether single samples are far off: neighbours that are off together are the model's fault."""
+    """Whether the residuals have isolated outliers; consecutive large residuals are model errors."""
     size = np.abs(values - np.median(values))
     far = size > 5.0 * np.median(size) / 0.6745
     alone = far[1:-1] & ~far[:-2] & ~far[2:]
@@ -127,14 +127,14 @@ def has_outliers(values: Array) -> bool:
 
 
 def refined(problem: Problem, x: Array, rounds: int) -> Array:
-    """Least squares from a vector near the end; outliers count by Huber's loss."""
+    """Least-squares solution from a vector near it, with the Huber loss if there are outliers."""
     return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
 
 def settle(best: Best, setup: Setup) -> None:
-    """The substeps of a run with the estimates, weights from the residuals, and pre-sliding if recordings ask for it."""
+    """Adapt substeps and weights to the estimates, and add pre-sliding friction if it is significant."""
     _resolve(best)
-    # Many samples show pre-sliding even where the residuals look like noise.
+    # With many samples, pre-sliding is significant even if the residuals look like noise.
     found = extended(best.problem, best.x, lambda wider, _: presliding(wider, setup.robot), enough=is_explained)
     if found.chosen:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
@@ -151,7 +151,7 @@ def _resolve(best: Best) -> None:
 
 
 def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
-    """Once more with each channel's noise as its residuals show it."""
+    """Problem weighted by the noise in the residuals, and its solution."""
     found = [*problem.weights]
     for track in problem.fitted:
         found[track] = tuple(map(noise_of_residuals, errors(problem, x, track) or [np.ones(1)]))
@@ -160,6 +160,6 @@ def _reweighted(problem: Problem, x: Array) -> tuple[Problem, Array]:
 
 
 def noise_of_residuals(left: Array) -> float:
-    """Root mean square of residuals (n,) without outliers; an offset of all of them is no outlier, and counts."""
+    """Root mean square of residuals (n,) without outliers; a common offset is included."""
     away = np.abs(left - np.median(left))
     return max(rms(left[away <= OUTLIER * float(np.median(away)) / 0.6745 + 1e-300]), 1e-12)

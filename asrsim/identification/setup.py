@@ -1,4 +1,4 @@
-"""A task read and made ready: scenario, robot, recordings with their simulations, and the problem that is to be solved."""
+"""Preparation of a fit: scenario, robot, recordings with their simulations, and the least-squares problem."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from asrsim.scenario.data import Scenario
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A task read and made ready."""
+    """A task with all that was read for it."""
 
     task: Task
     scenario: Scenario
@@ -31,7 +31,7 @@ class Setup:
 
 
 def set_up(task: Task, stack: ExitStack) -> Setup:
-    """Read and check everything. Raises InputError with all that is wrong."""
+    """Prepared fit of a task. Raises InputError with every problem."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     for plugin in task.plugins:
@@ -48,10 +48,10 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     for one in data:
         tracks.append(track_of(scenario, given, one, robot, asked))
         stack.callback(tracks[-1].close)
-    # Starts of links that a recording finds elsewhere than the scenario, or in motion.
+    # Free initial states of links that begin elsewhere than in the scenario, or in motion.
     starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)
     free += [known[key] for key in starts if key not in asked]
-    # Own values of recordings that are only predicted would be guesses: clocks and starts keep theirs.
+    # Recordings that are not fitted keep the start values of their separate parameters.
     layout = make_layout(free, ties, [one.name for one in data], [_start(track) for track in tracks if not track.data.held])
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.held else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)

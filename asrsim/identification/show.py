@@ -1,4 +1,4 @@
-"""A fit on the terminal: tables of parameters and errors, remarks, the judgement."""
+"""Result of a fit as text: tables of parameters and errors, remarks and judgement."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from asrsim.identification.result import Result
 from asrsim.identification.verdicts import HOPELESS, Estimate
 
 CORRELATED = 0.95
-"""Correlation from which on two estimates are named."""
+"""Correlation above which two estimates are named."""
 NOTHING = 1e-6
-"""Fraction of an interval's width below which a number is rounding: the table has five digits."""
+"""Fraction of an interval's width below which a number is shown as 0."""
 
 Columns = Sequence[tuple[str, list[str], bool]]
-"""Heading, cells, and whether they are numbers, as :func:`asrsim.cli.console.say_table` takes them."""
+"""Heading, cells and whether they are numbers, for `asrsim.cli.console.say_table`."""
 
 
 def columns(result: Result) -> Columns:
-    """The table of parameters."""
+    """Table of parameters."""
     rows = result.estimates
     return (
         ("parameter", [one.name for one in rows], False),
@@ -34,7 +34,7 @@ def columns(result: Result) -> Columns:
 
 
 def errors(result: Result) -> Columns:
-    """The table of channels: errors before and after the fit, of the training part and of the held-out part."""
+    """Table of channels: errors before and after the fit, of the training part and of the held-out part."""
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
     names = [f"{one.key} ({one.recording})" if several else one.key for one in rows]
@@ -67,31 +67,34 @@ def remarks(result: Result) -> Iterator[tuple[str, str]]:
 def judgement(result: Result) -> Iterator[tuple[str, str]]:
     """(text, style) of whether the model fits."""
     if result.status == "checked":
-        yield "only looked: these are the intervals that the recordings allow, if the starts are near", "bold"
+        yield "check only: these intervals are possible with the recordings if the start values are close", "bold"
         return
     if result.status != "complete":
-        yield f"{result.status}: the best so far", "yellow"
+        yield f"{result.status}: the best fit so far", "yellow"
         return
     if result.whole:
-        yield "errors are those of a fit without the held-out part; estimates are from whole recordings", "dim"
+        yield "errors are from a fit without the held-out part; estimates are from whole recordings", "dim"
     if result.fits:
         yield praise(result.channels), "green"
         return
-    yield "model does not fit: intervals hold for this model only", "bold red"
+    yield "model does not fit: the intervals are valid only if the model is right", "bold red"
     for text in (*result.misfit, *result.causes):
         yield f"  {text}", "red"
     known = [one for one in result.channels if math.isfinite(one.explained)]
     if known:
         worst = min(known, key=lambda one: one.explained)
-        yield f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}, and no less of the others", "red"
+        yield (
+            f"  it explains {100.0 * worst.explained:.4g} % of the variance of {worst.key}, and more of the other channels",
+            "red",
+        )
     if result.accepted:
-        yield "  accepted: intervals are as wide as estimates from a tenth of the recording differ", "yellow"
+        yield "  accepted: intervals show the spread of estimates from tenths of the recording", "yellow"
     if not result.causes:
-        yield "  what is missing does not show; look at the residuals in its picture", "red"
+        yield "  no missing effect was found; look at the residuals in the picture", "red"
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:
-    """As many digits as the interval allows; a number that is nothing beside the interval is 0."""
+    """Number as text; 0 if it is negligible beside the width of its interval."""
     width = 0.0 if math.isnan(one.low) else one.high - one.low
     return "0" if abs(number) < NOTHING * width else f"{number:.{count}g}"
 

@@ -1,4 +1,4 @@
-"""What `asrsim identify` is asked: scenario, recordings, free parameters, ties; from a file or from the command line."""
+"""Task of `asrsim identify`: scenario, recordings, free parameters and ties, from a fit file or the command line."""
 
 from __future__ import annotations
 
@@ -26,30 +26,35 @@ _TIE = re.compile(r"(?:(?P<factor>[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A recording and how it is read."""
+    """A recording, and how its columns are read."""
 
     file: Path = declare(File(noun="recording", attach=False, folder=True, exists=False), doc="the recording")
     mapping: tuple[str, ...] = declare(
-        ListOf(of=Text()), key="map", default=(), doc="what columns are, as `--map` says it: `COLUMN=JOINT.QUANTITY [unit]`"
+        ListOf(of=Text()),
+        key="map",
+        default=(),
+        doc="joint and quantity of columns, as in `--map`: `COLUMN=JOINT.QUANTITY [unit]`",
     )
-    rate: float | None = declare(Optional(Number(above=0.0)), default=None, unit="Hz", doc="of a recording without time")
+    rate: float | None = declare(
+        Optional(Number(above=0.0)), default=None, unit="Hz", doc="sampling rate of a recording without time"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """A key, or a pattern of keys, that is to be free."""
+    """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
 
     start: float | None = declare(Optional(NUMBER), default=None, shown="the robot's", doc="where the search begins")
     low: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="least value")
     high: float | None = declare(Optional(NUMBER), default=None, shown="what is physical", doc="largest value")
     own: bool | None = declare(
-        Optional(Boolean()), default=None, shown="of clocks and starts", doc="each recording has its own value"
+        Optional(Boolean()), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tie:
-    """A key that is a multiple of another; patterns with `*` stand for several of each."""
+    """A parameter that is a multiple of another; with `*` the tie holds for all matching keys."""
 
     key: str
     to: str
@@ -65,12 +70,17 @@ _FREE = MapOf(of=_WISH, noun="key", star=False)
 class Task:
     """A fit as data. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
 
-    scenario: Path = declare(File(noun="scenario", attach=False), doc="plays the commands that no recording has")
-    variant: str | None = declare(Optional(Text(noun="name of a variant")), default=None, doc="of the scenario")
+    scenario: Path = declare(
+        File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
+    )
+    variant: str | None = declare(Optional(Text(noun="name of a variant")), default=None, doc="variant of the scenario")
     overrides: tuple[str, ...] = ()
     experiments: tuple[Experiment, ...] = declare(ListOf(of=_EXPERIMENT, minimum=1), doc="recordings that are fitted")
     validate: tuple[Experiment, ...] = declare(
-        ListOf(of=_EXPERIMENT), default=(), shown="the last part of each recording", doc="recordings that are only predicted"
+        ListOf(of=_EXPERIMENT),
+        default=(),
+        shown="the last part of each recording",
+        doc="recordings that are predicted but not fitted",
     )
     free: Mapping[str, Wish] = declare(
         _FREE, default={},
@@ -80,16 +90,18 @@ class Task:
         MapOf(of=Text(), noun="key", star=False), default=(), doc="key -> `other key`, or `0.5 * other key`"
     )
     compare: tuple[str, ...] = declare(
-        ListOf(of=Text()), default=(), shown="all that simulation and recording have", doc="`joint.quantity` to compare"
+        ListOf(of=Text()), default=(), shown="all that are simulated and recorded", doc="`joint.quantity` to compare"
     )
     noise: Mapping[str, float] = declare(
         MapOf(of=Number(above=0.0), noun="joint.quantity", star=False), default={}, shown="estimated",
         doc="standard deviation of a channel's noise, in its unit",
     )  # fmt: skip
     hold_out: float = declare(
-        Number(minimum=0.0, maximum=0.9), default=0.25, doc="share of each recording, at its end, that is only predicted"
+        Number(minimum=0.0, maximum=0.9),
+        default=0.25,
+        doc="fraction at the end of each recording that is predicted but not fitted",
     )
-    starts: int = declare(Integer(minimum=1), default=6, doc="starts that are tried, at most, until one fits")
+    starts: int = declare(Integer(minimum=1), default=6, doc="largest number of starts that are tried until the model fits")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
         default=(),
@@ -97,7 +109,7 @@ class Task:
     )
     name: str = ""
     file: Path | None = None
-    """The fit file; None: the task is of a scenario."""
+    """The fit file; None if the task was made from a scenario."""
 
 
 _KEYS: Block[Any] = block_of(Task, "fit")
@@ -118,18 +130,18 @@ def task_of(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """That of a scenario, or of a fit file: free parameters, ties and recordings to validate are added to the file's, the rest
-    stands in place of it. Raises InputError with every problem.
+    """Task of a scenario or a fit file. Free parameters, ties and recordings to validate are added to the fit file's; other
+    arguments replace its values. Raises InputError with every problem.
 
-    free: `KEY[=...]` texts, or key -> what a file says of it; ties: `KEY=[FACTOR*]KEY` texts, or key -> text; own: keys of
-    which each recording has its own value; mapping, rate: of all recordings; plugins: users' actuators that a file may run.
+    free: `KEY[=...]` texts, or key -> value as in a fit file; ties: `KEY=[FACTOR*]KEY` texts, or key -> text; own: keys with
+    a separate value for each recording; mapping, rate: for all recordings; plugins: files that the fit file may load.
     """
     path, faults, base = Path(scenario), list[Problem](), Path()
     fit = kind_of(path) == "fit"
     if fit:
         if said := [name for name, value in (("experiments", experiments), ("mapping", mapping), ("rate", rate)) if value]:
-            message = f"a fit file names its recordings itself, and how they are read; without it: {', '.join(said)}"
-            raise InputError(message, file=path, hint="Write them into it, under `experiments`", code="fit-file")
+            message = f"a fit file names its recordings; these options are not allowed beside it: {', '.join(said)}"
+            raise InputError(message, file=path, hint="Write them into the fit file, under `experiments`", code="fit-file")
         root, base = read_document(path, "fit", faults=faults)[0], path.parent
     else:
         read_document(path, "scenario")
@@ -159,12 +171,12 @@ def task_of(
 
 
 def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float | None) -> list[dict[str, Any]]:
-    """As a fit file lists them."""
+    """Recordings as in a fit file."""
     return [{"file": str(one), "map": one_or_more(mapping), "rate": rate} for one in one_or_more(files)]
 
 
 def _with(root: Node, given: Mapping[str, Any]) -> Node:
-    """A document with other values; mappings and recordings to validate are added to its own."""
+    """Document with replaced values; mappings and recordings to validate are merged."""
     if not isinstance(root.value, dict):
         return root
     merged = dict(root.value)
@@ -190,21 +202,21 @@ def _read(root: Node, base: Path, faults: list[Problem]) -> dict[str, Any]:
 
 
 def _tie(key: str, text: str, path: Path) -> Tie:
-    """`other` or `0.5 * other`. Raises InputError."""
+    """Tie from `other` or `0.5 * other`. Raises InputError."""
     match = _TIE.fullmatch(text.strip())
     if match is None or (number := _number(match["factor"] or "1")) is None:
         hint = "Write KEY=OTHER or KEY=0.5*OTHER"
-        raise InputError("is no tie", file=path, key=key, value=text, hint=hint, code="tie")
+        raise InputError("is not a tie", file=path, key=key, value=text, hint=hint, code="tie")
     return Tie(key=key.strip(), to=match["key"].strip(), factor=number)
 
 
 def _wish(text: str) -> tuple[str, dict[str, float | None]]:
-    """Key, and what a file says of it, of `KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises InputError."""
+    """Key, and start and bounds, from `KEY`, `KEY=START`, `KEY=LOW:HIGH` or `KEY=LOW:START:HIGH`. Raises InputError."""
     key, equals, value = text.partition("=")
     numbers = [_number(part) for part in value.split(":")] if equals else []
     if not key.strip() or None in numbers or len(numbers) > 3:
         hint = "Write KEY, KEY=START, KEY=LOW:HIGH or KEY=LOW:START:HIGH"
-        raise InputError("is no free parameter", key="free", value=text, hint=hint, code="free")
+        raise InputError("is not a free parameter", key="free", value=text, hint=hint, code="free")
     names = ((), ("start",), ("low", "high"), ("low", "start", "high"))[len(numbers)]
     return key.strip(), dict(zip(names, numbers, strict=True))
 

@@ -1,4 +1,4 @@
-"""One recording beside its simulation: from numbers by key to predicted channels."""
+"""A recording with its simulation, which predicts the recorded channels from parameters."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
-"""Last parts of keys that belong to recordings."""
+"""Last parts of keys of parameters that belong to recordings, not to the robot."""
 DIGITS = 3
-"""Of rad or m, in which people write where a joint begins."""
+"""Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL = 4.5
-"""Deviations of the mean within which a recording begins where the scenario does."""
+"""Standard errors within which a recording's initial state equals the scenario's."""
 SOON = 0.05
-"""s after 0 at which a channel must begin to tell of the start."""
+"""Latest begin of a channel that gives the initial state, s."""
 KEPT = 6
-"""Predictions, and ways to play commands, that a track remembers."""
+"""Number of predictions, and of played commands, that a track caches."""
 
 
 Settings = tuple[tuple[str, float], ...]
-"""Keys with their values."""
+"""Pairs of key and value."""
 
 
 @dataclass(frozen=True)
 class Playing:
-    """How a recording's inputs are played, and how finely its simulation is stepped."""
+    """How a recording's commands are played, and how many substeps the simulation takes."""
 
     substeps: Substeps
     held: frozenset[str] = frozenset()
-    """Keys of commands that are played as stairs: what gave them held each sample until the next."""
+    """Keys of commands that are played as staircases: each sample is held until the next."""
     draw: int | None = None
-    """Number of the draw of noise that is added to the recorded inputs."""
+    """Random seed of the noise that is added to the recorded commands; None: no noise."""
 
 
 class Track:
-    """A recording with the simulation that is fitted to it; nothing of it changes."""
+    """A recording with the simulation that is fitted to it; immutable."""
 
     def __init__(self, scenario: Scenario, robot: Robot, data: Data, trusted: Collection[str] = ()) -> None:
-        """trusted: `joint.quantity` whose zero is free: there the scenario's start holds."""
+        """trusted: `joint.quantity` whose zero is free; these joints start as in the scenario."""
         self.data = data
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
@@ -56,22 +56,22 @@ class Track:
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
         self.uncertain: tuple[str, ...] = ()
-        """Keys of starts that are not the scenario's: joints that begin elsewhere, or in motion."""
+        """Keys of initial positions and velocities that differ from the scenario's."""
         self.positions, self.velocities = tuple(self.door.positions), tuple(self.door.velocities)
         self.motors: Mapping[str, Sequence[float]] = {}
         self._begin(trusted)
         self.onset = min(map(_onset, data.channels))
-        """s at which something begins to move."""
+        """Time of the first motion, s."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """What is compared."""
+        """Compared channels."""
         return self.data.channels
 
-    # -- where it begins -----------------------------------------------------------------------------------------------
+    # -- initial state -------------------------------------------------------------------------------------------------
 
     def _begin(self, trusted: Collection[str]) -> None:
-        """Where links and motors are at 0: the scenario's start where the recording does not contradict it."""
+        """Set the initial state: the scenario's, unless the recording contradicts it."""
         home = self.positions, self.velocities
         positions, velocities, motors, uncertain = [*home[0]], [*home[1]], dict[str, Sequence[float]](), list[str]()
         for j, joint in enumerate(self.door.joints):
@@ -83,7 +83,7 @@ class Track:
             moving = abs(speed) > STILL * speed_error
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
-            # A start that is no round number was read off a recording, with its noise.
+            # A start that is not a round number was read from a noisy recording.
             measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
             if abs(place - positions[j]) > STILL * place_error or moving or measured:
                 if channel.key not in trusted:
@@ -101,7 +101,7 @@ class Track:
             if any(abs(place - was) > STILL * error for (place, error), was in zip(known, rest, strict=True)):
                 motors[drive.name] = [place for place, _ in known]
                 if self._channel(drive.name, "link_position") is None:
-                    # What rests on its motors begins with them.
+                    # A link at rest moves with the initial positions of its motors.
                     positions[j] += float(np.mean(motors[drive.name]) - np.mean(rest))
         self.positions, self.velocities = tuple(positions), tuple(velocities)
         self.motors, self.uncertain = motors, tuple(uncertain)
@@ -109,15 +109,15 @@ class Track:
     def _channel(self, joint: str, quantity: str) -> Channel | None:
         return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
 
-    # -- what is predicted ---------------------------------------------------------------------------------------------
+    # -- prediction ----------------------------------------------------------------------------------------------------
 
     @property
     def playing(self) -> Playing:
-        """Commands as they were recorded, with a run's own substeps."""
+        """Unchanged recorded commands, with the default substeps."""
         return Playing(self.door.substeps)
 
     def predict(self, values: Mapping[str, float], playing: Playing, until: float | None = None) -> list[Array] | None:
-        """Each channel at its recorded times up to `until` s, shorter then; None where the motion is not sane."""
+        """Prediction of each channel at its recorded times up to `until` s; None if the simulation diverges."""
         return self._predicted(tuple(sorted(values.items())), playing, until)
 
     def _predict(self, values: Settings, playing: Playing, until: float | None) -> list[Array] | None:
@@ -126,7 +126,7 @@ class Track:
     def predictions(
         self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float | None = None
     ) -> Iterator[list[Array] | None]:
-        """The same of several sets of numbers: worlds of one rollout."""
+        """Predictions as from `predict` for several sets of parameters, in one rollout."""
         steps = None if until is None else min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         found = self.door.rollout(self.wanted, worlds, steps=steps, substeps=playing.substeps)
@@ -134,11 +134,11 @@ class Track:
             yield None if series is None else self._sensed(values, series, until)
 
     def series(self, values: Mapping[str, float], playing: Playing, names: Sequence[tuple[int, str]]) -> Array | None:
-        """Quantities (joint's number, name) at whole steps, whether they were recorded or not; None as :meth:`predict`."""
+        """Simulated quantities (index of joint, name) at whole steps; None if the simulation diverges."""
         return next(self.door.rollout(names, [self._world(values, playing)], substeps=playing.substeps))
 
     def _sensed(self, values: Mapping[str, float], series: Array, until: float | None) -> list[Array]:
-        """Channels as their sensors show them, of series at whole steps."""
+        """Channels as the sensors measure them, from simulated series at whole steps."""
         clock, predicted = values.get(CLOCK, 0.0), []
         for channel, exact in zip(self.channels, series, strict=True):
             time = channel.time if until is None else channel.time[channel.time <= until + 1e-9]
@@ -153,7 +153,7 @@ class Track:
             for what, start in (("position", self.positions), ("velocity", self.velocities))
         )
         for drive in self.door.drives:
-            # A recording may begin a hair beyond a stop.
+            # A noisy recording may begin slightly beyond a stop.
             positions[drive.name] = min(max(positions[drive.name], drive.joint.stops[0]), drive.joint.stops[1])
         return Start(
             parameters=numbers_of(values), references=self.references(values, playing), positions=positions,
@@ -161,7 +161,7 @@ class Track:
         )  # fmt: skip
 
     def references(self, values: Mapping[str, float], playing: Playing) -> Mapping[str, Mapping[str, Played]]:
-        """Commands with the gains, offsets and delays among `values`; the same object where nothing of it changes."""
+        """Commands with the gains, offsets and delays in `values`; cached, so that equal commands are the same object."""
         keys = {command.key for command in self.data.commands}
         own = tuple((key, value) for key, value in values.items() if key.rpartition(".")[0] in keys)
         return self._references(own, playing)
@@ -177,11 +177,11 @@ class Track:
 
     @property
     def has_noisy_inputs(self) -> bool:
-        """Whether the recorded commands have noise that moves anything."""
+        """Whether the recorded commands have noise that affects the motion."""
         return any(noise_of_command(one) > 2e-6 * np.ptp(one.values) for one in self.data.commands)
 
     def shaken(self, values: Mapping[str, float], playing: Playing, draw: int = 0) -> list[Array] | None:
-        """By how much noise as the recorded inputs have it moves each channel (n,): one draw; None where it moves nothing."""
+        """Change (n,) of each channel due to one draw of the commands' noise; None if the commands have no noise."""
         if not self.has_noisy_inputs:
             return None
         before, after = (self.predict(values, one) for one in (playing, replace(playing, draw=draw)))
@@ -198,8 +198,8 @@ def _onset(channel: Channel) -> float:
 
 
 def _scenario(scenario: Scenario, data: Data) -> Scenario:
-    """Of the recording's length and modes."""
-    # References of another mode would be unknown there; what is played replaces them all.
+    """Scenario with the recording's duration, operation modes and commands."""
+    # References of a replaced mode are unknown in the new mode; the recorded commands replace them.
     references = {joint: dict(signals) for joint, signals in scenario.references.items() if joint not in data.modes}
     for command in data.commands:
         if command.name != EXTERNAL:
@@ -212,7 +212,7 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
 
 
 def numbers_of(values: Mapping[str, float]) -> Numbers:
-    """Those of the robot, by joint or link."""
+    """Parameters of the robot, by joint or link."""
     robot: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
@@ -222,7 +222,7 @@ def numbers_of(values: Mapping[str, float]) -> Numbers:
 
 
 def interpolate(series: Array, place: Array) -> Array:
-    """Series (n,) at places (m,) in samples, by cubics through four samples; the ends hold."""
+    """Series (n,) interpolated at positions (m,) in samples, by cubics through four samples; constant beyond the ends."""
     last = len(series) - 1
     place = np.clip(place, 0.0, last)
     nearest = np.round(place)

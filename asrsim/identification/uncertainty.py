@@ -1,4 +1,4 @@
-"""Intervals of the estimates: least squares under the noise that residuals show, compared with the spread between blocks.
+"""Intervals of the estimates, from the noise in the residuals and from the spread between blocks of the recordings.
 
 The covariance of least squares is H S H: H is the inverse of J'J, S the covariance of J'r. S follows from the noise of each
 channel: from its spectrum, by an autoregression of the residuals, and from the steps of its encoder.
@@ -18,69 +18,69 @@ from asrsim.identification.problem import Part, Problem, jacobian, residuals, we
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Of each recording, whose gradients give the spread."""
+"""Number of blocks of each recording whose gradients give the spread."""
 CHANCE = 0.95
-"""The spread counts where it is larger than that of white noise is with this probability."""
+"""Quantile of the spread under white noise above which the spread between blocks is used."""
 GONE = 1e-12
-"""Fraction of the largest singular value below which a direction is rounding."""
+"""Fraction of the largest singular value below which a direction is unidentifiable."""
 CORNER = 1e-5
-"""Step of differences, in the vector's units: larger than corners where a joint sticks, small beside any deviation."""
+"""Step of finite differences, in the vector's units: larger than kinks due to sticking, smaller than standard deviations."""
 REACH = 1e-3
-"""Longest step along a direction over which its slope is taken, in the vector's units."""
+"""Longest step of a directional derivative, in the vector's units."""
 DRAWS = 100
-"""Of an encoder's steps."""
+"""Number of random draws of an encoder's quantisation."""
 AGREES, ROUNDS = 0.3, 4
-"""Relative change of slopes that leaves directions as they are; rounds at most."""
+"""Relative change of directional derivatives below which they are accepted; largest number of rounds."""
 PLAYED = 8
-"""Draws of noise of the played commands."""
+"""Number of random draws of the commands' noise."""
 CORRECTIONS = 3
-"""Rounds in which autocovariances are corrected for the parameters that were fitted."""
+"""Number of rounds that correct autocovariances for the fitted parameters."""
 STATIONARY = 1e-3
-"""Distance of an autoregression from one that grows without bounds."""
+"""Smallest distance of an autoregression from instability."""
 FINER = 4
-"""Factor of substeps against which an estimate is compared."""
+"""Factor by which substeps are refined to estimate the time-step error."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Of the vector at the estimate."""
+    """Uncertainty of the parameter vector at the estimate."""
 
     inverse: Array
-    """(n, n) of the squared Jacobian, in the directions that are known."""
+    """(n, n) pseudo-inverse of J'J, in the identifiable directions."""
     covariance: Array
-    """(n, n) of the vector, likewise, with the deviations below."""
+    """(n, n) covariance of the vector, scaled to the standard deviations below."""
     deviation: Array
-    """(n,) the larger of the noise's and of the blocks'; nan where nothing is known."""
+    """(n,) standard deviations, the larger of those from noise and from blocks; nan for unidentifiable entries."""
     jacobian: Array
-    """(m, n) in deviations of the noise."""
+    """(m, n) derivatives of the weighted residuals."""
     quantile: Array
-    """(n,) half width of the 95 % interval, in deviations."""
+    """(n,) half width of the 95 % interval, in standard deviations."""
     noise: Array
     """(n, n) S, the covariance of J'r."""
     freedom: float
     """Degrees of freedom of the noise's variance."""
     scores: Array
-    """(blocks, n) gradients of the blocks' sums of squares; no rows where only the noise is foreseen."""
+    """(blocks, n) gradients of the blocks' sums of squares; empty if only white noise is assumed."""
     firsts: NDArray[np.intp]
-    """(recordings,) first row of each in the scores."""
+    """(recordings,) first row of each recording in the scores."""
 
     def with_deviation(self, deviation: Array, quantile: Array) -> Uncertainty:
-        """With other deviations (n,) and quantiles (n,), and the covariance that these give."""
+        """Uncertainty with other standard deviations (n,) and quantiles (n,), and the resulting covariance."""
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.nan_to_num(deviation / np.sqrt(np.diag(self.inverse)), posinf=0.0)
         covariance = self.inverse * np.outer(ratio, ratio)
         return replace(self, covariance=covariance, deviation=deviation, quantile=quantile)
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
-        """The larger of the noise's deviation and of the blocks' spread, and the half width of the 95 % interval in it.
+        """Standard deviations (k,), from noise or from the spread between blocks, and half widths of the 95 % interval in them.
 
-        directions: (k, n) by which J'r moves the estimated quantities.
+        directions: (k, n) derivatives of the estimated quantities with respect to J'r.
         """
         from scipy.special import chdtri, stdtrit
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # Blocks of a recording may differ less from each other than recordings do.
+        # Recordings may differ more from each other than the blocks of a recording.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -96,7 +96,7 @@ class Uncertainty:
 
     @property
     def of_a_block(self) -> Uncertainty:
-        """With the deviations of an estimate from one block alone: as estimates of a wrong model differ from part to part."""
+        """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
         count = max(len(self.scores), 1)
         spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * count)
         return self.with_deviation(np.fmax(self.deviation, spread), self.quantile)
@@ -104,10 +104,10 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False)
 class _Noise:
-    """An autoregression of a channel's residuals (n,) as the covariance C of its noise."""
+    """Covariance C of a channel's noise, from an autoregression of its residuals (n,)."""
 
     spectrum: Array
-    """(n + 1,) at the frequencies of 2 n samples."""
+    """Power spectrum (n + 1,) at the frequencies of 2 n samples."""
     freedom: float
     """Degrees of freedom of its level at low frequencies."""
 
@@ -124,15 +124,16 @@ class _Noise:
         return _Noise(power / gain**2, 2.0 / relative)
 
     def times(self, columns: Array) -> Array:
-        """C times columns (n, k)."""
+        """Product (n, k) of C and columns (n, k)."""
         n = len(columns)
         waves = self.spectrum[:, None] * np.fft.rfft(columns, 2 * n, axis=0)
         return np.asarray(np.fft.irfft(waves, 2 * n, axis=0)[:n])
 
     def lost(self, basis: Array, spread: Array, taken: Array, lags: int) -> Array:
-        """(lags,) by which the residuals' autocovariances fall short of the noise's, since parameters were fitted.
+        """Autocovariance (lags,) of the noise minus that of the residuals, which fitting the parameters has reduced.
 
-        basis: (n, k) orthonormal, what they fit; spread: C times it; taken: (k, k) basis' C basis of all channels.
+        basis: (n, k) orthonormal basis of the Jacobian's columns; spread: C times basis; taken: (k, k) basis' C basis, summed
+        over the channels.
         """
         n, own = len(basis), np.fft.irfft(self.spectrum)[:lags]
         crossed = 2.0 * spread - basis @ taken
@@ -144,10 +145,10 @@ class _Noise:
 
 
 def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
-    """(n, n) covariance of J'r as the channels' noise makes it, and its degrees of freedom.
+    """Covariance (n, n) of J'r due to the channels' noise, and its degrees of freedom.
 
-    The residuals lack what the parameters took from them, most where noise is slow as the motion: their autocovariances are
-    corrected by what fitting takes from the noise that they show (Worsley et al. 2002, NeuroImage 15, 1-15).
+    Fitting reduces the residuals, most if the noise is as slow as the motion. Their autocovariances are corrected by the
+    expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15).
     left: (m,) residuals; slopes: (m, n).
     """
     parts = [part for part in problem.parts if part.rows.stop - part.rows.start > 1]
@@ -174,7 +175,7 @@ def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float
 
 
 def _encoder_noise(part: Part, left: Array) -> Array:
-    """(n, draws) residuals that an encoder leaves, whose zero is anywhere in a step, of the predicted motion with noise."""
+    """Random residuals (n, draws) of an encoder with a random zero within a step, for the predicted motion with noise."""
     generator = np.random.default_rng(0)
     step, size = part.channel.quantum, (len(left), DRAWS)
     power = float(np.mean(left**2)) * part.noise**2
@@ -186,11 +187,11 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 
 
 def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
-    """At x. Entries at a bound count as unknown for the others, too. foreseen: as if the residuals were white noise."""
+    """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise."""
     n = len(x)
     left = residuals(problem, x)
     slopes = jacobian(problem, x, CORNER, base=left, central=True)
-    # Outliers count as the fit counts them.
+    # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     slopes = with_faint_directions(problem, x, slopes)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
@@ -204,21 +205,21 @@ def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foresee
         empty = ~np.any(scores != 0.0, axis=1)
         of_recording = np.repeat(np.arange(len(scores) // BLOCKS + 1), BLOCKS)[: len(scores)][~empty]
         scores, firsts = scores[~empty], np.flatnonzero(np.diff(of_recording, prepend=-1))
-        # At a bound the sum of the gradients is not 0.
+        # At a bound the sum of the gradients differs from 0: subtract the mean.
         bound = np.asarray(at_bound, dtype=bool)
         scores[:, bound] -= scores[:, bound].mean(axis=0)
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
     found = Uncertainty(inverse, inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts)
     deviation, quantile = found.deviations(inverse)
-    # Entries in a lost direction are not known, whatever the pseudo-inverse says.
+    # Entries in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return found.with_deviation(np.where(lost, np.nan, deviation), quantile)
 
 
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
-    """Jacobian (m, n) by slopes along the directions of its own singular vectors, each over its deviation.
+    """Jacobian (m, n) corrected by central differences along its singular vectors, over one standard deviation each.
 
-    Where joints stick, slopes have corners: two columns may be of different sides of it, and their difference of neither.
+    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable.
     """
     low, high = problem.layout.bounds
     for _ in range(ROUNDS):
@@ -238,7 +239,7 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
 
 
 def correlations(covariance: Array) -> Array:
-    """(n, n) of a covariance; 0 where an entry has none."""
+    """Correlation matrix (n, n) of a covariance; 0 for entries without variance."""
     deviation = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         matrix = covariance / np.outer(deviation, deviation)
@@ -246,21 +247,21 @@ def correlations(covariance: Array) -> Array:
 
 
 def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
-    """With deviations that include the shift by finer substeps, and the scatter by noise of the played commands: a few blocks
-    do not show it, since it swings with the robot.
+    """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
+    noise of the commands, since it excites oscillations of the robot.
     """
     shifts = [-found.inverse @ (found.jacobian.T @ change) for change in _shaken(problem, x)]
     variance = found.deviation**2 + (np.mean(np.square(shifts), axis=0) if shifts else 0.0)
     if problem.tracks[0].door.exact_in_time:
         playing = [replace(one, substeps=(FINER * one.substeps[0], one.substeps[1])) for one in problem.playing]
         change = residuals(replace(problem, playing=tuple(playing)), x) - residuals(problem, x)
-        # Errors are of first order where joints stick: infinitely fine substeps would move the estimate so far.
+        # Extrapolated to infinitely fine substeps, for an error of first order, as with sticking joints.
         variance += (found.inverse @ (found.jacobian.T @ change) / (1.0 - 1.0 / FINER)) ** 2
     return found.with_deviation(np.sqrt(variance), found.quantile)
 
 
 def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
-    """(m,) changes of the residuals by noise of the played commands; none where torques are compared, which have it."""
+    """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, which contain this noise."""
     tracks = [problem.tracks[i] for i in problem.fitted]
     if any(isinstance(track, TorqueTrack) or not track.has_noisy_inputs for track in tracks):
         return

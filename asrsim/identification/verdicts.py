@@ -19,15 +19,15 @@ from asrsim.samples import Array
 
 IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ratio", "no effect", "at bound"
 CLOSE = 0.05
-"""Relative half width of the 95 % interval up to which a parameter is identified."""
+"""Largest relative half width of the 95 % interval of an identified parameter."""
 NONE = 1.0
-"""Relative half width from which on it cannot be distinguished from zero."""
+"""Relative half width above which a parameter cannot be distinguished from zero."""
 HOPELESS = 10.0
-"""Relative half width from which on the interval says nothing at all."""
+"""Relative half width above which no interval is shown."""
 VANISHED = 0.01
-"""Fraction of its start at which a positive parameter has vanished, if nothing depends on it there."""
+"""Fraction of its start value below which a positive parameter without effect has vanished."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
-"""Last parts of keys of places, zeros and delays, whose relative error says nothing."""
+"""Last parts of keys of positions, zeros and delays, whose relative error is meaningless."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class Estimate:
     start: float
     value: float
     low: float
-    """Of the 95 % interval; nan where there is none."""
+    """Lower end of the 95 % interval; nan if there is none."""
     high: float
     verdict: str
     reason: str = ""
     combinations: tuple[str, ...] = ()
     track: int | None = None
     is_place: bool = False
-    """Whether it is a place, a zero or a delay, whose relative error says nothing."""
+    """Whether it is a position, zero or delay, whose relative error is meaningless."""
 
     @property
     def margin(self) -> float:
@@ -75,7 +75,7 @@ def doubted(known: Sequence[Estimate], missed: float, channel: str) -> list[Esti
 
 
 def bounds_met(layout: Layout, x: Array) -> list[bool]:
-    """Whether an entry is at one of its bounds."""
+    """Whether each entry is at one of its bounds."""
     low, high = layout.bounds
     near = 1e-4 * np.minimum(np.where(np.isfinite(high - low), high - low, 1.0), 1.0)
     met: list[bool] = ((x - low < near) | (high - x < near)).tolist()
@@ -83,7 +83,7 @@ def bounds_met(layout: Layout, x: Array) -> list[bool]:
 
 
 def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool]) -> tuple[list[Estimate], list[Combination]]:
-    """met: whether an entry ended at a bound."""
+    """Estimates of all parameters, and combinations. met: whether each entry ended at a bound."""
     layout, track = problem.layout, problem.tracks[0]
     scaled, values = relative(layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
@@ -95,22 +95,22 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
         parameter, value = entry.parameter, float(values[i])
         low, high = _interval(entry, float(x[i]), float(found.deviation[i] * found.quantile[i]))
         place = parameter.key.rpartition(".")[2] in PLACES or entry.track is not None
-        # A zero with a narrow interval is known, however small it is.
+        # An estimate of exactly 0 with a narrow interval is identified.
         size = max(abs(value), 0.2 * parameter.size) if place or value == 0.0 else abs(value)
         margin = 0.5 * (high - low) / size
         listed: tuple[str, ...] = ()
         reason, verdict = "", IDENTIFIED
         if met[i]:
             value = min(parameter.low, parameter.high, key=lambda bound, value=value: abs(bound - value))  # type: ignore[misc]
-            as_far = f"{value:.4g} {parameter.unit}".rstrip() + " is as far as it may go"
+            as_far = f"{value:.4g} {parameter.unit}".rstrip() + " is its bound"
             verdict, reason = AT_BOUND, (_vanished(entry, value) if without[i] else "") or as_far
         elif without[i]:
             verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), track)
         elif (own := [one for one in known if i in one.keys]) and not margin <= UNKNOWN:
             verdict, listed = RATIO, tuple(map(str, own))
-            reason = "known is " + "; ".join(listed)
+            reason = "identified is " + "; ".join(listed)
         elif math.isnan(margin):
-            verdict, reason = RATIO, "the recordings do not show it apart from others: see the correlations"
+            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters: see the correlations"
         elif margin >= NONE:
             verdict, reason = NO_EFFECT, "it cannot be distinguished from zero: its interval is as wide as itself"
         elif margin >= CLOSE:
@@ -127,7 +127,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
 
 
 def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
-    """Of the value; of a logarithm's width, it is not symmetric."""
+    """Interval of the value; not symmetric if the logarithm is estimated."""
     parameter = entry.parameter
     if parameter.logarithmic:
         middle = parameter.start * math.exp(x)
@@ -137,16 +137,16 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
 
 
 def _vanished(entry: Entry, value: float) -> str:
-    """The reason of one that left its start so far that nothing depends on it any more; empty where it did not."""
+    """Reason if a parameter moved so far from its start that it has no effect; empty otherwise."""
     share = value / entry.start if entry.parameter.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""
     where = "fell to" if share < 1.0 else "rose to"
-    return f"it {where} {share:.2g} of its start, where nothing depends on it: the recordings would do without it"
+    return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
 
 
 def _reason(entry: Entry, norm: float, track: Track) -> str:
-    """Why nothing compared depends on it."""
+    """Reason why a parameter has no effect on the compared channels."""
     if norm > 1e-9:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
     joint, _, name = entry.parameter.key.rpartition(".")
@@ -159,4 +159,4 @@ def _reason(entry: Entry, norm: float, track: Track) -> str:
             return f"mode {mode.number} ({mode.name}) has no controller"
         if name.startswith(("spring", "max_deflection", "hysteresis")) and not mode.spring:
             return f"mode {mode.number} ({mode.name}) has no spring"
-    return "nothing that is compared depends on it"
+    return "no compared channel depends on it"

@@ -1,4 +1,4 @@
-"""What a fit leaves: fit.json, the scenario with its `parameters:`, and the robot with its numbers."""
+"""Files of a fit: fit.json, the scenario with the estimated `parameters:`, and the robot with the estimated numbers."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from asrsim.scenario.starter import relative_path
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
-"""At the end of a robot file: a file of ours, which may be replaced."""
+"""Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
 
 def as_dict(result: Result) -> dict[str, Any]:
     """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are for `asrsim sweep --fit`."""
     from asrsim import __version__
 
-    # What is estimated by its logarithm is drawn by it: as its interval, a draw does not fall below 0.
+    # A parameter whose logarithm is estimated is drawn by its logarithm, so that draws stay positive.
     logarithmic = [entry.parameter.logarithmic for entry in result.layout.entries]
     bounds = [(entry.parameter.low, entry.parameter.high) for entry in result.layout.entries]
     slopes = np.where(logarithmic, 1.0, result.layout.slopes(result.x))
-    # A sweep draws numbers of the robot: neither those without effect, nor those that vanished.
+    # A sweep draws numbers of the robot, except those without effect.
     drawn = [
         i for i, one in enumerate(result.estimates)
         if one.track is None
         and (not math.isnan(one.low) or one.verdict == RATIO or (one.verdict == AT_BOUND and not logarithmic[i]))
         and robot_changes(result, {one.key: one.value})
     ]  # fmt: skip
-    # What goes with the others but has no interval is always what it was found with them.
+    # Parameters without an interval are not varied.
     spread = np.where([math.isnan(one.low) for one in result.estimates], 0.0, slopes)
     covariance = np.nan_to_num(result.covariance) * np.outer(spread, spread)
     return {
@@ -74,7 +74,7 @@ def _finite(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Joint or link -> name -> value of those keys that are the robot's."""
+    """Joint or link -> name -> value, for the keys that belong to the robot."""
     joints = {joint.name for joint in result.robot.moving_joints}
     links = {link.name for link in result.robot.links}
     blocks = {block.joint: block.parameters for block in result.robot.actuators}
@@ -89,10 +89,10 @@ def robot_changes(result: Result, values: Mapping[str, float]) -> dict[str, dict
 
 
 def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
-    """Key -> value of what is identified (or all), with what is tied to it."""
+    """Key -> value of the identified parameters (or all), and of parameters tied to them."""
     kept = {
         one.key for one in result.estimates
-        # A weakly known stiffness is nearer than the law's own, with which the rest would not be what was found.
+        # Even a weak pre-sliding stiffness is better than the default, with which the other estimates would not fit.
         if one.track is None
         and (
             everything or one.verdict == IDENTIFIED
@@ -104,7 +104,7 @@ def chosen_values(result: Result, *, everything: bool) -> dict[str, float]:
 
 
 def write_fit(result: Result, folder: Path) -> Path:
-    """fit.json. Raises OutputError."""
+    """Write fit.json, and return its path. Raises OutputError."""
     path = folder / FIT
     with written(path, "json") as stream:
         stream.write((json.dumps(as_dict(result), indent=1, allow_nan=False) + "\n").encode())
@@ -112,17 +112,17 @@ def write_fit(result: Result, folder: Path) -> Path:
 
 
 def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
-    """The robot file with its new numbers, a scenario with them under `parameters:`, and remarks."""
+    """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
     chosen = chosen_values(result, everything=everything)
     changes = physical(result.robot, robot_changes(result, chosen))
     if not changes:
-        return [], ["nothing of the robot is identified: no robot file is written (--all writes what there is)"]
+        return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path
     data, name = source.read_bytes(), source.name
     if source.suffix != ".urdf" or b"xacro" in data[:4000]:
         data, name = result.robot.text.encode(), f"{source.name.partition('.')[0]}.urdf"
-        said.append(f"{source.name} is written as it is expanded: xacro's expressions have no place for numbers")
-    # Actuators that the scenario puts on a joint have no place in the robot file.
+        said.append(f"{source.name} is written as expanded URDF, since xacro expressions cannot hold the numbers")
+    # Parameters of actuators that the scenario mounts are not in the robot file.
     mounted = {
         block.joint: block.parameters for block in result.robot.actuators if {block.joint, "*"} & {*result.scenario.actuators}
     }
@@ -147,7 +147,7 @@ def write_robot(result: Result, folder: Path, *, everything: bool = False) -> tu
 def _scenario_text(
     result: Result, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float], path: Path, robot: Path
 ) -> str:
-    """A scenario that replaces the fitted one's robot and parameters, for `asrsim run`."""
+    """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 
     base, files = result.task.scenario.parent.absolute(), result.scenario.attachments
@@ -177,7 +177,7 @@ def _scenario_text(
 
 
 def placed(data: Any, place: Callable[[str], str]) -> Any:
-    """With the files that it names moved by `place`."""
+    """Data in which `place` has changed the paths of all files."""
     if isinstance(data, Mapping):
         return {
             key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else placed(value, place)
@@ -187,7 +187,7 @@ def placed(data: Any, place: Callable[[str], str]) -> Any:
 
 
 def _as_played(data: Any, columns: Mapping[str, str]) -> Any:
-    """With the interpolation between samples with which playbacks of these columns were fitted."""
+    """Data in which playbacks of these columns have the interpolation that was fitted."""
     if not isinstance(data, Mapping):
         return data
     between = columns.get(data.get("column", "")) if "file" in data else None

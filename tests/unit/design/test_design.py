@@ -88,7 +88,7 @@ def test_parameter_that_no_motion_shows_is_named_before_the_search(limits):
     [
         ("limits: {joint_1: {link_position: [0.5, 1.0]}}\n", {}, "begins beyond it"),
         (WITHIN, {"seconds": 0.2}, "too short for any segment"),
-        (WITHIN, {"free": []}, "nothing is free"),
+        (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
         ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper one"),
     ],

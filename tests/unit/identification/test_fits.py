@@ -237,12 +237,12 @@ def test_two_recordings_share_what_is_the_robots(lab):
     ("free", "ties", "message"),
     [
         (["joint_1.spring_stifness"], [], "Did you mean 'joint_1.spring_stiffness'"),
-        ([], [], "nothing is free"),
+        ([], [], "no parameter is free"),
         (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "is not free"),
         (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
         (["joint_1.damping=5:1"], [], "its lower bound is not below its upper one"),
         (["joint_1.damping=0:9:5"], [], "its start is out of range"),
-        (["joint_1.damping=x"], [], "is no free parameter"),
+        (["joint_1.damping=x"], [], "is not a free parameter"),
     ],
 )
 def test_wrong_input_is_one_clear_error(lab, free, ties, message):
@@ -358,7 +358,7 @@ def test_a_fit_file_says_all_of_it(lab, tmp_path):
     assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
     checked = CliRunner().invoke(app, ["identify", str(path), "--check"])
     assert checked.exit_code == 0, checked.output
-    assert "only looked" in checked.output
+    assert "check only" in checked.output
     assert identify(str(path), check=True).status == "checked"
     with pytest.raises(InputError, match="without it: experiments"):
         identify(path, [lab / "a.csv"])
@@ -434,7 +434,7 @@ def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
     result = identify(task, seconds=1e-3, progress=told.append)
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
-    assert [text for text, _ in judgement(result)] == ["unfinished: the best so far"]
+    assert [text for text, _ in judgement(result)] == ["unfinished: the best fit so far"]
     assert identify(task, seconds=600.0).status == "complete"
 
 

@@ -172,7 +172,7 @@ def test_what_may_not_go_where_it_belongs_stands_at_that_bound(tmp_path: Path) -
     }
     result = identify(task_of(guess, [recording], free=free))
     assert [(one.verdict, one.value) for one in result.estimates] == [("at bound", 0.04), ("at bound", 3.6)]
-    assert result.estimates[1].reason == "3.6 N m/rad is as far as it may go"
+    assert result.estimates[1].reason == "3.6 N m/rad is its bound"
     assert not result.fits
     wrong = {"joint_1.damping": {"least": 1}, "joint_1.friction": "much", "link_1.mass": 2.0}
     with pytest.raises(InputError) as caught:
