@@ -20,7 +20,8 @@ RATIO = 0.3
 
 
 def damping_overrides(result: Result) -> tuple[str, ...]:
-    """Overrides that switch the law on, with each joint's inertia (torque per unit acceleration, the others at rest) where the run ended."""
+    """Overrides that switch the law on, with each joint's inertia at the end of the run: torque per
+    unit acceleration while the others rest."""
     from asrsim.kinematics.engine_model import model_of
 
     run = result.run
