@@ -42,7 +42,7 @@ def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array |
 
 
 def viewpoint(axis: Array | None) -> Array:
-    """Direction (3,) from the scene to the camera: along the axis of a planar motion, raised a little; otherwise from a corner."""
+    """Direction (3,) from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
     if axis is None:
         side, rise = np.array([np.cos(np.radians(-52.0)), np.sin(np.radians(-52.0)), 0.0]), 24.0
     elif abs(axis[2]) > 0.8:

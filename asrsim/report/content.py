@@ -133,7 +133,7 @@ def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
 
 
 def find_comparison(folder: Path) -> Compared | None:
-    """Metrics and pictures of comparisons in a folder, its variants' folders, and their `compared` folders; None without any."""
+    """Metrics and pictures of the comparisons in a folder, its variants' folders and their `compared` folders, if any."""
     metrics: list[MetricRow] = []
     pictures: list[Path] = []
     first: Path | None = None
