@@ -109,14 +109,16 @@ def frequency_response(
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
-            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction ", code="output-still")
+            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
+                    "may hold it, or it is not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
     spectra, chosen, (low, high) = _estimate(u, y, step, band, method)
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
-            Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are ", code="low-coherence", hint="Excite by a chirp, multisine or noise")
+            Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
+                    "unreliable", code="low-coherence", hint="Excite by a chirp, multisine or noise")
         )  # fmt: skip
     if len(spectra.frequency) == 1:
         findings.append(

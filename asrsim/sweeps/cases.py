@@ -165,7 +165,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 
 
 def extreme_runs(study: Study, variant: str) -> list[int]:
-    """Numbers of the runs of a variant with extreme values of each key, and of some runs between. Fast for studies of any size."""
+    """Numbers of a variant's runs with extreme values of each key, and of some runs between. Fast for studies of any size."""
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)
     runs = np.unique(np.linspace(first, first + per - 1, min(per, PROBES)).round().astype(np.int64)).tolist()

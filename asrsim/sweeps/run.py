@@ -109,7 +109,7 @@ def sweep(
 
 
 def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
-    """Study from an object, a study file or a scenario. Raises InputError, and SimulationError for options given with a study."""
+    """Study from an object, a study file or a scenario. Raises InputError, and SimulationError for options beside a study."""
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):

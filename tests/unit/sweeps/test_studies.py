@@ -141,9 +141,9 @@ def test_tied_keys_follow_bounded_draws_of_a_fit():
         ({"a": "1:2:0"}, {}, "at least 1"),
         ({"a": "gauss(1, 2)"}, {}, "no distribution 'gauss'"),
         ({"a": []}, {}, "empty"),
-        ({}, {}, "nothing is varied"),
+        ({}, {}, "no key is varied"),
         ({"a": "1:2:3", "b & a": [1]}, {}, "varied twice"),
-        ({"a": "1:2:3"}, {"samples": 5}, "no key is drawn"),
+        ({"a": "1:2:3"}, {"samples": 5}, "no key has a distribution"),
         ({"a": "normal(1,1)"}, {"design": "magic"}, "magic"),
         ({"a": "normal(1,1)", "b": [1, 2]}, {"design": "saltelli"}, "neither a fit nor listed values"),
         (["a=1:2:3", "a=[5]"], {}, "varied twice"),
@@ -322,7 +322,7 @@ def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     asrsim.sweep(study, out=tmp_path / "s", workers=1)
     with pytest.raises(InputError, match="holds rows"):
         asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    with pytest.raises(InputError, match="varies other things"):
+    with pytest.raises(InputError, match="varies other keys"):
         asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
     other = study_of({"link_1.mass": [0.3, 0.5, 0.6]})
     assert asrsim.sweep(other, out=tmp_path / "s", workers=1, overwrite=True, stop=lambda: True).missing == 3
