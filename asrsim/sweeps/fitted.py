@@ -89,7 +89,7 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     high = np.array([np.inf if pair[1] is None else pair[1] for pair in pairs])
     scale = float(np.abs(covariance).max())
     if not (np.isfinite(mean).all() and np.isfinite(scale) and (low <= high).all()):
-        raise wrong("mean and covariance must be finite, and the lower bound must come first")
+        raise wrong("mean and covariance must be finite, and bounds must be ordered (lower, upper)")
     values, vectors = np.linalg.eigh(covariance)
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or values[0] < -1e-9 * scale:
         raise wrong("is not a covariance matrix: it must be symmetric and positive semidefinite")
