@@ -75,15 +75,15 @@ def test_a_held_out_part_in_which_nothing_moves_proves_nothing(still: bool) -> N
         problem: Any = SimpleNamespace(tracks=[track], ends=[3.0])
         (found,) = channel_fits(problem, [left], [left], [None])
         assert (found.held_moves, found.opposed) == (not still, sign < 0.0)
-        assert ("nothing moves" in praise([found])) == still
+        assert ("no channel moves" in praise([found])) == still
 
 
 def test_channels_that_the_fit_does_not_follow_are_named() -> None:
     lost = replace(GOOD, key="j.tau", explained=-0.4)
     assert foreign([GOOD]) == []
     assert "its start may be far off" in foreign([lost])[0]
-    assert "another sign? (--map COLUMN=-j.tau)" in foreign([GOOD, replace(lost, opposed=True)])[0]
-    assert "another quantity or zero? (--map COLUMN=ignore)" in foreign([GOOD, lost])[0]
+    assert "is its sign wrong? (--map COLUMN=-j.tau)" in foreign([GOOD, replace(lost, opposed=True)])[0]
+    assert "is its quantity or zero wrong? (--map COLUMN=ignore)" in foreign([GOOD, lost])[0]
 
 
 # -- what is said ------------------------------------------------------------------------------------------------------------
