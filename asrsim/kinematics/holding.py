@@ -135,7 +135,7 @@ class _Joint:
     """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
     def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
-        """weights: N m, torques of gravity in random postures; the largest one bounds how gravity's torque varies with posture."""
+        """weights: N m, torques of gravity in random postures; the largest bounds how this torque varies with the posture."""
         self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
         self._weight = max(float(np.abs(weights).max()), 1e-6)
         low, high = self._joint.stops
