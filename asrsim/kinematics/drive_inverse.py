@@ -27,7 +27,7 @@ from asrsim.samples import Array
 
 SLOW = 0.02
 """rad/s: the inverse models approximate friction by F tanh(velocity / SLOW)."""
-HELD = 1e-3
+RESERVE = 1e-3
 """Share of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
 """Largest number of iterations between the distance of the motors and the torques of the springs."""
@@ -73,7 +73,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
     # A torque beyond the largest torque of the springs is clipped just below it.
-    given = np.clip(torque, least + HELD * np.abs(least), most - HELD * np.abs(most))
+    given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
         return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)

@@ -22,13 +22,13 @@ from asrsim.simulation.joint import advance, remember_springs
 from asrsim.simulation.laws import plain_law
 from asrsim.simulation.layout import (
     DRIVE_TORQUE,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     JOINT_STEP,
     KICK_POSITION,
-    LAGGING,
     LOAD,
     MEAN_VELOCITY,
     MOTOR_POSITION,
-    OWN,
     P_LEVEL,
     PER_MOTOR,
     POSITION,
@@ -119,10 +119,10 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
     goals = drive.goals(references).T.tolist()
     rows = []
     for row, (step, q, v, r_1, r_2) in enumerate(zip(steps, *(column.tolist() for column in columns), strict=True)):
-        s[POSITION], s[LAGGING] = q, v
+        s[POSITION], s[ENGINE_VELOCITY] = q, v
         u = [0.0, *goals[row]]
         z = (step, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
-        before = [s[OWN + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
+        before = [s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
         if resting and row == 0:
             # What is shown is the state at rest; half a step brings the motors' velocities to where they live.
             advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, False)
@@ -147,9 +147,9 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return (math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    torque_1, torque_2 = (s[OWN + i * PER_MOTOR + LOAD] for i in range(2))
+    torque_1, torque_2 = (s[FIRST_MOTOR + i * PER_MOTOR + LOAD] for i in range(2))
     x, v_x, drive_x, y, v_y, drive_y = (
-        s[OWN + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
+        s[FIRST_MOTOR + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
     )
     released = drive.stepping.released
     # In mode 4 the released code has stiffness and torques at the motors' old positions.

@@ -30,7 +30,7 @@ SECONDS_WHEN_LOADED = 0.05
 """The same where Numba is imported already."""
 
 
-def pays(joints: int, substeps: int) -> bool:
+def is_worth_compiling(joints: int, substeps: int) -> bool:
     """Compiled code wins back its start; `substeps`: of the motors, in all runs together."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD
     return joints * substeps * SECONDS_SAVED > start
@@ -236,11 +236,13 @@ def make_core(
 ) -> tuple[Core, str]:  # fmt: skip
     """The core, and why it is the plain one where compiled code would pay; empty where it would not.
 
-    compiled: whether it is; None: the scenario's choice, else where it pays in a run of so many substeps. Raises
+    compiled: whether it is; None: the scenario's choice, else where it is_worth_compiling in a run of so many substeps. Raises
     SimulationError where it cannot be had and is asked for. worlds, watch: as of :class:`Core`.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
-    if wanted or (wanted is None and pays(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)):
+    if wanted or (
+        wanted is None and is_worth_compiling(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)
+    ):
         try:
             if not available():
                 raise SimulationError("Numba is not installed")

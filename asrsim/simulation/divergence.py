@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.layout import EXCESS, GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
+from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.substeps import COARSE
 
@@ -45,10 +45,10 @@ class EnergyGuard:
         links; state: (joints, columns)."""
         energy, kinetic = None, 0.0
         if model is not None:
-            positions, velocities = state[:, POSITION], state[:, LAGGING]
+            positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
             energy = model.energy(positions, velocities)
             kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
-        given, residual, turnover, excess = (state[:, column] for column in (GIVEN, RESIDUAL, TURNOVER, EXCESS))
+        given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
         return self.fault(
             energy, kinetic=kinetic, given=given, residual=residual, turnover=turnover, excess=excess, names=names
         )

@@ -14,6 +14,7 @@ from asrsim.simulation.laws import joint_step, numbers, spring_law
 from asrsim.simulation.layout import (
     ANCHOR,
     APPLIED,
+    AT_LIMIT,
     BRAKE,
     CONTROLLED,
     CONTROLLERS,
@@ -28,17 +29,18 @@ from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
     FIRST_DRIFT,
+    FIRST_MOTOR,
     GOALS,
-    HELD,
     HYSTERESIS,
     IMPLICITNESS,
     INTEGRAL,
     JOINT_STEP,
     KICK_POSITION,
     KIND,
-    LAGGING,
     LAST_DEFLECTION,
+    LAST_ENGINE_VELOCITY,
     LAST_HYSTERESIS,
     LAW,
     MEAN_VELOCITY,
@@ -46,9 +48,7 @@ from asrsim.simulation.layout import (
     MOTOR_POSITION,
     MOTOR_VELOCITY,
     MOTORS,
-    NOW,
     ON_LINK,
-    OWN,
     P_BRAKE,
     P_COULOMB,
     P_CUTOFF,
@@ -70,11 +70,9 @@ from asrsim.simulation.layout import (
     P_SPRING,
     P_STRIBECK,
     P_SUBSTEPS,
-    PAST,
     PER_DRIVE,
     PER_MOTOR,
     POSITION,
-    PREVIOUS,
     READ_ERROR,
     READ_PUSH,
     RING,
@@ -88,6 +86,8 @@ from asrsim.simulation.layout import (
     TORQUE,
     TORQUES,
     VOLTAGE,
+    WEIGHT_LAST,
+    WEIGHT_NOW,
 )  # fmt: skip
 
 
@@ -99,10 +99,10 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
     """
     size = int(p[P_DELAY]) + 2
     for i in range(k[CONTROLLERS]):
-        m, ring = OWN + i * PER_MOTOR, k[RINGS] + i * k[RING]
+        m, ring = FIRST_MOTOR + i * PER_MOTOR, k[RINGS] + i * k[RING]
         if k[ON_LINK]:
             ahead = 0.0
-            x, lagging = s[POSITION], z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+            x, lagging = s[POSITION], z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
             gain = p[P_DERIVATIVE]
         else:
             # A motor's velocity lies this part of a step before its kick; its position is brought there.
@@ -143,9 +143,9 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
         _advance_springs(s, p, k, z, u, h, note, whole)
     elif kind == CONTROLLED:
         # A PID controller on the rigid link (paper eq. 11); its derivative action is a brake: see `limit`.
-        error = u[GOALS] - s[OWN + READ_ERROR] - s[POSITION]
+        error = u[GOALS] - s[FIRST_MOTOR + READ_ERROR] - s[POSITION]
         more = p[P_INTEGRAL] * h * error
-        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[OWN + READ_PUSH] + 0.5 * more
+        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[FIRST_MOTOR + READ_PUSH] + 0.5 * more
         s[INTEGRAL] += more
     elif kind == DIRECT:
         s[TORQUE] = u[GOALS]
@@ -166,7 +166,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
     for turn in range(turns):
         for i in range(motors):
             if i < dynamic:
-                m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+                m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
                 s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
             else:
                 s[thetas + i] = u[GOALS + i]
@@ -181,7 +181,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
             _kick(s, p, k, z, u[GOALS + i], i, step, before, column)
         if column != 0:
             for i in range(motors):
-                m = OWN + i * PER_MOTOR
+                m = FIRST_MOTOR + i * PER_MOTOR
                 s[m + column + 2] = s[torques + i]
                 if column == DRIVE_TORQUE:
                     s[m + KICK_POSITION] = s[thetas + i]
@@ -194,7 +194,7 @@ def _between(value: float, low: float, high: float) -> float:
 
 def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, note: int) -> None:
     """The kick of motor i and the drift after it."""
-    m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+    m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
     x, pushed = s[k[THETAS] + i], s[m + READ_PUSH]
     slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
     velocity, mean, anchor, integral, drive, friction = motor_kick(
@@ -204,7 +204,7 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
     s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
     s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
-        s[m + HELD] = 1.0
+        s[m + AT_LIMIT] = 1.0
     if note != 0:
         s[m + note], s[m + note + 1] = drive, friction
     if note == DRIVE_TORQUE:
@@ -217,7 +217,7 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
 
 def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
     """Torque of the hysteresis of spring i in N m at a deflection in rad, after the last kick's."""
-    m = OWN + i * PER_MOTOR
+    m = FIRST_MOTOR + i * PER_MOTOR
     last = s[m + DEFLECTION]
     # Before the first kick there is no last deflection (NaN), and no change.
     change = deflection - last if last == last else 0.0
@@ -228,7 +228,7 @@ def remember_springs(s: Any, p: Any, k: Any) -> None:
     """Let the hysteresis follow the recorded kick. It advances once a substep: where motors have substeps the link stands still
     in them, which would wrongly erase part of its memory."""
     for i in range(k[SPRINGS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         deflection = s[m + KICK_POSITION] - s[POSITION]
         torque = hysteresis(s, p, i, deflection)
         s[m + LAST_HYSTERESIS], s[m + LAST_DEFLECTION] = s[m + HYSTERESIS], s[m + DEFLECTION]
@@ -242,7 +242,7 @@ def limit(s: Any, p: Any, v: float) -> float:
     beyond it there is the limit alone.
     """
     torque = s[TORQUE]
-    if p[P_CUTOFF] != 0.0 and abs(s[LAGGING]) >= p[P_FASTEST] and torque * s[LAGGING] > 0.0:
+    if p[P_CUTOFF] != 0.0 and abs(s[ENGINE_VELOCITY]) >= p[P_FASTEST] and torque * s[ENGINE_VELOCITY] > 0.0:
         torque = 0.0
     braked = torque - p[P_BRAKE] * v
     if abs(braked) > p[P_EFFORT]:
@@ -267,7 +267,7 @@ def damping_of(s: Any, p: Any) -> float:
 def find_state(s: Any, p: Any, k: Any) -> None:
     """Stiffness and energy of the springs at the recorded kick, into s."""
     for i in range(k[MOTORS]):
-        s[k[THETAS] + i] = s[OWN + i * PER_MOTOR + KICK_POSITION]
+        s[k[THETAS] + i] = s[FIRST_MOTOR + i * PER_MOTOR + KICK_POSITION]
     spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], 1)
 
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 # S, of the joint. What does work on the link is a block of four columns: at the whole substep, and its means over half kicks.
 (
     POSITION,  # rad; position of the link
-    LAGGING,  # rad/s; velocity of the link as the engine has it: half a substep late in staggered steppings
-    PREVIOUS,  # rad/s; the same one substep before
+    ENGINE_VELOCITY,  # rad/s; velocity of the link as the engine has it: half a substep late in staggered steppings
+    LAST_ENGINE_VELOCITY,  # rad/s; the same one substep before
     VELOCITY,  # rad/s; velocity of the link at the whole substep
     INTEGRAL,  # N m; integral action of the link's controller (mode 1)
     LAST_POSITION,  # rad; position of the link one substep before
@@ -50,7 +50,7 @@ from __future__ import annotations
     MOTOR_ENERGY,  # J; kinetic energy of the motors
     START_ENERGY,  # J; energy of springs and motors at the start
     RESIDUAL,  # J; motor work - losses - stored - link work
-    GIVEN,  # J; work of actuator and external torques on the link, less what its damping took
+    NET_LINK_WORK,  # J; work of actuator and external torques on the link, less what its damping took
     TURNOVER,  # J; sizes of all work at the joint
     EXCESS,  # J; most by which the residual was larger than the share of the turnover that a resolved run may have
     STIFFNESS,  # N m/rad; stiffness of the spring
@@ -63,7 +63,7 @@ from __future__ import annotations
     MOTOR_SPEED_COUNT,  # 1; substeps with a motor at its speed limit
     DEFLECTION_COUNT,  # 1; substeps with a spring beyond its largest deflection
     STOP_COUNT,  # 1; substeps with the link at its position stop
-    OWN,
+    FIRST_MOTOR,
 ) = range(53)
 PUSHES = 4
 """Columns of what does work on the link: applied, torque, damping, push."""
@@ -93,8 +93,8 @@ PUSHES = 4
     _,
     LAST_KICK_POSITION,  # rad; its position at the kick before
     LAST_MEAN_VELOCITY,  # rad/s; its mean velocity over the kick before
-    HELD,  # 1; 1 if a limit of position or speed cut this kick short
-    LAST_HELD,  # 1; the same of the kick before
+    AT_LIMIT,  # 1; 1 if a limit of position or speed cut this kick short
+    LAST_AT_LIMIT,  # 1; the same of the kick before
     CURRENT,  # A; current of its winding
     VOLTAGE,  # V; voltage of its winding
     LAST_POWER,  # W; heat of its winding at the kick before
@@ -163,7 +163,7 @@ LOGGED_OF_MOTORS = {
     P_LENGTH,  # rad; deflection over which it turns round
     P_DELAY,  # 1; substeps by which sensors are late
     P_QUANTUM,  # rad; step of what sensors read
-    LINK_OWN,
+    LINK_CONSTANTS,
 ) = range(25)
 
 # P, of a motor; the first ones are the parameters of asrsim.actuators.motor.motor_kick, in its order.
@@ -212,7 +212,7 @@ EXTERNAL, GOALS = 0, 1
 """Columns of an input row: external torque (N m), then the motors' goals; then for each sensor whether it samples, and its
 noise."""
 
-(STEP, NOW, PAST, FIRST_DRIFT, IMPLICITNESS, LINK_IMPLICITNESS, STAGGERED) = range(7)
+(STEP, WEIGHT_NOW, WEIGHT_LAST, FIRST_DRIFT, IMPLICITNESS, LINK_IMPLICITNESS, STAGGERED) = range(7)
 """Numbers of a stepping: s; weights of the last two velocities in that of the whole substep; part of a motor's step before its
 kick; of the motors' and of the link's damping; 1 if velocities live at half steps."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.layout import LAGGING, MOTOR_POSITION, MOTOR_VELOCITY, OWN, PER_MOTOR, POSITION
+from asrsim.simulation.layout import ENGINE_VELOCITY, FIRST_MOTOR, MOTOR_POSITION, MOTOR_VELOCITY, PER_MOTOR, POSITION
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,14 +47,14 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
     dynamic = [drive.dynamic_motors for drive in drives]
     lag = drives[0].stepping.first_drift * substep if drives else 0.0
     for i in range(min(max(dynamic, default=0), 2)):
-        joints, m = [j for j, count in enumerate(dynamic) if count > i], OWN + i * PER_MOTOR
+        joints, m = [j for j, count in enumerate(dynamic) if count > i], FIRST_MOTOR + i * PER_MOTOR
         velocity = state[..., joints, m + MOTOR_VELOCITY]
         motors[2 * i][..., joints] = state[..., joints, m + MOTOR_POSITION] + lag * velocity
         motors[2 * i + 1][..., joints] = velocity
     return Observation(
         time=time,
         link_position=state[..., POSITION].copy(),
-        link_velocity=state[..., LAGGING].copy(),
+        link_velocity=state[..., ENGINE_VELOCITY].copy(),
         motor_1_position=motors[0],
         motor_1_velocity=motors[1],
         motor_2_position=motors[2],

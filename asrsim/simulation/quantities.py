@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
-from asrsim.simulation.layout import EXTERNAL, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, OWN, PER_MOTOR
+from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
 WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
@@ -22,7 +22,7 @@ def columns_of(motors: int) -> dict[str, int]:
     """Quantity -> column of S, for joints with room for so many motors."""
     found = {name: column for column, name in LOGGED.items()}
     for i in range(motors):
-        found |= {name.format(i + 1): OWN + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
+        found |= {name.format(i + 1): FIRST_MOTOR + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
     return found
 
 

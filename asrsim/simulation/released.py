@@ -18,6 +18,7 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.laws import spring_law
 from asrsim.simulation.layout import (
     ANCHOR,
+    AT_LIMIT,
     CONTROLLED,
     D_COULOMB,
     D_DAMPING,
@@ -33,20 +34,19 @@ from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     FRICTION,
     GOALS,
-    HELD,
     INTEGRAL,
     KICK_POSITION,
     KIND,
-    LAGGING,
     LAW,
     LOAD,
     MEAN_VELOCITY,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
-    OWN,
     P_DERIVATIVE,
     P_INTEGRAL,
     P_PROPORTIONAL,
@@ -77,7 +77,7 @@ def released_step(s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
     elif k[KIND] == CONTROLLED:
         error = u[GOALS] - s[POSITION]
         s[INTEGRAL] += p[P_INTEGRAL] * error * h
-        s[TORQUE] = s[INTEGRAL] + p[P_PROPORTIONAL] * error + p[P_DERIVATIVE] * (0.0 - s[LAGGING])
+        s[TORQUE] = s[INTEGRAL] + p[P_PROPORTIONAL] * error + p[P_DERIVATIVE] * (0.0 - s[ENGINE_VELOCITY])
     elif k[KIND] == DIRECT:
         s[TORQUE] = u[GOALS]
     else:
@@ -89,10 +89,10 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     controlled = moving and p[k[DRIVES] + D_HOLD] != 0.0
     thetas, torques = k[THETAS], k[TORQUES]
     for i in range(MOTORS):
-        s[thetas + i] = s[OWN + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
+        s[thetas + i] = s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
     spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         if moving:
             _move(s, p, m, k[DRIVES] + i * PER_DRIVE, u[GOALS + i], s[torques + i], controlled, h)
             s[thetas + i] = s[m + MOTOR_POSITION]
@@ -100,7 +100,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     if controlled:
         spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
-        s[OWN + i * PER_MOTOR + LOAD] = s[torques + i]
+        s[FIRST_MOTOR + i * PER_MOTOR + LOAD] = s[torques + i]
     s[TORQUE] = s[torques] + s[torques + 1]
 
 
@@ -127,6 +127,6 @@ def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: 
     if position > p[d + D_HIGH] or position < p[d + D_LOW]:
         position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
         velocity, push = 0.0, math.nan
-        s[m + HELD] = 1.0
+        s[m + AT_LIMIT] = 1.0
     s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + MEAN_VELOCITY] = position, velocity, velocity
     s[m + DRIVE_TORQUE], s[m + FRICTION] = push, friction

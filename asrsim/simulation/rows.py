@@ -18,26 +18,26 @@ from asrsim.simulation.layout import (
     DIRECT,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     GOALS,
     INTEGRAL,
     KIND,
     KINDS,
-    LAGGING,
     LAST_DEFLECTION,
+    LAST_ENGINE_VELOCITY,
     LAW,
-    LINK_OWN,
+    LINK_CONSTANTS,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
     MOTORS,
     ON_LINK,
-    OWN,
     PASSIVE,
     PER_DRIVE,
     PER_MOTOR,
     PLACED,
     POSITION,
-    PREVIOUS,
     RING,
     RINGS,
     SPRINGS,
@@ -67,7 +67,7 @@ class Shape:
     @property
     def thetas(self) -> int:
         """Where motor positions begin, as laws take them."""
-        return OWN + self.motors * PER_MOTOR
+        return FIRST_MOTOR + self.motors * PER_MOTOR
 
     @property
     def state(self) -> int:
@@ -77,7 +77,7 @@ class Shape:
     @property
     def drives(self) -> int:
         """Columns of P before the law's."""
-        return LINK_OWN + self.motors * PER_DRIVE
+        return LINK_CONSTANTS + self.motors * PER_DRIVE
 
     @property
     def constants(self) -> int:
@@ -120,7 +120,7 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[in
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
     k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
-    k[DRIVES], k[LAW] = LINK_OWN, shape.drives
+    k[DRIVES], k[LAW] = LINK_CONSTANTS, shape.drives
     return k
 
 
@@ -177,13 +177,13 @@ def _phantom(drive: SteppedJoint) -> list[float]:
 def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position: float, velocity: float) -> list[float]:
     """A joint's row of S at the start, its link at `position` (rad) with `velocity` (rad/s)."""
     s = [0.0] * shape.state
-    s[POSITION], s[LAGGING], s[PREVIOUS] = position, velocity, velocity
+    s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
     mode = drive.mode
     if mode is not None and not mode.spring and mode.controller:
         s[INTEGRAL] = (drive.integrals or (0.0,))[0]
     starts = drive.motor_starts(shape.motors) if drive.dynamic_motors else []
     for i in range(shape.motors):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         s[m + DEFLECTION] = s[m + LAST_DEFLECTION] = np.nan
         if i < len(starts):
             s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]

@@ -18,7 +18,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
-from asrsim.simulation.layout import HEALTHY, LAGGING, NO_VALUE
+from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
@@ -136,7 +136,7 @@ class Simulation:
         time = self.substep * prepared.substep
         if kind == NO_VALUE:
             raise runaway(self.joints[joint], time, "its law has no finite value", prepared.resolution.omega_h)
-        joint = fastest_joint(core.S[0, :, LAGGING])
+        joint = fastest_joint(core.S[0, :, ENGINE_VELOCITY])
         raise runaway(self.joints[joint], time, "its motion is no longer finite or sane", prepared.resolution.omega_h)
 
     def flush(self) -> None:
