@@ -1,8 +1,8 @@
-"""Where the energy goes between two substeps of a joint, and which limits it met. Ordinary code, run as it is or compiled.
+"""Energy balance of a joint over a substep, and counts of the limits that acted. The functions run as Python or compiled.
 
-Work is the mean of what pushed, times the way: the trapezoid rule, of second order in the step. Where an input jumps the mean
-counts up to the jump and from there on. So with the default stepping what does not add up falls as h^2; in a run that is not
-resolved it does not, and that is how divergence shows before any number overflows.
+Work is the mean torque times the displacement: the trapezoidal rule, of second order in the step. If an input jumps, there are
+separate means before and after the jump. With the default stepping the residual of the balance thus decreases as h^2. If the
+step is too large for a spring, the residual stays large, which reveals divergence before any number overflows.
 """
 
 from __future__ import annotations
@@ -94,18 +94,19 @@ from asrsim.simulation.layout import (
 )  # fmt: skip
 
 AT_STOP = 1e-12
-"""rad or m before a stop from which on a motor is at it: a step reaches the stop but for rounding."""
+"""rad or m: distance from a stop below which a motor counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
-"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
+"""Residual of the energy balance, as a share of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
-"""Share of its greatest speed at which a motor is at its limit."""
+"""Share of the speed limit from which on a motor counts as being at the limit."""
 
 
 def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
-    """Add the energy that flowed since the last substep, and prepare for the next one.
+    """Add the energy flows since the last substep to the energies of the joint, and store values for the next substep.
 
-    first: of the run, since which energies count; jumped: an input jumps in this kick, so that the means over its halves differ
-    from the present values; recorded: the row is recorded, and so are the energies that follow from the present state alone.
+    first: whether this is the first substep, from which energies count. jumped: whether an input jumps in this kick, so that
+    the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
+    of the present state are needed.
     """
     before, motor_before = (APPLIED_BEFORE, DRIVE_BEFORE) if jumped else (APPLIED, DRIVE_TORQUE)
     following, motor_following = (APPLIED_NEXT, DRIVE_NEXT) if jumped else (APPLIED, DRIVE_TORQUE)
@@ -158,7 +159,7 @@ def _link(s: Any, k: Any, before: int) -> None:
 
 
 def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
-    """Work in J of the motors that have dynamics; their losses go to their accounts."""
+    """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
     total = 0.0
     for i in range(k[DYNAMIC]):
         m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
@@ -168,7 +169,7 @@ def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
         work = (s[a] + s[b]) * half
         total += work
         if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
-            # A limit takes what is left over: the shock, and the torque that it holds.
+            # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
             now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
             s[FRICTION_LOSS] += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
         else:
@@ -178,14 +179,14 @@ def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
 
 
 def _power(s: Any, p: Any, k: Any, i: int) -> float:
-    """Heat in W of the winding of motor i."""
+    """Heat loss in W of the winding of motor i."""
     current = s[FIRST_MOTOR + i * PER_MOTOR + CURRENT]
     return p[k[DRIVES] + i * PER_DRIVE + D_RESISTANCE] * current * current  # type: ignore[no-any-return]
 
 
 def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, jump: bool) -> float:
-    """Work in J of motors and adjusters that stand where they should be: the change of the springs' energy by their motion,
-    with everything else half-way. Where they jump it is what the springs have absorbed (J) and given on."""
+    """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
+    positions at their means. If an input jumps, it is the energy that the springs absorbed (J) plus their work on the link."""
     half = 0.5 * (s[POSITION] - s[LAST_POSITION])
     if jump:
         work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
@@ -205,7 +206,8 @@ def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed:
 
 
 def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
-    """J in the springs for a link at q; motors with dynamics are half-way, the others where the column `positions` has them."""
+    """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions, the others at the
+    positions in the column `positions`."""
     for i in range(k[MOTORS]):
         m = FIRST_MOTOR + i * PER_MOTOR
         half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
@@ -218,7 +220,7 @@ def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
 
 
 def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
-    """J in the springs' hysteresis."""
+    """Energy in J that is stored in the springs' hysteresis."""
     total = 0.0
     if p[P_LEVEL] > 0.0:
         for i in range(k[SPRINGS]):
@@ -228,7 +230,8 @@ def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
 
 
 def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
-    """J lost in the springs' hysteresis since the last substep: exact for a motion one way, so it is never negative."""
+    """Energy in J lost in the springs' hysteresis since the last substep. It is exact for motion in one direction, so it is
+    never negative."""
     total = 0.0
     if p[P_LEVEL] > 0.0:
         for i in range(k[SPRINGS]):
@@ -242,7 +245,7 @@ def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
 
 
 def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
-    """What springs and motors hold, and what has vanished since the start."""
+    """Compute the energy stored in springs and motors, and the residual of the energy balance since the start."""
     kinetic = 0.0
     for i in range(k[DYNAMIC]):
         m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
@@ -258,7 +261,7 @@ def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
 
 
 def count_limits(s: Any, p: Any, k: Any) -> None:
-    """Count the limits that the joint meets in this substep."""
+    """Count the limits of the joint that act in this substep."""
     if abs(s[TORQUE]) > p[P_EFFORT]:
         s[EFFORT_COUNT] += 1.0
     if abs(s[VELOCITY]) > p[P_FASTEST]:

@@ -213,7 +213,7 @@ def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
         code.symlink_to(tmp_path / "elsewhere")
     else:
         (code if fault == "writable file" else code.parent).chmod(0o777)
-    with pytest.warns(RuntimeWarning, match="others can have written here"):
+    with pytest.warns(RuntimeWarning, match="other users may have changed"):
         assert cache_file("0") is None
 
 
