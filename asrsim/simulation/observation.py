@@ -1,4 +1,4 @@
-"""What one sees of a simulation between steps, and what brings it back there."""
+"""Observations of a simulation between steps, and snapshots from which it can be restored."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class Observation:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Everything that decides how a simulation goes on."""
+    """Complete state of a simulation, from which it can continue."""
 
     owner: object
-    """Of the simulation and its parameters; it goes on from no other."""
+    """Token of the simulation and its parameters; a snapshot can only be restored with the same token."""
     state: Any
     record: Any
 
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
-    """States (..., joints, columns) at a whole step, at `time` s; substep in s."""
+    """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: in s."""
     motors = np.full((4, *state.shape[:-1]), np.nan)
     dynamic = [drive.dynamic_motors for drive in drives]
     lag = drives[0].stepping.first_drift * substep if drives else 0.0
