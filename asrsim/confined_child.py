@@ -1,4 +1,4 @@
-"""Run as a script by :mod:`asrsim.confined`: limits itself, then runs another script. Arguments: seconds, bytes, script."""
+"""Run as a script by `asrsim.confined`: limits itself, then runs another script. Arguments: seconds, bytes, script."""
 
 from __future__ import annotations
 

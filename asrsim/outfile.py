@@ -87,7 +87,7 @@ def is_special(path: Path) -> bool:
 def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryIO]:
     """A file that takes the place of `path` in one move if the block ends without error; else all stays as it was.
 
-    kind: of :data:`MARKS`; replace: as for :func:`check_output`, which raises OutputError first; so do disks that are full.
+    kind: of `MARKS`; replace: as for `check_output`, which raises OutputError first; so do disks that are full.
     """
     check_output(path, kind, replace=replace)
     if is_special(path):
@@ -116,7 +116,7 @@ def _with_output_error(path: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> None:
-    """Write a UTF-8 file as :func:`written` does; its folder must exist. Raises OutputError."""
+    """Write a UTF-8 file as `written` does; its folder must exist. Raises OutputError."""
     with written(path, kind, replace=replace) as stream:
         stream.write(text.encode())
 

@@ -73,7 +73,7 @@ DERIVED: dict[str, Quantity] = {
         Quantity("position_error", "rad", "$e$", "reference of the position minus link position"),
     )
 }
-"""Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""
+"""Quantities computed from a log by `asrsim.log.derived`, not stored."""
 
 LIMITS = {
     "effort": "effort limit",

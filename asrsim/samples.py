@@ -27,7 +27,7 @@ class JointInfo:
     """Number of motor positions the actuator has (SEA 1, qbMove 2; AwAS-II 2: motor and adjuster)."""
     prismatic: bool = False
     quantities: tuple[str, ...] = ()
-    """Names from :data:`asrsim.quantities.QUANTITIES` that this joint records."""
+    """Names from `asrsim.quantities.QUANTITIES` that this joint records."""
 
 
 @dataclass(frozen=True, kw_only=True)

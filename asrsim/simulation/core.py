@@ -237,7 +237,7 @@ def make_core(
     """The core, and why it is the plain one where compiled code would pay; empty where it would not.
 
     compiled: whether it is; None: the scenario's choice, else where it is_worth_compiling in a run of so many substeps. Raises
-    SimulationError where it cannot be had and is asked for. worlds, watch: as of :class:`Core`.
+    SimulationError where it cannot be had and is asked for. worlds, watch: as of `Core`.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
     if wanted or (

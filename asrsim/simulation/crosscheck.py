@@ -42,8 +42,8 @@ def require_other_engine(scenario: Scenario) -> None:
     """Raise SimulationError if no cross-check of the scenario is possible."""
     if other_engine(scenario.engine) is None:
         raise SimulationError(
-            f"there is no engine to hold '{scenario.engine}' against: a cross-check needs two installed engines whose links "
-            "have dynamics, as bullet (package pybullet) and mujoco (package mujoco-core)"
+            f"there is no other engine to compare '{scenario.engine}' with: a cross-check needs two installed engines with "
+            "dynamics, such as bullet (package pybullet) and mujoco (package mujoco-core)"
         )
 
 

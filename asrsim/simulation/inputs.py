@@ -67,18 +67,19 @@ class Chunk:
 
     first: int
     references: Array
-    """External torques and references, (columns, joints, n + pieces): see :data:`asrsim.simulation.layout.EXTERNAL`; the
+    """External torques and references, (columns, joints, n + pieces): see `asrsim.simulation.layout.EXTERNAL`; the
     pieces of the kicks that are cut stand behind."""
     sensors: Array
-    """(n, joints, columns)."""
+    """(n, joints, columns): whether each sensor takes a sample, and its noise."""
     wrenches: Array
-    """(n, w, 6)."""
+    """(n, w, 6) N, N m: wrenches as means over the kicks."""
     places: NDArray[np.int64]
-    """(m, 3) row, first piece, piece after the last."""
+    """(m, 3): split kicks; row of the kick, first piece, and index after the last piece."""
     fractions: Array
     on_time: NDArray[np.bool_]
     inputs: tuple[Array, Array]
-    """(n, joints, columns) and (pieces, joints, columns) where nothing is held."""
+    """Inputs (n, joints, columns) of the substeps and (pieces, joints, columns) of the pieces, without overridden
+    references."""
 
     def __len__(self) -> int:
         return len(self.sensors)

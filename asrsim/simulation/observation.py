@@ -15,17 +15,17 @@ from asrsim.simulation.layout import ENGINE_VELOCITY, FIRST_MOTOR, MOTOR_POSITIO
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The state at a whole step; arrays are (n,) in the order of the joints, of several worlds (N, n), NaN where a joint has
-    no such thing."""
+    """The state at a whole step. Arrays are (n,) in the order of the joints, or (N, n) for several worlds; NaN if a joint lacks
+    the quantity."""
 
     time: Any
-    """s; of several worlds (N,)."""
+    """Time in s; for several worlds (N,)."""
     link_position: Array
-    """rad (m)."""
+    """Positions of the links in rad (m)."""
     link_velocity: Array
-    """rad/s (m/s)."""
+    """Velocities of the links in rad/s (m/s)."""
     motor_1_position: Array
-    """rad; of ideal motors: nan, they stand at their references."""
+    """Positions of the motors in rad; NaN for ideal motors, which are at their references."""
     motor_1_velocity: Array
     motor_2_position: Array
     motor_2_velocity: Array

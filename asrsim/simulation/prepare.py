@@ -54,7 +54,7 @@ def prepare(
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    variant, overrides: of a scenario's file, as :func:`asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
+    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
     largest value that may be set while it runs, beside those that the scenario declares; substeps are chosen for them.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
@@ -109,8 +109,8 @@ def prepare(
 
 
 def resolution_of(prepared: Prepared) -> Resolution:
-    """The substeps that a run with these numbers takes: :meth:`Prepared.vary` keeps those of the numbers before. Raises as
-    :func:`prepare`.
+    """The substeps that a run with these numbers takes: `Prepared.vary` keeps those of the numbers before. Raises as
+    `prepare`.
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:

@@ -34,14 +34,14 @@ class Recording:
     def __init__(
         self, prepared: Prepared, engine: Engine, selection: Selection, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
-        """selection: of the rows; last: substep of the last sample."""
+        """selection: quantities in the rows; last: substep of the last sample."""
         scenario = prepared.scenario
         self._prepared, self._engine, self.selection = prepared, engine, selection
         self._sinks, self._last = sinks, last
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
         self.every = prepared.resolution.substeps
-        """Substeps between rows."""
+        """Number of substeps between rows."""
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
         closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)

@@ -175,7 +175,7 @@ def _phantom(drive: SteppedJoint) -> list[float]:
 
 
 def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position: float, velocity: float) -> list[float]:
-    """A joint's row of S at the start, its link at `position` (rad) with `velocity` (rad/s)."""
+    """Row of S for a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
     s = [0.0] * shape.state
     s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
     mode = drive.mode
@@ -188,7 +188,7 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position:
         if i < len(starts):
             s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]
     for i in range(sensor.count if sensor else 0):
-        # What a sensor saw before the start: the start.
+        # The memory of a sensor is filled with the values at the start.
         x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
         ring = shape.thetas + 2 * shape.motors + i * shape.ring
         seen = [*[x, v] * (sensor.delay + 2), 0.0, x, v]  # type: ignore[union-attr]

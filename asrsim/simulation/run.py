@@ -32,13 +32,13 @@ class Run:
     robot: Robot
     info: RunInfo
     status: str
-    """complete, interrupted or diverged."""
+    """`complete`, `interrupted` or `diverged`."""
     resolution: Resolution
     counts: Counts
     wall_time: float
-    """s of the loop."""
+    """Computing time of the loop in s."""
     simulated_time: float
-    """s."""
+    """Simulated time in s."""
     samples: Samples | None = None
     """All logged samples; None if samples are not collected."""
     message: str = ""

@@ -35,9 +35,9 @@ class Sensor:
         return len(self.noises)
 
     def fill(self, table: Array, first: int, substep: float) -> None:
-        """Whether each encoder samples, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
+        """Fill `table` (n, 2 count): whether each encoder takes a sample, and its noise, at the substeps from `first` on."""
         every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
-        # A tick that falls on a substep belongs to it, whatever the rounding.
+        # A tick at the time of a substep belongs to this substep, even if rounding makes it slightly later.
         ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
         samples_now = np.diff(ticks) > 0.0
         if first == 0:

@@ -1,4 +1,4 @@
-"""A simulation that its user steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
+"""A simulation that the caller steps. `asrsim.run`, live runs, learning, sweeps and identification use it in loops."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Simulation:
             simulation.observe().link_position
 
     Steps are the scenario's; however they are grouped into calls, the bits are the same. References follow the scenario's
-    signals until they are set, then hold; a value set takes effect at the next step. Raises what :func:`prepare` raises, and
+    signals until they are set, then hold; a value set takes effect at the next step. Raises what `prepare` raises, and
     DivergenceError where the motion is no longer sane.
     """
 
@@ -57,7 +57,7 @@ class Simulation:
         duration: float | None = None,
         chunk: int | None = None,
     ) -> None:
-        """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
+        """variant, overrides, ranges: as `prepare` takes them; of what is prepared already they are not asked. sinks:
         take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`; names: quantities that
         are recorded, None: all. compiled: whether the loop is compiled; None: the scenario's choice, else where Numba is
         installed and `expected_substeps` are many. duration: s that
@@ -227,7 +227,7 @@ class Simulation:
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); motors: of each
         joint's motors (rad), others begin where their link is; parameters: joint or link -> name -> value, as
-        :meth:`Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
+        `Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
         simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
         what is unknown, not finite or beyond limits.
         """

@@ -25,7 +25,7 @@ class Stepping:
     """Velocities live at half steps: the first kick is half, damping and controllers extrapolate the velocity, the Coriolis
     lag is corrected, kicks split where an input jumps, and logged velocities are centred."""
     joint_step: Callable[..., None] | None = None
-    """A joint's step in place of :func:`asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
+    """A joint's step in place of `asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
     steppings that are not staggered."""
     released: bool = False
     """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""

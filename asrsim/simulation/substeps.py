@@ -225,7 +225,7 @@ def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: f
     """Weight w of the new velocity in that which damps, `least` at least.
 
     A mode that decays by f = c h / I in a substep comes back as (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, is of
-    second order; where a mode dies within a step it rings, so w grows until it comes back as -:data:`RINGING` at most.
+    second order; where a mode dies within a step it rings, so w grows until it comes back as -`RINGING` at most.
     """
     root = np.sqrt(np.maximum(dampings, 0.0))
     fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0

@@ -44,14 +44,14 @@ Signals = Mapping[str, Mapping[str, Signal]]
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """How a world begins; what is left out is as the scenario has it."""
+    """Start of a world; values that are not given come from the scenario."""
 
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
-    """Of links, rad (m)."""
+    """Joint -> position of its link, rad (m)."""
     velocities: Mapping[str, float] = field(default_factory=dict)
-    """rad/s (m/s)."""
+    """Joint -> velocity of its link, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
     """Joint -> positions of its motors, rad; others begin where their link is."""
 
@@ -78,9 +78,9 @@ class Worlds:
             worlds.advance(20)
             worlds.observe().link_position
 
-    Each world is equal to a :class:`asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
+    Each world is equal to a `asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
     world whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's:
-    other numbers do not change them. Raises what :func:`asrsim.prepare` raises.
+    other numbers do not change them. Raises what `asrsim.prepare` raises.
     """
 
     def __init__(
@@ -97,10 +97,10 @@ class Worlds:
         expected_substeps: int | None = None,
         threads: int = 1,
     ) -> None:
-        """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
-        scenario's joints record; watched: energies and limits are found at each step, as :meth:`counts` and :meth:`sane` need
+        """count: number of worlds; names: quantities that `read` and `rollout` give, None: all that the
+        scenario's joints record; watched: energies and limits are found at each step, as `counts` and `sane` need
         them; without it runs are a fifth faster; compiled, expected_substeps (of one
-        world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
+        world), variant, overrides and ranges: as of `asrsim.Simulation`; threads: that share the worlds where the engine
         has native code."""
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be 1 at least", key="count", value=min(count, threads), code="worlds")
