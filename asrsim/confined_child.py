@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""Run as a script by `asrsim.confined`: limits itself, then runs another script. Arguments: seconds, bytes, script."""
-=======
 """Script of `asrsim.confined`: limits its own process, then runs another script. Arguments: seconds, bytes, script."""
->>>>>>> main
 
 from __future__ import annotations
 

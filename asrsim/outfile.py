@@ -87,11 +87,7 @@ def is_special(path: Path) -> bool:
 def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryIO]:
     """Open stream whose content replaces `path` when the block ends without error; otherwise `path` stays unchanged.
 
-    <<<<<<< HEAD
-        kind: of `MARKS`; replace: as for `check_output`, which raises OutputError first; so do disks that are full.
-    =======
-        kind: key of `MARKS`; replace: as in `check_output`. Raises OutputError, also for a full disk.
-    >>>>>>> main
+    kind: key of `MARKS`; replace: as in `check_output`. Raises OutputError, also for a full disk.
     """
     check_output(path, kind, replace=replace)
     if is_special(path):

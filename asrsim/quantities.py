@@ -75,11 +75,7 @@ DERIVED: dict[str, Quantity] = {
         Quantity("position_error", "rad", "$e$", "reference of the position minus link position"),
     )
 }
-<<<<<<< HEAD
-"""Quantities computed from a log by `asrsim.log.derived`, not stored."""
-=======
 """Quantities that `asrsim.log.derived` computes from a log; they are not stored."""
->>>>>>> main
 
 LIMITS = {
     "effort": "effort limit",
