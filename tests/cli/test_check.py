@@ -127,10 +127,6 @@ def test_scenario_with_its_robot(runner: CliRunner, good: Path, tmp_path: Path) 
     assert "elbwo" in result.stdout
 
 
-def test_check_needs_something_to_check(runner: CliRunner) -> None:
-    assert runner.invoke(app, ["check"]).exit_code == 2
-
-
 def test_check_of_a_law(runner: CliRunner) -> None:
     plugin = str(EXAMPLES / "plugins/my_vsa.py")
     result = runner.invoke(app, ["check", "--actuator", "my_vsa", "--plugin", plugin])

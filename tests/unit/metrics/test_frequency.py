@@ -9,8 +9,7 @@ from scipy.stats import binom
 
 from asrsim.errors import RecordingError
 from asrsim.metrics.excitation import excited_band, lines_of, period_of
-from asrsim.metrics.frequency import FrequencyResponse, _bandwidth, frequency_response
-from asrsim.metrics.local import local_rational
+from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.metrics.periodic import by_periods
 from asrsim.metrics.spectra import welch
 
@@ -80,20 +79,6 @@ def test_gain_and_phase_are_the_analytic_ones(kind: str) -> None:
     inner = (found.frequency > 0.7) & (found.frequency < 5.5)
     truth = analytic(found.frequency[inner])
     assert np.max(np.abs(found.gain[inner] * np.exp(1j * np.radians(found.phase[inner])) / truth - 1)) < 0.003
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_with_noise_the_bands_hold_the_truth(kind: str) -> None:
-    u = excitation(kind)
-    rng = np.random.default_rng(11)
-    clean = simulate(u)
-    found = frequency_response(TIME, u, clean + 0.05 * np.std(clean) * rng.standard_normal(len(TIME)))
-    gain, phase = errors(found)
-    assert np.median(gain) < 0.01
-    assert np.median(phase) < 1.0
-    truth = np.abs(analytic(found.frequency))
-    # 95 % each, but neighbours share bins: some slack.
-    assert np.mean((found.gain_low <= truth) & (truth <= found.gain_high)) > 0.8
 
 
 @pytest.mark.parametrize("kind", ["chirp", "dense multisine", "noise"])
@@ -188,16 +173,16 @@ def test_a_period_of_a_broken_number_of_samples_is_no_period() -> None:
         frequency_response(time, lines(period, range(1, 9), time), time, method="periodic")
 
 
-@pytest.mark.parametrize("duration", [10, 20, 60])
+@pytest.mark.parametrize("duration", [10, 60])
 @pytest.mark.parametrize("start", [0.5, 1.0])
 @pytest.mark.parametrize("phase", [0, -90])
-@pytest.mark.parametrize("around", ["nothing", "rest", "offset", "drift", "noise"])
+@pytest.mark.parametrize("around", ["rest", "offset", "drift", "noise"])
 def test_a_chirp_says_nothing_below_its_first_frequency(duration: int, start: float, phase: float, around: str) -> None:
     time = np.arange(0, duration, STEP)
     for method, end in (("linear", 6.0), ("linear", 15.0), ("logarithmic", 12.0)):
         u = 0.15 * chirp(time, start, duration, end, phi=phase, method=method)
         extra = {
-            "nothing": 0.0, "rest": 0.0, "offset": 3.0, "drift": 0.03 * time / duration,
+            "rest": 0.0, "offset": 3.0, "drift": 0.03 * time / duration,
             "noise": 1e-3 * np.random.default_rng(1).standard_normal(len(time)),
         }[around]  # fmt: skip
         u = u + extra
@@ -237,7 +222,7 @@ def coverage(kind: str, level: float, seeds: range, duration: float = 20.0) -> t
     return gains, phases
 
 
-@pytest.mark.parametrize("level", [0.002, 0.02, 0.1])
+@pytest.mark.parametrize("level", [0.002, 0.1])
 @pytest.mark.parametrize("kind", ["chirp", "multisine", "noise"])
 def test_bands_hold_the_truth_about_as_often_as_they_say(kind: str, level: float) -> None:
     """Four records: points that share bins agree, so about ten independent ones a record; a two-sided bound at 1e-3."""
@@ -284,17 +269,6 @@ def test_so_many_independent_averages_are_in_half_overlapping_windows() -> None:
     power = powers(noise, nperseg=segment, noverlap=segment // 2, detrend=False, axis=1)[1][:, 4 : segment // 2 - 4 : 4]
     spread = np.mean(power.var(axis=0) / power.mean(axis=0) ** 2)
     assert found.averages == pytest.approx(1.0 / spread, rel=0.03)
-
-
-def test_the_shortest_record_that_a_local_fit_takes() -> None:
-    """17 bins of its own: 36 samples; two less, and it is said."""
-    for count, taken in ((36, True), (34, False)):
-        u = np.random.default_rng(8).standard_normal(count)
-        if taken:
-            assert len(local_rational(u, u, STEP, 1.0, 500.0).frequency) > 10
-        else:
-            with pytest.raises(RecordingError, match="too short"):
-                local_rational(u, u, STEP, 1.0, 500.0)
 
 
 def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
@@ -365,16 +339,6 @@ def test_too_short_and_unresolved() -> None:
         frequency_response(TIME, u, u, method="magic")
 
 
-def test_the_low_end_of_a_gain_is_a_median_of_three_at_least():
-    """One bin that leaks moves neither the bandwidth nor the height from which on a peak is a resonance."""
-    f = np.arange(1.0, 9.0)
-    smooth = np.array([1.0, 1.0, 1.0, 0.98, 0.9, 0.8, 0.6, 0.3])
-    for place in range(3):
-        leaking = smooth.copy()
-        leaking[place] = 1.4
-        assert _bandwidth(f, leaking) == _bandwidth(f, smooth) == pytest.approx(6.46, abs=0.01)
-
-
 def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
     """Down to a hundredth of the strongest amplitude, and none of what lies below, is constant, or outside the band."""
     t = np.arange(4000) * 0.001
@@ -385,7 +349,7 @@ def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
     assert lines_of(u, 1000, 0.001, (7.0, 31.0)).tolist() == [7, 31]
 
 
-@pytest.mark.parametrize(("low", "high"), [(2.0, 6.0), (6.0, 12.0), (11.0, 30.0), (2.0, 30.0)])
+@pytest.mark.parametrize(("low", "high"), [(2.0, 12.0), (11.0, 30.0)])
 def test_averaged_spectra_keep_to_the_band_that_is_asked_for(low: float, high: float) -> None:
     """Lines at 1, 3, 9, 20 and 40 Hz of one strength: those between the ends, and all of them, at gains of their own."""
     step, lines = 2e-3, np.array([1.0, 3.0, 9.0, 20.0, 40.0])

@@ -101,13 +101,17 @@ def test_missing_file_is_told_with_its_path(tmp_path):
         parse_signal({"playback": {"file": "nothing.csv", "column": "q"}}, base=tmp_path)
 
 
-@pytest.fixture(params=["ros1 bag", "ros2 bag", "mcap"])
-def bag(request, tmp_path):
-    path = write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
-    return next(path.glob("*.mcap")) if request.param == "mcap" else path
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """The same recording as a bag of ROS 1, of ROS 2, and as the file of the latter."""
+    folder = tmp_path_factory.mktemp("bags")
+    second = write_bag(folder / "run", ros1=False)
+    return {"ros1 bag": write_bag(folder / "run.bag", ros1=True), "ros2 bag": second, "mcap": next(second.glob("*.mcap"))}
 
 
-def test_bags_are_played_by_topic_and_field(bag):
+@pytest.mark.parametrize("kind", ["ros1 bag", "ros2 bag", "mcap"])
+def test_bags_are_played_by_topic_and_field(bags, kind):
+    bag = bags[kind]
     number = parse_signal({"playback": {"file": str(bag), "column": "/q"}})
     assert number.values(np.array([0.0, 0.25, 1.0, 5.0])) == pytest.approx([0.0, 0.25, 1.0, 1.0])
     by_name = parse_signal({"playback": {"file": str(bag), "column": "/states/position[b]"}})
@@ -125,10 +129,9 @@ def test_bags_are_played_by_topic_and_field(bag):
         ({"column": "/q", "time": "header"}, ["have no header"]),
     ],
 )
-def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
-    path = write_bag(tmp_path / "run", ros1=False)
+def test_faults_of_bags_name_what_there_is(bags, keys, messages):
     with pytest.raises(ScenarioError) as caught:
-        parse_signal({"playback": {"file": str(path), **keys}})
+        parse_signal({"playback": {"file": str(bags["ros2 bag"]), **keys}})
     for message in messages:
         assert message in str(caught.value)
 
@@ -140,8 +143,8 @@ def test_a_broken_bag_is_a_plain_error(tmp_path, name):
         parse_signal({"playback": {"file": name, "column": "/q"}}, base=tmp_path)
 
 
-@pytest.mark.parametrize("rate", [50, 100, 1000])
-@pytest.mark.parametrize("at", [0.2, 1.0, 3.0])
+@pytest.mark.parametrize("rate", [50, 1000])
+@pytest.mark.parametrize("at", [0.2, 3.0])
 def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path, rate, at):
     """A chirp to 6 Hz with a step in it: splines are off by 5/384 of the fourth derivative, lines by .05 rad at 50 Hz."""
 
