@@ -71,12 +71,6 @@ def test_robots(case: str, tiny, asrsim_command) -> None:
     assert not (tiny.folder / "out" / "step" / "default" / "log.mcap").exists()
 
 
-def test_a_joint_that_cannot_be_read_is_told_of_once(tiny, asrsim_command) -> None:
-    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="spherical"'))
-    told = asrsim_command("check", tiny.robot, "-q").out
-    assert told.count("error") == 1
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

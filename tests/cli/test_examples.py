@@ -17,6 +17,8 @@ from support.paths import ROOT
 
 LONG = ("reproduce", "ilc", "design")
 """Commands whose examples take half a minute or more."""
+FASTER = {"run examples": ["--no-plot"], "render out/step_2dof": ["--size", "80"]}
+"""Words of a command -> options that make it faster here."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
@@ -37,7 +39,8 @@ def test_every_command_of_the_tutorial_and_of_the_help_runs(asrsim_command, tmp_
     lines = dict.fromkeys([*GENERATE["tutorial_commands"](), *examples_of_the_help()])
     assert len(lines) > 25
     for line in lines:
-        done = asrsim_command(*shlex.split(line)[1:], *(["--no-plot"] if "run examples" in line else []))
+        more = [word for words, options in FASTER.items() if words in line for word in options]
+        done = asrsim_command(*shlex.split(line)[1:], *more)
         assert done.code == 0, f"{line}\n{done.out}\n{done.err}"
     pictures = GENERATE["tutorial_pictures"](tmp_path)
     assert len(pictures) == len(re.findall(r"!\[", (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))) >= 5

@@ -15,7 +15,6 @@ from asrsim.errors import OutputError, RobotError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.starter import SCHEMA_FILE, write_starter
-from asrsim.summary.table import joint_columns
 from support.paths import ROOT
 
 URDF = """<robot name="{name}">
@@ -114,13 +113,6 @@ def test_a_joint_that_is_to_follow_another_gets_what_that_ones_motion_asks_of_it
     assert re.search(
         r"ankle:.*\n    equilibrium_position: {step: {at: 0.1, from: 0.1, to: -0.05}}", (tmp_path / "s.yaml").read_text()
     )
-
-
-def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path):
-    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "rail", "kind": "prismatic"})
-    write_starter(robot, tmp_path / "s.yaml")
-    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
-    assert "steady\nrad or m" in [column.heading for column in columns]
 
 
 def test_step_stays_within_the_limits(tmp_path):

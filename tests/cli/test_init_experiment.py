@@ -268,23 +268,6 @@ class TestRealRecordings:
         _, scenario = make(tmp_path, shared / "recordings/hebi_sine_1hz.csv", mode=6)
         assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
 
-    @pytest.mark.parametrize("mapping", [(), ("force_N=axis.reference_1", "reference_m=ignore")])
-    def test_prismatic_axis(self, tmp_path: Path, shared: Path, mapping: tuple[str, ...]) -> None:
-        (tmp_path / "axis.urdf").write_text(
-            "<robot name='axis'><link name='world'/><link name='carriage'><inertial><mass value='95'/>"
-            "<inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>"
-            "<joint name='axis' type='prismatic'><parent link='world'/><child link='carriage'/><axis xyz='1 0 0'/>"
-            "<limit lower='-1' upper='1' effort='5000' velocity='10'/><dynamics damping='200' friction='20'/></joint>"
-            "<gazebo><plugin name='axis' filename='libsea_plugin.so'><joint>axis</joint><operation_mode>1</operation_mode>"
-            "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>true</sub_ext_tau>"
-            "<ctrl_P>160000</ctrl_P><ctrl_D>7000</ctrl_D></plugin></gazebo></robot>"
-        )
-        write_from_recording(
-            tmp_path / "axis.urdf", shared / "recordings/emps_estimation.csv", tmp_path / "s.yaml", mapping=mapping
-        )
-        (scenario,) = load_scenario(tmp_path / "s.yaml")
-        assert set(scenario.references["axis"]) == {"link_torque" if mapping else "link_position"}
-
 
 def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):

@@ -340,17 +340,6 @@ def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command) -> None:
     assert asrsim_command("rerun", tiny.folder / "again" / "log.mcap").code == 0
 
 
-def test_rerun_takes_folders_of_one_run_and_of_many(tiny, asrsim_command) -> None:
-    """What `report` takes, `rerun` takes."""
-    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {seed: 3}}\n")
-    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", tiny.folder / "out").code == 0
-    logs = sorted((tiny.folder / "out").rglob("log.mcap"))
-    assert len(logs) == 2
-    assert asrsim_command("rerun", logs[0].parent).out.count("identical, bit for bit") == 1
-    many = asrsim_command("rerun", logs[0].parent.parent, "--json")
-    assert [run["identical"] for run in json.loads(many.out)["runs"]] == [True, True]
-
-
 def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
     asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.4")
     log = read_log(log_of(tiny))

@@ -45,7 +45,7 @@ WRITERS = {
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
     "report": ("report made --out out/page.html --no-film", ["page.html"]),
     "bench": ("bench pendulum.urdf motion.csv --out out/bench.csv", ["bench.csv"]),
-    "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png", "learned.mcap"]),
+    "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png"]),
     "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
 }
 """Command -> arguments that write into `out`, and files that it writes there."""

@@ -107,13 +107,6 @@ def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
         make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=[{**claims[0], "engine": "bulet"}])
 
 
-def test_options_reach_the_measure() -> None:
-    (result,) = evaluate(
-        [claim(measure="settling", value=0.1 * np.log(20), tolerance=1e-4, options={"band": 0.05})],
-    )
-    assert result.holds
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -8,10 +8,8 @@ from scipy.signal import butter, chirp, cont2discrete, sosfilt, ss2zpk, zpk2sos
 from scipy.stats import binom
 
 from asrsim.errors import RecordingError
-from asrsim.metrics.excitation import excited_band, lines_of, period_of
+from asrsim.metrics.excitation import excited_band
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.metrics.periodic import by_periods
-from asrsim.metrics.spectra import welch
 
 MOTOR_INERTIA, MOTOR_DAMPING, SPRING, LINK_INERTIA, LINK_DAMPING, LOOP = 0.01, 0.05, 4.0, 0.004, 0.01, 6.0
 """kg m^2, N m s/rad, N m/rad, kg m^2, N m s/rad; proportional gain of the motor's position loop, N m/rad."""
@@ -113,14 +111,6 @@ def test_the_phase_is_unwrapped() -> None:
     found = frequency_response(TIME, u, simulate(u))
     assert np.max(np.abs(np.diff(found.phase))) < 60
     assert found.phase[-1] < -250  # past both resonances: towards -360
-
-
-def test_lines_are_read_where_they_are() -> None:
-    u = excitation("multisine")
-    for method in ("welch", "periodic"):
-        found = frequency_response(TIME, u, simulate(u), method=method)
-        np.testing.assert_allclose(found.frequency, np.arange(0.5, 10.1, 0.5), atol=0.01)
-        assert np.max(np.abs(complex_of(found) / analytic(found.frequency) - 1)) < (0.04 if method == "welch" else 1e-7)
 
 
 def complex_of(found: FrequencyResponse) -> np.ndarray:
@@ -248,29 +238,6 @@ def test_bands_of_95_percent_hold_the_truth_at_90_to_98_over_50_records(kind: st
         assert 0.90 <= np.mean(shares) <= 0.98
 
 
-def test_two_periods_do_only_if_the_output_has_settled() -> None:
-    ticks = np.arange(2000)
-    u = np.sin(2 * np.pi * ticks * 8 / 1000) + np.sin(2 * np.pi * ticks * 20 / 1000)
-    noise = 0.01 * np.random.default_rng(5).standard_normal(2000)
-    lines = np.array([8, 20])
-    assert by_periods(u, u + noise, 1e-3, 1000, lines) is not None
-    for decay in (300.0, 600.0):
-        assert by_periods(u, u + noise + 0.3 * np.exp(-ticks / decay), 1e-3, 1000, lines) is None
-
-
-def test_so_many_independent_averages_are_in_half_overlapping_windows() -> None:
-    """The spread of Welch's powers of white noise over many records: 1 / averages of their mean's square."""
-    from scipy.signal import welch as powers
-
-    step, n = 1e-3, 1024
-    found = welch(np.sin(2 * np.pi * 50 * step * np.arange(n)), np.zeros(n), step, 40.0, 60.0)
-    segment = round(1.0 / (found.resolution * step))
-    noise = np.random.default_rng(6).standard_normal((4000, n))
-    power = powers(noise, nperseg=segment, noverlap=segment // 2, detrend=False, axis=1)[1][:, 4 : segment // 2 - 4 : 4]
-    spread = np.mean(power.var(axis=0) / power.mean(axis=0) ** 2)
-    assert found.averages == pytest.approx(1.0 / spread, rel=0.03)
-
-
 def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
     rng = np.random.default_rng(2)
     found = frequency_response(TIME, rng.standard_normal(len(TIME)), rng.standard_normal(len(TIME)))
@@ -337,25 +304,3 @@ def test_too_short_and_unresolved() -> None:
         frequency_response(TIME, u, u, band=(2000.0, 3000.0))
     with pytest.raises(RecordingError, match="no method"):
         frequency_response(TIME, u, u, method="magic")
-
-
-def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
-    """Down to a hundredth of the strongest amplitude, and none of what lies below, is constant, or outside the band."""
-    t = np.arange(4000) * 0.001
-    amplitudes = {2: 1.0, 7: 0.2, 31: 0.012, 40: 0.008}  # harmonics of 1 Hz
-    u = 3.0 + sum(a * np.sin(2 * np.pi * f * t + f) for f, a in amplitudes.items())
-    assert period_of(u) == 1000
-    assert lines_of(u, 1000, 0.001, None).tolist() == [2, 7, 31]
-    assert lines_of(u, 1000, 0.001, (7.0, 31.0)).tolist() == [7, 31]
-
-
-@pytest.mark.parametrize(("low", "high"), [(2.0, 12.0), (11.0, 30.0)])
-def test_averaged_spectra_keep_to_the_band_that_is_asked_for(low: float, high: float) -> None:
-    """Lines at 1, 3, 9, 20 and 40 Hz of one strength: those between the ends, and all of them, at gains of their own."""
-    step, lines = 2e-3, np.array([1.0, 3.0, 9.0, 20.0, 40.0])
-    waves = np.sin(2.0 * np.pi * np.outer(np.arange(20_000) * step, lines) + np.arange(5))
-    gains = np.array([5.0, 4.0, 3.0, 2.0, 1.0])
-    found = welch(waves.sum(axis=1), waves @ gains, step, low, high)
-    inside = (lines > low) & (lines < high)
-    np.testing.assert_allclose(found.frequency, lines[inside], rtol=1e-2)
-    np.testing.assert_allclose(np.abs(found.response), gains[inside], rtol=1e-2)

@@ -14,7 +14,6 @@ from asrsim.plots import draw_run, read_curves
 from asrsim.plots.curves import CurveSource, distinct_labels
 from asrsim.plots.figures import new_figure, objects_figure, run_pages
 from asrsim.plots.job import PlotJob, plot
-from asrsim.plots.limits import panel_limits
 from asrsim.plots.panels import PANELS, draw_panel
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
@@ -22,22 +21,6 @@ from support.plot_example import made_up_log, simulated_log
 
 def lines(axes) -> dict[str, object]:
     return {line.get_gid(): line for line in axes.get_lines()}
-
-
-def test_positions_show_link_motors_equilibrium_and_reference(tmp_path: Path):
-    run = read_curves(made_up_log(tmp_path / "log.mcap"))
-    axes = new_figure(4, 3).subplots()
-    draw_panel(axes, PANELS["position"], [run], "joint_1")
-    drawn = lines(axes)
-    assert set(drawn) == {
-        f"joint_1.{name}.0"
-        for name in ("link_position", "motor_1_position", "motor_2_position", "equilibrium_position", "reference_position")
-    }
-    time, values = drawn["joint_1.link_position.0"].get_data()
-    np.testing.assert_allclose(values, 0.4 * np.sin(2 * np.pi * (time - 0.05)), atol=1e-12)
-    _, reference = drawn["joint_1.reference_position.0"].get_data()
-    np.testing.assert_allclose(reference, 0.5 * np.sin(2 * np.pi * time), atol=1e-12)
-    assert axes.get_ylabel() == "position (rad)"
 
 
 @pytest.mark.parametrize(
@@ -114,23 +97,6 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: 
 def test_runs_of_one_variant_are_called_by_what_differs_in_their_paths(tmp_path: Path, files: list[str], labels: list[str]):
     runs = [read_curves(made_up_log(tmp_path / f"{file}.mcap", joints=1, variant="soft")) for file in files]
     assert [run.label for run in distinct_labels(runs)] == labels
-
-
-def test_legends_lie_outside_of_the_data_and_nothing_overlaps(tmp_path: Path):
-    runs = distinct_labels([read_curves(made_up_log(tmp_path / v / "log.mcap", joints=2, variant=v)) for v in ("a", "b")])
-    page = next(iter(run_pages(runs)))
-    page.figure.canvas.draw()
-    renderer = page.figure.canvas.get_renderer()
-    boxes = [axes.get_window_extent(renderer) for axes in page.figure.axes]
-    texts = [axes.get_legend().get_window_extent(renderer) for axes in page.figure.axes if axes.get_legend() is not None]
-    texts += [legend.get_window_extent(renderer) for legend in page.figure.legends]
-    assert texts
-    for text in texts:
-        assert not any(text.overlaps(box) for box in boxes)
-        assert page.figure.bbox.containsx(text.x1)
-    titles = [axes.title.get_window_extent(renderer) if axes.get_title() else axes._left_title.get_window_extent(renderer)
-              for axes in page.figure.axes[:2]]  # fmt: skip
-    assert not titles[0].overlaps(titles[1])
 
 
 def test_vector_formats_and_the_users_settings(tmp_path: Path):
@@ -216,29 +182,6 @@ def shown(name: str, values: np.ndarray, tmp_path: Path, panel: str = "torque"):
     return axes
 
 
-def test_an_encoder_that_flickers_at_rest_between_steps_stays_a_line(tmp_path: Path):
-    time = np.arange(651) * 0.01
-    count = 2 * np.pi / 4096
-    rng = np.random.default_rng(3)
-    values = np.where(time > 3.5, 0.6, 0.0) + count * np.round(rng.random(651))
-    assert not shown("link_torque", values, tmp_path).collections
-
-
-def test_limits_are_drawn_where_the_motion_comes_near_them(tmp_path: Path):
-    log = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.3)
-    run = read_curves(log)
-    axes = new_figure(6, 3).subplots()
-    assert "limit" in draw_panel(axes, PANELS["motor_torque"], [run], "joint_1")
-    found = {float(line.get_ydata()[0]) for gid, line in lines(axes).items() if "limit" in gid}
-    limit = run.info.resolved["parameters"]["joint_1"]["motor_1_max_torque"]
-    assert found
-    assert found <= {-limit, limit}
-    most = run.info.resolved["parameters"]["joint_1"]["max_deflection"]
-    edge, _ = panel_limits(run, "joint_1", "deflection")
-    one, two = (np.interp(0.25, *(lambda c: (c.time, c.values))(run.get("joint_1", f"motor_{n}_position"))) for n in (1, 2))
-    assert np.interp(0.25, edge.time, edge.values) == pytest.approx(most - abs(one - two) / 2, abs=1e-3)
-
-
 def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
     log = made_up_log(tmp_path / "log.mcap")
     run = read_curves(log, start=0.2, end=0.5)
@@ -249,11 +192,6 @@ def test_a_part_of_a_run_is_drawn_alone(tmp_path: Path):
         assert source.span(0.0) == pytest.approx((0.0, min(end, source.reader.duration)))
     with pytest.raises(LogError, match="in that time"):
         read_curves(log, start=7.0)
-
-
-def test_a_run_of_many_joints_draws_overview_and_first_page(tmp_path: Path):
-    run = read_curves(made_up_log(tmp_path / "log.mcap", joints=9, count=50))
-    assert [page.name for page in run_pages([run], brief=True)] == ["overview", "joints_1"]
 
 
 def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):

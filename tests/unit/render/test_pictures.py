@@ -20,7 +20,7 @@ from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
-from support.plot_example import EXAMPLES, made_up_log, simulated_log
+from support.plot_example import made_up_log, simulated_log
 
 
 @pytest.fixture(scope="module")
@@ -167,25 +167,6 @@ def test_pictures_need_neither_engine_nor_plugin(log: Path, tmp_path: Path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "strip.png").stat().st_size > 500
-
-
-@pytest.mark.parametrize("scenario", ["box_push_5dof", "step_2dof"])
-def test_links_are_drawn_where_the_engine_has_them(scenario: str):
-    from asrsim.kinematics.engine_model import model_of
-    from asrsim.render.scene import Scene
-    from asrsim.scenario import load_scenario
-
-    loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
-    robot = load_robot(loaded.robot)
-    scene = Scene(drawable(robot).robot, loaded)
-    rng = np.random.default_rng(3)
-    with model_of(loaded, robot) as model:
-        positions = rng.uniform(-1.0, 1.0, size=len(model.joints))
-        frames = scene.frames(dict(zip(model.joints, positions, strict=True)), {})
-        for link in model.links:
-            place, turn = model.pose(positions, link, (0.0, 0.0, 0.0))
-            np.testing.assert_allclose(frames[link][:3, 3], place, atol=1e-6)
-            np.testing.assert_allclose(frames[link][:3, :3], turn, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(2))

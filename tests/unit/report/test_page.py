@@ -167,13 +167,6 @@ def test_a_folder_without_log_is_an_error(tmp_path: Path):
         write_report(tmp_path)
 
 
-def test_the_command_writes_the_page(tmp_path: Path):
-    made_up_log(tmp_path / "log.mcap", count=100)
-    result = CliRunner().invoke(app, ["report", str(tmp_path), "--json", "--no-film", "--out", str(tmp_path / "page.html")])
-    data = json.loads(result.stdout)
-    assert data["bytes"] == (tmp_path / "page.html").stat().st_size
-
-
 SCROLL = """(async () => {
   for (let y = 0; y < document.documentElement.scrollHeight; y += 500) {
     scrollTo(0, y); await new Promise((done) => setTimeout(done, 60));

@@ -44,16 +44,6 @@ def test_other_time_column_in_ms_and_shifted_start(tmp_path):
     assert signal.values(np.array([5.0, 5.5, 6.0])).tolist() == [1, 1.5, 2]
 
 
-def test_decimal_comma_and_columns_by_number(tmp_path):
-    assert play(tmp_path, "t;q\n0,0;1,5\n1,0;2,5\n", column="q").values(np.array([0.5])).tolist() == [2.0]
-    assert play(tmp_path, "0 1\n1 2\n", column=2, time=1).values(np.array([0.5])).tolist() == [1.5]
-
-
-def test_stamps_of_a_clock_begin_at_zero(tmp_path):
-    signal = play(tmp_path, "t,q\n1700000000,1\n1700000001,2\n", column="q")
-    assert signal.values(np.array([0.0, 1.0])).tolist() == [1, 2]
-
-
 def test_a_changed_file_is_read_again(tmp_path):
     import os
 
@@ -67,19 +57,13 @@ def test_a_changed_file_is_read_again(tmp_path):
     ("text", "keys", "messages"),
     [
         (CSV, {"column": "q3"}, ["there is no column 'q3'", "time, q1, q2", "ref.csv"]),
-        (CSV, {"column": "q1", "time": "tyme"}, ["there is no column 'tyme'", "Did you mean 'time'?"]),
-        ("x,q\n0,1\n", {"column": "q"}, ["no column is called time or t", "x, q"]),
         (
             "time,q\n0,1\n1,\n2,x\n1.5,3\n",
             {"column": "q"},
             ["ref.csv:3: q: the cell is empty", "ref.csv:4: q: the cell is empty or no", "1.5 does not ascend: 2"],
         ),
         ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
-        ("time,q\n0,inf\n", {"column": "q"}, ["no finite number"]),
         ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no column 'note' of numbers"]),
-        ("0,1\n1,2\n", {"column": "q"}, ["no column 'q'", "column_1, column_2"]),
-        ("", {"column": "q"}, ["is empty"]),
-        ("time,q\n", {"column": "q"}, ["no row of numbers"]),
         (CSV, {}, ["column"]),
     ],
 )
@@ -88,12 +72,6 @@ def test_faults_of_a_csv_name_file_line_and_column(tmp_path, text, keys, message
         play(tmp_path, text, **keys)
     for message in messages:
         assert message in str(caught.value)
-
-
-def test_many_bad_rows_are_cut_short(tmp_path):
-    with pytest.raises(ScenarioError) as caught:
-        play(tmp_path, "time,q\n" + "0,1\n" * 1000 + "0,x\n" * 1000, column="q")
-    assert len(caught.value.problems) < 30
 
 
 def test_missing_file_is_told_with_its_path(tmp_path):
