@@ -31,6 +31,7 @@ MARKS = {
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
     "mjcf": rb"<!-- Made by asrsim export",
     "mesh": rb"\Aasrsim mesh",
+    "twin": rb"\A# asrsim twin: ",
     "ranges": rb"\A# Ranges by asrsim export",
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",

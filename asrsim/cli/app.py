@@ -16,7 +16,7 @@ GROUPS = {
     "Simulate": {"run": "run", "live": "live", "bench": "bench", "rerun": "rerun"},
     "Look": {"plot": "plot", "render": "render", "report": "report_page"},
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
-    "Use elsewhere": {"export": "export"},
+    "Use elsewhere": {"export": "export", "twin": "twin"},
     "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},
     "Reference": {"check": "check", "actuators": "actuators", "examples": "examples", "reproduce": "reproduce"},
 }

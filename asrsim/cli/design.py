@@ -47,7 +47,7 @@ def design(
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
-    from asrsim.design.write import columns, remarks, write_design
+    from asrsim.design.write import columns, write_design
 
     load_plugins(plugin)
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
@@ -63,8 +63,10 @@ def design(
     files = write_design(found, out, plot=plot)
     if not quiet:
         say_table(columns(found))
-        for text in remarks(found):
+        for text in found.remarks:
             say(text)
+        if found.interrupted:
+            say("interrupted: this is the best so far")
         say_written(files)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)

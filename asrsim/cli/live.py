@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -35,6 +35,9 @@ def live(
         typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
     ] = None,
     paused: Annotated[bool, typer.Option("--paused", help="Begin paused; the service 'pause' lets it go.")] = False,
+    twin: Annotated[
+        bool, typer.Option("--twin", help="Follow a robot instead: take its topics, publish torques on its links and alarms.")
+    ] = False,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
@@ -73,10 +76,14 @@ def live(
         names = [] if names == ["none"] else list(available(names))
         one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin or [])
         folder = out or Path("out") / one.name / f"{one.variant}_live"
+        access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
+        if twin:
+            _follow(one, names, access, namespace, duration, quiet=quiet)
+            return
         missing = not names and on is None
         settings = Settings(
             speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
-            access=Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ()))),
+            access=access,
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             if missing:
@@ -90,6 +97,24 @@ def live(
         print_live(session, summary, plugin or [], quiet=quiet)
     if not summary.ok:
         raise typer.Exit(1)
+
+
+def _follow(
+    scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, quiet: bool
+) -> None:  # fmt: skip
+    """Run a twin beside a robot."""
+    from asrsim.cli.console import say
+    from asrsim.cli.interrupt import Interruption
+    from asrsim.twin.live import LiveTwin
+
+    twin = LiveTwin(
+        scenario, transports=transports, access=access, namespace=namespace, duration=duration,
+        tell=(lambda text: None) if quiet else say,
+    )  # fmt: skip
+    with Interruption("") as interruption:
+        twin.run(stop=interruption.stop)
+    if not quiet:
+        say(f"{twin.time:.1f} s followed, {twin.alarms} alarms")
 
 
 def _speed(text: str) -> float:

@@ -38,10 +38,8 @@ class Playback(Signal):
     file: Path = declare(_RECORDING, doc="a recording of any format; a reading document beside it applies")
     column: str = declare(
         Text(noun="name of a column"),
-        doc="header of the column, with or without unit, or its number from 1;         "`/motor/target` (
-for bags and MCAP files topic and field, "
-        "such as `/motor/target` (
-        "`/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
+        doc="header of the column, with or without unit, or its number from 1; for bags and MCAP files topic and field, "
+        "such as `/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
     )
     time: str | None = declare(
         Optional(Text(noun="name of a column, or `header`")),

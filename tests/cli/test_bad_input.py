@@ -24,8 +24,6 @@ from asrsim.robot.reader import MAX_MOVING
 from asrsim.scenario import Scenario
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 REFUSED = ("Traceback", "unexpected error")
 

@@ -24,8 +24,6 @@ from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_
 from support.bags import ARM_ELBOW, ARM_TIME, write_arm
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 EXAMPLES = ROOT / "examples" / "urdf"
 TIME = np.arange(0, 0.8, 0.01)
 STEP = np.where(TIME >= 0.2, 0.3, 0.05)

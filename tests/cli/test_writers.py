@@ -20,8 +20,6 @@ from asrsim.errors import OutputError
 from asrsim.log import open_log
 from asrsim.runs.lock import owned
 
-pytestmark = pytest.mark.once
-
 HAND = "written by hand; asrsim run scenario.yaml\n"
 LIFT = """\
 robot: pendulum.urdf

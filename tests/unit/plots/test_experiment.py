@@ -23,8 +23,6 @@ from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
 from support.plot_example import made_up_log, simulated_log
 
-pytestmark = pytest.mark.once
-
 
 def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
     """A recording of the made-up run: its position times a gain, its clock late."""
