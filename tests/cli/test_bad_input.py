@@ -157,7 +157,7 @@ def test_scenarios(case: str, tiny, asrsim_command) -> None:
 def test_reading_a_scenario_ends(tiny, asrsim_command) -> None:
     outcome = asrsim_command("run", "/dev/zero")
     assert outcome.code == 1
-    assert "at most that many are read" in outcome.err
+    assert "is larger than the limit of" in outcome.err
 
 
 def test_hundreds_of_problems_are_cut_short(tiny, asrsim_command) -> None:
@@ -388,8 +388,8 @@ def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> No
         (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
         (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
-        (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
-        (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
+        (("init", "scenario.yaml"), "is a scenario, not a robot. Use it with: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, not a log. Use it with: asrsim run scenario.yaml"),
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )

@@ -311,7 +311,7 @@ def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path: Path, unit: str
     both = Samples(time=TIME, joints=("elbow",), values={**samples.values, "link_velocity": motion(TIME)[:, None]})
     result = compare(both, recording, infos=infos)
     assert result.find("elbow", "link_position") is None
-    assert any("it is not compared" in finding.message for finding in result.findings)
+    assert any("is not compared" in finding.message for finding in result.findings)
 
 
 def test_energies_are_compared_only_where_they_are_asked_for(tmp_path: Path) -> None:

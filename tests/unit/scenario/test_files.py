@@ -140,7 +140,7 @@ expect:
     ("text", "line", "key", "message"),
     [
         ("duratoin: 2", 3, "duratoin", "Did you mean 'duration'?"),
-        ("step: 1e-3\nstep: 1e-3", 4, "step", "there already, in line 3"),
+        ("step: 1e-3\nstep: 1e-3", 4, "step", "duplicate of that in line 3"),
         ("step: on", 3, "step", "must be a number (got 'on')"),
         ("step: -1", 3, "step", "must be a number > 0"),
         ("step: .nan", 3, "step", "finite"),
@@ -202,10 +202,10 @@ expect:
         ),
         ("? [a, b]\n: 1", 3, None, "a key must be plain text"),
         ("seed: !!python/object:os.system 1", 3, None, "not supported"),
-        ("seed: [1", None, None, "no valid YAML"),
-        ("\tseed: 1", 3, None, "no valid YAML"),
+        ("seed: [1", None, None, "not valid YAML"),
+        ("\tseed: 1", 3, None, "not valid YAML"),
         ("seed: *nothing", 3, None, "undefined alias"),
-        ("---\nrobot: b", None, None, "no valid YAML"),
+        ("---\nrobot: b", None, None, "not valid YAML"),
     ],
 )
 def test_faults_have_file_line_key_and_the_right_choice(load, tmp_path, text, line, key, message):

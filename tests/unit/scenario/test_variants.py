@@ -116,7 +116,7 @@ def test_a_fault_of_an_override_names_no_line_of_the_file(path):
         ("duratoin=1", "Did you mean 'duration'?"),
         ("elbow.spring_k_1=1", "A joint's parameter is parameters.elbow.spring_k_1"),
         ("robt.file=x", "Did you mean 'robot'?"),
-        ("duration=[1", "no valid YAML"),
+        ("duration=[1", "not valid YAML"),
         ("duration=x", "must be a number (got 'x')"),
         ("duration.x=1", "cannot be set inside the value 2"),
         ("expect.9.value=1", "no index of a list of 2"),
