@@ -77,7 +77,7 @@ def test_a_changed_file_is_read_again(tmp_path):
         ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
         ("time,q\n0,inf\n", {"column": "q"}, ["must contain a finite number"]),
         ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no numeric column 'note'"]),
-        ("0,1\n1,2\n", {"column": "q"}, ["no column 'q'", "column_1, column_2"]),
+        ("0,1\n1,2\n", {"column": "q"}, ["no numeric column 'q'", "column_1, column_2"]),
         ("", {"column": "q"}, ["is empty"]),
         ("time,q\n", {"column": "q"}, ["no row of numbers"]),
         (CSV, {}, ["column"]),
@@ -120,8 +120,8 @@ def test_bags_are_played_by_topic_and_field(bag):
     ("keys", "messages"),
     [
         ({"column": "/p"}, ["there is no numeric column '/p'", "/q, /states/position[a]"]),
-        ({"column": "/q/date"}, ["no column '/q/date'"]),
-        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q/date"}, ["no numeric column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no numeric column '/states/position[c]'", "position[a]", "position[b]"]),
         ({"column": "/q", "time": "header"}, ["have no stamp in a header"]),
     ],
 )
