@@ -146,9 +146,7 @@ class Rows:
         for (code, column), (where, cell) in sorted(self.faults.items()):
             message = f"{len(where)} cells are not numbers, such as '{cell}', and are read as missing"
             if column < 0:
-                message = (
-                    f"{len(where)} rows with {cell} instead of {len(self.names)} fields, or another wrong number, are skipped"
-                )
+                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields (or another number) are skipped"
             message += f": line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
             key = self.names[column] if column >= 0 else None
             findings.append(Problem(message, line=where[0], key=key, code=code))

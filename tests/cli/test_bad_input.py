@@ -134,7 +134,7 @@ def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
 SCENARIOS = {
     "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
     "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
-    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "it names a folder too"),
+    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "the name of a folder"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
     "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),

@@ -203,5 +203,5 @@ def test_a_link_at_its_stop_is_counted_and_said(tmp_path):
 
 @pytest.mark.parametrize("name", ["ground", "robot"])
 def test_objects_are_not_called_as_contacts_call_others(name):
-    with pytest.raises(InputError, match="cannot be called"):
+    with pytest.raises(InputError, match="cannot have the name"):
         asrsim.make_scenario("arm.urdf", world={"objects": {name: {"shape": "sphere", "size": 0.1}}})

@@ -188,7 +188,7 @@ def test_an_axis_that_is_turned_round_is_not_laid_half_a_period_beside_itself(tm
     recording = read(laboratory(tmp_path, late=late, scale=-1.0, header="time,elbow_pos,other"))
     result = compare(simulation(), recording)
     assert result.alignment.lag == pytest.approx(late, abs=3e-3)
-    assert "the other way round" in result.alignment.how
+    assert "the opposite sign" in result.alignment.how
     (hint,) = (one.hint for one in result.findings if one.code == "suspected-sign")
     assert "elbow_pos=-elbow.link_position" in str(hint)
 

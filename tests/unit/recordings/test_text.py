@@ -126,10 +126,10 @@ def test_a_rate_stands_in_for_a_missing_time(tmp_path: Path) -> None:
     [
         (["q1"], "COLUMN=JOINT.QUANTITY"),
         (["q1=elbow.link_positon"], "Did you mean 'link_position'"),
-        (["q1=elbow.link_position [degg]"], "not a unit"),
+        (["q1=elbow.link_position [degg]"], "not a known unit"),
         (["absent=elbow.link_position"], "no such column"),
-        (["q1=elbow.link_position [V]"], "cannot be a link_position"),
-        (["q1=elbow.link_position", "q2=elbow.link_position"], "second elbow.link_position"),
+        (["q1=elbow.link_position [V]"], "is no unit of link_position"),
+        (["q1=elbow.link_position", "q2=elbow.link_position"], "second column for elbow.link_position"),
         (["absent=time"], "no such time column"),
         (["time=time [rad]"], "rad is no unit of time"),
     ],
@@ -207,8 +207,8 @@ def test_without_a_header_columns_are_numbered_and_asked_about(tmp_path: Path) -
         (["time,q1", *[f"{0.1 * t},1" for t in [0, 1, 2, 3, 4, 5, 0, 1, 2, 3, 4, 5]]], "lab.csv:8: time: 6 .*two recordings"),
         (["time,q1", *[f"{t},1" for t in [0.0, 0.1, 0.2, 1.7e9, 1.7e9 + 0.1, 1.7e9 + 0.2]]], "two time bases"),
         (["time,q1", *[f"{0.1 * (i // 3)},1" for i in range(30)]], "20 repeated time stamps.*too few digits"),
-        (["time,q1", *[f"{738000 + i * 1e-7:.9f},{i}" for i in range(50)]], "unit is not clear"),
-        (["time,q1", *[f"{i * 3e9:.9f},{i}" for i in range(50)]], "unit is not clear"),
+        (["time,q1", *[f"{738000 + i * 1e-7:.9f},{i}" for i in range(50)]], "unit is unclear"),
+        (["time,q1", *[f"{i * 3e9:.9f},{i}" for i in range(50)]], "unit is unclear"),
         (["time,q1,q2", "1,2", "3,4", "5,6"], "header has 3 names, but the rows have 2"),
         (["<html>", "</html>"], "no row of numbers"),
         (["ab\0cd"], "zero bytes"),
@@ -221,7 +221,7 @@ def test_what_is_no_recording_is_refused_with_the_reason(tmp_path: Path, lines: 
 
 
 def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path: Path) -> None:
-    for path, message in ((tmp_path / "absent.csv", "no such file"), (tmp_path, r"metadata\.yaml")):
+    for path, message in ((tmp_path / "absent.csv", "does not exist"), (tmp_path, r"metadata\.yaml")):
         with pytest.raises(RecordingError, match=message):
             read_recording(path)
 
