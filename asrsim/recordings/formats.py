@@ -88,7 +88,7 @@ def _without(table: RawTable, missing: float | None) -> RawTable:
 def format_of(path: Path) -> str:
     """Name of the reader, by the file's first bytes or else its ending; text by default. Raises RecordingError."""
     if not path.exists():
-        raise RecordingError("the file does not exist", hint=similar_file(path), code="no-file")
+        raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise RecordingError("is a folder without metadata.yaml; a ROS 2 bag has one", code="no-bag")

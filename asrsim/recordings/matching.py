@@ -19,7 +19,7 @@ def match_joints(
         unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
         if unknown:
             raise RecordingError(
-                f"unknown joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names), code="no-such-joint"
+                f"no such joint: {', '.join(unknown)}", file=recording.path, choices=(*recorded, *names), code="no-such-joint"
             )
         return dict(joints), []
     plain = {_plain(name): name for name in names}

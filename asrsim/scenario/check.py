@@ -95,7 +95,7 @@ def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         return
     for block in robot.actuators:
         if block.mode not in PLANNED_MODES:
-            message = f"a Cartesian task needs position references, which mode {block.mode} lacks"
+            message = f"a Cartesian task needs position references, which mode {block.mode} does not take"
             choices = tuple(map(str, PLANNED_MODES))
             yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
     for index, pose in enumerate(scenario.task.poses):
@@ -157,7 +157,7 @@ def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for name, effects in table.items():
             if effects.delay > MOST_DELAY * scenario.step:
-                message = f"is longer than the limit of {MOST_DELAY} steps of {scenario.step:g} s"
+                message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, the limit"
                 yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
 
 

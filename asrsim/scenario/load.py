@@ -62,7 +62,7 @@ def read_scenarios(
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
-        message = "is not a scenario, which is a mapping with the keys robot, duration, references, ..."
+        message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
     variants, wrong = _split(root)
     faults += wrong

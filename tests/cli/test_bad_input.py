@@ -157,7 +157,7 @@ def test_scenarios(case: str, tiny, asrsim_command) -> None:
 def test_reading_a_scenario_ends(tiny, asrsim_command) -> None:
     outcome = asrsim_command("run", "/dev/zero")
     assert outcome.code == 1
-    assert "is larger than the limit of" in outcome.err
+    assert "at most that many are read" in outcome.err
 
 
 def test_hundreds_of_problems_are_cut_short(tiny, asrsim_command) -> None:

@@ -221,7 +221,7 @@ def test_what_is_no_recording_is_refused_with_the_reason(tmp_path: Path, lines: 
 
 
 def test_a_missing_file_and_a_folder_that_is_no_bag_are_named(tmp_path: Path) -> None:
-    for path, message in ((tmp_path / "absent.csv", "does not exist"), (tmp_path, r"metadata\.yaml")):
+    for path, message in ((tmp_path / "absent.csv", "no such file"), (tmp_path, r"metadata\.yaml")):
         with pytest.raises(RecordingError, match=message):
             read_recording(path)
 

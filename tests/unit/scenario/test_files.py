@@ -458,5 +458,5 @@ def test_a_file_whose_name_is_no_utf_8_is_refused_since_logs_could_not_name_it(t
         path.write_text("robot: arm.urdf\nduration: 1\n")
     except OSError:
         pytest.skip("this file system has no such names")
-    with pytest.raises(ScenarioError, match=r"is no UTF-8.* Rename it"):
+    with pytest.raises(ScenarioError, match=r"must be UTF-8.* Rename it"):
         load_scenario(path)
