@@ -388,8 +388,8 @@ def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> No
         (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
         (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
-        (("init", "scenario.yaml"), "is a scenario, not a robot. Use it with: asrsim run scenario.yaml"),
-        (("render", "scenario.yaml"), "is a scenario, not a log. Use it with: asrsim run scenario.yaml"),
+        (("init", "scenario.yaml"), "is a scenario, no robot. Use it with: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, no log. Use it with: asrsim run scenario.yaml"),
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )

@@ -48,7 +48,7 @@ def test_a_studys_folder_is_no_run(tmp_path: Path, asrsim_command) -> None:
     folder.mkdir()
     (folder / "study.json").write_text("{}", encoding="utf-8")
     for command in TAKES["log"]:
-        assert f"is a study, not a log. Use it with: asrsim sweep {folder}" in asrsim_command(command, folder).err
+        assert f"is a study, no log. Use it with: asrsim sweep {folder}" in asrsim_command(command, folder).err
 
 
 @pytest.mark.parametrize("wanted", TAKES)
