@@ -184,47 +184,55 @@ class Core:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(self, which: NDArray[np.int64], given: Given, out: Array, *options: Any) -> None:
-        """Advance worlds by the rows that are given; options: every, watched, columns; see
+    def taken(self, given: Given) -> Given:
+        """The inputs as :meth:`run` takes them: in plain Python, lists."""
+        if self.compiled:
+            return given
+        lists: Any = [table if table is given.wrenches else table.tolist() for table in given]
+        return Given(*lists)
+
+    def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        """Advance worlds by rows of what is given; options: first, count, every, watched, columns, out, rows, references; see
         :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine raises."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
-            self._call(bounds[0], which, given, out, *options)
+            self._call(bounds[0], which, given, *options)
             return
         run = self._call if self.compiled else self._plain
         for place, bound in enumerate(bounds):
-            run(bound, which[place : place + 1], given, out[place : place + 1], *options)
+            own = [*options[:5], options[5][place : place + 1], *options[6:]]
+            run(bound, which[place : place + 1], given, *own)
 
     def _call(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, every: int, watched: bool,
+        columns: NDArray[np.int64], *outs: Array,
     ) -> None:  # fmt: skip
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, given.inputs.shape[1], every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, out,
+            which, first, count, every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, *outs,
         )  # fmt: skip
         bound.give_back(record)
 
     def _plain(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
+        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, every: int, watched: bool,
+        columns: NDArray[np.int64], *outs: Array,
     ) -> None:  # fmt: skip
         ((world, own),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(given.wrenches[0, 0])
         done, fault = self.done[world : world + 1], self.fault[world : world + 1]
-        inputs, wrenches, cuts, *pieces = given
+        out, *lasts = outs
         try:
             plain: Any = kernel.run
             plain(
-                [(0, 0)], inputs.shape[1], every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], [inputs[own].tolist()], [wrenches[own]], [cuts[own].tolist()],
-                *(table.tolist() for table in pieces), exchange.data, bound.step, 0, columns.tolist(), out.data,
+                [(0, own)], first, count, every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
+                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data,
+                *(table[world : world + 1].data for table in lasts),
             )  # fmt: skip
         finally:
             self.S[world] = state

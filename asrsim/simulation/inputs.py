@@ -49,6 +49,8 @@ class Given(NamedTuple):
     inputs: Array
     """(sets, n, joints, columns): external torques, references mapped to motors, and for each sensor whether it samples then,
     and its noise."""
+    references: Array
+    """(sets, n, joints, columns): external torques and references, as they are given."""
     wrenches: Array
     """(sets, n, w, 6) N, N m: means over the kicks."""
     cuts: NDArray[np.int64]
@@ -67,7 +69,7 @@ class Chunk:
 
     first: int
     references: Array
-    """External torques and references, (columns, joints, n + pieces): see :data:`asrsim.simulation.layout.EXTERNAL`; the
+    """External torques and references, (n + pieces, joints, columns): see :data:`asrsim.simulation.layout.EXTERNAL`; the
     pieces of the kicks that are cut stand behind."""
     sensors: Array
     """(n, joints, columns)."""
@@ -149,7 +151,7 @@ class Inputs:
         """References (columns, joints, ...) mapped to motors."""
         goals = references.copy()
         for rows, law in self._maps:
-            mapped = law(*references[GOALS : GOALS + 2, rows])
+            mapped = law(*goals[GOALS : GOALS + 2, rows])
             for slot, values in enumerate(mapped):
                 goals[GOALS + slot, rows] = values
         return goals
@@ -182,16 +184,16 @@ class Inputs:
                 fractions.append((b - a) / self.substep)
                 on_time.append(a == now)
             places.append((cut.substep - first, begin, len(fractions)))
-        references = np.concatenate(parts, axis=2)
-        rows = self._input_rows(references[:, :, None, :count], sensors)[0]
-        pieces = np.ascontiguousarray(self._goals(references[:, :, count:]).transpose(2, 1, 0))
+        references = np.ascontiguousarray(np.concatenate(parts, axis=2).T)
+        rows = self._input_rows(references[None, :count], sensors)[0]
+        pieces = np.ascontiguousarray(self._goals(references[count:].T).T)
         return Chunk(
             first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
             np.array(on_time, dtype=bool), (rows, pieces),
         )  # fmt: skip
 
-    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> tuple[Given, Array]:
-        """Rows `begin` to `end` of a chunk, and their references (columns, joints, sets, n).
+    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
+        """Rows `begin` to `end` of a chunk.
 
         held: (sets, joints, columns) values that stand in the place of the scenario's, NaN: none; they have no jumps of their
         own. None: one set, the scenario's.
@@ -202,23 +204,24 @@ class Inputs:
         cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
         if held is None:
             inputs, cut_inputs = chunk.inputs
-            references = chunk.references[:, :, None, begin:end]
-            return Given(inputs[None, begin:end], wrenches, cuts, fractions, on_time, cut_inputs[pieces]), references
-        own, sets = held.transpose(2, 1, 0)[..., None], len(held)
+            rows, references = inputs[None, begin:end], chunk.references[None, begin:end]
+            return Given(rows, references, wrenches, cuts, fractions, on_time, cut_inputs[pieces])
+        own, sets = held[:, None], len(held)
         behind = slice(len(chunk) + first, len(chunk) + last)
-        references, cut = (np.where(np.isnan(own), chunk.references[:, :, None, at], own) for at in (slice(begin, end), behind))
+        references, cut = (np.where(np.isnan(own), chunk.references[at], own) for at in (slice(begin, end), behind))
         shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-        goals = self._goals(cut) if last > first else cut
-        cut_inputs = np.ascontiguousarray(goals.transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
+        goals = self._goals(cut.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0) if last > first else cut
+        cut_inputs = np.ascontiguousarray(goals).reshape(-1, *cut.shape[2:])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
         wrenches = np.repeat(wrenches, sets, axis=0)
-        return Given(inputs, wrenches, cuts + shifts, np.tile(fractions, sets), np.tile(on_time, sets), cut_inputs), references
+        fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
+        return Given(inputs, references, wrenches, cuts + shifts, fractions, on_time, cut_inputs)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (columns, joints, sets, n) and sensors (n, joints, columns)."""
-        columns, joints, sets, count = references.shape
+        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        sets, count, joints, columns = references.shape
         inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references).transpose(2, 3, 1, 0)
+        inputs[..., :columns] = self._goals(references.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0)
         inputs[..., columns:] = sensors
         return inputs
 

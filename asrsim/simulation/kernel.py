@@ -66,35 +66,39 @@ ENDLESS = 1e300
 
 
 def run(
-    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
-    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
-    engine: int, record: int, columns: Any, out: Any,
+    which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
+    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, cuts: Any, fractions: Any,
+    on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
+    which: (m, 2) the worlds, and the number of each one's inputs; first: row of the inputs at which the call begins; every:
+    rows are recorded at multiples of so many substeps;
     watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
-    (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
+    (worlds, ...); inputs, references: (sets, n, joints, ...); wrenches: (sets, n, w, 6); cuts: (sets, c, 3) rows
     in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
     parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
     exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
-    are recorded, out: (m, rows, joints, columns) to where.
+    are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
+    each world, and its references.
     """
     for place in range(len(which)):
-        w, given = which[place][0], which[place][1]
+        w, own_set = which[place][0], which[place][1]
         row = 0
         cut = 0
         s_all, p_all, x, u_all, pushes, own_cuts = (
             states[w],
             constants[w],
             engine_states[w],
-            inputs[given],
-            wrenches[given],
-            cuts[given],
+            inputs[own_set],
+            wrenches[own_set],
+            cuts[own_set],
         )
-        for step in range(count):
+        while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
+            cut += 1
+        for step in range(first, first + count):
             if fault[w, 0] != HEALTHY:
                 break
             substep = done[w]
@@ -141,7 +145,9 @@ def run(
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
-                        out[place, row, j, c] = s[columns[c]]
+                        out[place, row, j, c] = rows[w, j, c] = s[columns[c]]
+                    for c in range(len(references[own_set][step][j])):
+                        given[w, j, c] = references[own_set][step][j][c]
                 # Before the start a staggered run moved as if its first kick had been a whole one.
                 s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
                 s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]
