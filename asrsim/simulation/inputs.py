@@ -198,24 +198,25 @@ class Inputs:
         held: (sets, joints, columns) values that stand in the place of the scenario's, NaN: none; they have no jumps of their
         own. None: one set, the scenario's.
         """
-        places = chunk.places[(chunk.places[:, 0] >= begin) & (chunk.places[:, 0] < end)]
+        places = chunk.places[slice(*np.searchsorted(chunk.places[:, 0], (begin, end)).tolist())]
         first, last = (places[0, 1], places[-1, 2]) if len(places) else (0, 0)
-        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], slice(first, last)
+        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], chunk.inputs[1][first:last]
         cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
         if held is None:
-            inputs, cut_inputs = chunk.inputs
-            rows, references = inputs[None, begin:end], chunk.references[None, begin:end]
-            return Given(rows, references, wrenches, cuts, fractions, on_time, cut_inputs[pieces])
+            rows, references = chunk.inputs[0][None, begin:end], chunk.references[None, begin:end]
+            return Given(rows, references, wrenches, cuts, fractions, on_time, pieces)
         own, sets = held[:, None], len(held)
-        behind = slice(len(chunk) + first, len(chunk) + last)
-        references, cut = (np.where(np.isnan(own), chunk.references[at], own) for at in (slice(begin, end), behind))
-        shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-        goals = self._goals(cut.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0) if last > first else cut
-        cut_inputs = np.ascontiguousarray(goals).reshape(-1, *cut.shape[2:])
+        references = np.where(np.isnan(own), chunk.references[begin:end], own)
+        if sets > 1:
+            shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
+            cuts, wrenches = cuts + shifts, np.repeat(wrenches, sets, axis=0)
+            fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
+        if last > first:
+            cut = np.where(np.isnan(own), chunk.references[len(chunk) + first : len(chunk) + last], own)
+            goals = self._goals(cut.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0)
+            pieces = np.ascontiguousarray(goals).reshape(-1, *cut.shape[2:])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
-        wrenches = np.repeat(wrenches, sets, axis=0)
-        fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
-        return Given(inputs, references, wrenches, cuts + shifts, fractions, on_time, cut_inputs)
+        return Given(inputs, references, wrenches, cuts, fractions, on_time, pieces)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
         """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
