@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.samples import Array
 
-NUMBERS = 9
+NUMBERS = 8
 """Free numbers of a segment in each reference, from 0 to 1."""
 FASTEST, SLOWEST = 0.004, 0.25
 """s that a change of level takes at least; share of the segment that it takes at most."""
@@ -33,11 +33,11 @@ def _frequency(number: float, length: float) -> float:
 
 
 def levels(u: Array, time: Array, length: float) -> Array:
-    """Some levels one after the other, and back."""
-    count = len(u) // 2
-    edges = length * np.sort(np.append(0.02 + 0.85 * u[:count], 0.7 + 0.2 * u[0]))
-    heights = np.append(2.0 * u[count : 2 * count] - 1.0, 0.0)
-    rise = min(FASTEST * (SLOWEST * length / FASTEST) ** u[-1], 0.98 * length - edges[-1])
+    """Three levels one after the other, and back."""
+    edges = length * np.array([0.02, 0.05 + 0.4 * u[0], 0.3 + 0.4 * u[1], 0.9 - 0.3 * u[2]])
+    edges.sort()
+    heights = np.append(2.0 * u[3:6] - 1.0, 0.0)
+    rise = FASTEST * (SLOWEST * length / FASTEST) ** u[6]
     jumps = np.diff(heights, prepend=0.0)
     return np.asarray(sum(jump * ramp((time - edge) / rise) for jump, edge in zip(jumps, edges, strict=True)))
 
@@ -87,20 +87,17 @@ def fresh(generator: np.random.Generator, references: int) -> Segment:
 
 
 def beside(segment: Segment, generator: np.random.Generator) -> Segment:
-    """A segment some of whose references move a little, or altogether, differently."""
-    count = len(segment.scales)
-    other = fresh(generator, count)
-    chosen = generator.random(count) < 0.5
-    chosen[generator.integers(count)] = True
-    new = chosen & (generator.random(count) < 0.25)
-    size = 0.02 * 15.0 ** generator.random()
-    moved = segment.numbers + size * chosen[:, None] * generator.normal(size=segment.numbers.shape)
+    """A segment with some numbers a little different."""
+    size = 0.3 * generator.random()
+    moved = segment.numbers + size * generator.normal(size=segment.numbers.shape) * (
+        generator.random(segment.numbers.shape) < 0.5
+    )
     # Reflected at the ends, so that they are not met too often.
-    moved = 1.0 - np.abs(1.0 - np.abs(moved) % 2.0)
-    return Segment(
-        tuple(np.where(new, other.families, segment.families).tolist()), np.where(new[:, None], other.numbers, moved),
-        np.where(new, other.scales, segment.scales * np.exp(size * chosen * generator.normal(size=count))),
-    )  # fmt: skip
+    return replace(
+        segment,
+        numbers=1.0 - np.abs(1.0 - np.abs(moved) % 2.0),
+        scales=segment.scales * np.exp(0.2 * generator.normal(size=len(segment.scales))),
+    )
 
 
 def joined(segments: Sequence[Segment], step: float, rows: int) -> Array:

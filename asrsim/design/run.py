@@ -28,7 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
-ROUNDS = 40
+ROUNDS = 30
 """Rounds of the search; a fifth of them for each choice of gains."""
 SHORTEST, PROBE = 0.5, 0.2
 """s of an experiment, at least; s in which a robot must keep the limits while its references stand still."""

@@ -1,4 +1,4 @@
-"""The search: Fisher matrices of segments within the limits add up; the best set is picked, varied, and joined to a motion."""
+"""The search: Fisher matrices of segments within the limits add up; the best set is picked and joined to a motion."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from asrsim.design.plant import Outcome, Plant
 from asrsim.identification.door import Substeps
 from asrsim.samples import Array
 
-SEGMENT, MOST = 1.4, 12
+SEGMENT, MOST = 1.0, 12
 """s that a segment lasts, at least; segments of a motion, at most."""
-FIRST, BATCH = 160, 20
+FIRST, BATCH = 60, 20
 """Segments that are tried before any is picked, and in each round afterwards."""
 FULL = 0.97
 """Share of a limit that a motion may use."""
-TRIES = 6
-"""Runs in which a motion is scaled into its limits."""
+TRIES, SHRINKS = 5, 40
+"""Runs in which a segment, and a whole motion, are scaled into the limits."""
 PRIOR = 1.0 / np.log(10.0) ** 2
 """Information about each number beforehand: its order of magnitude is known."""
 
@@ -72,53 +72,68 @@ class Search:
         robots = [*self.robots, *self.checks] if checked else self.robots
         return self.plant.play(motion, self.gains, robots, self.substeps, information=information)
 
-    def fitted(self, name: str, segments: Sequence[Segment], rows: int, *, whole: bool = False) -> Found | None:
-        """The segments within the limits; None where that is not found, or sensitivities cannot be believed.
-
-        A single segment is made as large as the limits allow; of several, those that exceed limits are made smaller. whole: the
-        limits hold on the further robots too.
-        """
+    def scaled(self, segments: Sequence[Segment], rows: int) -> list[Segment] | None:
+        """As large as the limits allow, each reference by those of its own joint; None where no size keeps them all."""
         plant, there, best = self.plant, list(segments), None
-        edges = np.linspace(0.0, (rows - 1) * plant.step, len(there) + 1)[1:-1]
-        for left in reversed(range(TRIES if len(there) == 1 else 40)):
-            outcome = self.play(plant.motion(there, rows), checked=whole)
+        for _ in range(TRIES):
+            outcome = self.play(plant.motion(there, rows))
             if outcome is None:
-                there = [one.scaled(0.7) for one in there]
-                continue
-            own = np.array([outcome.use[mine].max(initial=0.0) for mine in plant.own])
-            exceeded = bool(outcome.use.max(initial=0.0) > 1.0)
-            best = best if exceeded else [*there]
-            if not exceeded and (len(there) > 1 or own[~plant.presets].min(initial=1.0) > 0.9 * FULL):
-                break
-            # A quantity that saturates beyond its limit hides by how much: shrink by some percent at least.
-            factors = np.where(
-                own > 1.0, np.clip(FULL / np.maximum(own, 1.0), 0.3, 0.9), np.minimum(FULL / np.maximum(own, 1e-6), 1.6)
-            )
-            factors = np.where(plant.presets, 1.0, factors)
-            if exceeded and (len(there) > 1 or left < 2):
-                factors = np.full(len(own), factors.min())
-            at = int(np.searchsorted(edges, outcome.when, side="right"))
-            there[at] = there[at].scaled(factors)
-        if best is None:
-            return None
-        motion = plant.motion(best, rows)
+                factors = np.full(len(plant.references), 0.5)
+            else:
+                own = np.array([outcome.use[mine].max(initial=0.0) for mine in plant.own])
+                most = float(outcome.use.max(initial=0.0))
+                if most <= 1.0:
+                    best = there
+                    if own.min() > 0.9 * FULL:
+                        break
+                factors = np.clip(FULL / np.maximum(own, 1e-6), 0.2, 1.6)
+                if own.max() <= 1.0 < most:
+                    factors = np.minimum(factors, FULL / most)
+            there = [one.scaled(np.where(plant.presets, 1.0, factors)) for one in there]
+        return best
+
+    def segment(self, segment: Segment) -> Found | None:
+        """The segment within the limits; None where that is not found, or sensitivities cannot be believed."""
+        rows = (self.plant.rows - 1) // self.count + 1
+        fitting = self.scaled([segment], rows)
+        return None if fitting is None else self.judged("segment", fitting, rows)
+
+    def judged(self, name: str, segments: Sequence[Segment], rows: int) -> Found | None:
+        """The motion with its information; None where sensitivities cannot be believed."""
+        motion = self.plant.motion(segments, rows)
         outcome = self.play(motion, information=True)
         if outcome is None or outcome.information is None:
             return None
-        return Found(name, tuple(best), motion, outcome.information, float(self.score(outcome.information)))
+        return Found(name, tuple(segments), motion, outcome.information, float(self.score(outcome.information)))
+
+    def whole(self, name: str, segments: Sequence[Segment]) -> Found | None:
+        """The joined motion, within the limits on all robots; segments that exceed them are made smaller."""
+        there, plant = list(segments), self.plant
+        edges = np.linspace(0.0, (plant.rows - 1) * plant.step, len(there) + 1)[1:-1]
+        for _ in range(SHRINKS):
+            outcome = self.play(plant.motion(there, plant.rows), checked=True)
+            if outcome is None:
+                there = [one.scaled(0.9) for one in there]
+                continue
+            most = float(outcome.use.max(initial=0.0))
+            if most <= 1.0:
+                return self.judged(name, there, plant.rows)
+            at = int(np.searchsorted(edges, outcome.when, side="right"))
+            there[at] = there[at].scaled(max(0.5, FULL / most))
+        return None
 
     def extend(self, count: int) -> None:
         """Try more segments, until stopped: new ones, and variations of those that are picked."""
         for _ in range(count):
             if self.stop() and self.library:
                 return
-            base = int(self.generator.choice(self.picked)) if self.picked and self.generator.random() < 0.6 else None
+            base = int(self.generator.choice(self.picked)) if self.picked and self.generator.random() < 0.8 else None
             segment = (
                 fresh(self.generator, len(self.plant.references))
                 if base is None
                 else beside(self.library[base].segments[0], self.generator)
             )
-            found = self.fitted("segment", [segment], (self.plant.rows - 1) // self.count + 1)
+            found = self.segment(segment)
             if found is not None:
                 self.library.append(found)
 
@@ -132,16 +147,7 @@ class Search:
             progress((number + 1) / (rounds + 1))
             if self.stop():
                 break
-        best = self.fitted("design", [self.library[i].segments[0] for i in self.picked], self.plant.rows, whole=True)
-        # The joined motion differs from its parts, since each begins before the last swing has ended: it is varied as a whole.
-        for _ in range(rounds):
-            if best is None or self.stop():
-                break
-            segments, place = list(best.segments), int(self.generator.integers(self.count))
-            segments[place] = beside(segments[place], self.generator)
-            other = self.fitted("design", segments, self.plant.rows, whole=True)
-            best = other if other is not None and other.score < best.score else best
-        return best
+        return self.whole("design", [self.library[i].segments[0] for i in self.picked])
 
     def pick(self) -> None:
         """Choose the segments whose sum scores best, beginning from the last choice, and from nothing."""
@@ -167,11 +173,13 @@ class Search:
     def plain(self) -> list[Found]:
         """What people record, as large as the limits allow: one step, and the best of some chirps; presets rest."""
         plant, found = self.plant, dict[str, Found]()
-        step = ("one step", LEVELS, [0.0, 1.0, 0.0])
-        for name, family, numbers in (step, *(("chirp", CHIRP, [0.0, last, 0.5, 1.0, 0.0]) for last in (0.5, 0.7, 0.85))):
+        step = ("one step", LEVELS, [0.0, 0.2, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0])
+        sweeps = (("chirp", CHIRP, [0.0, last, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]) for last in (0.5, 0.7, 0.85))
+        for name, family, numbers in (step, *sweeps):
             count = len(plant.references)
             segment = Segment((family,) * count, np.tile(np.array(numbers), (count, 1)), np.where(plant.presets, 0.0, 1.0))
-            one = self.fitted(name, [segment], plant.rows, whole=True)
+            fitting = self.scaled([segment], plant.rows)
+            one = None if fitting is None else self.whole(name, fitting)
             if one is not None and (name not in found or one.score < found[name].score):
                 found[name] = one
         return list(found.values())
