@@ -74,13 +74,11 @@ def certify(
     motions = [motion([run.samples])] if run.samples is not None else []
     for times in (1, 2, 4)[len(motions) :]:
         tell = progress and partial(progress, "finer steps")
-        kept = _Motion(scenario.steps // scenario.log_every + 1, len(run.info.joints))
-        finer = simulate(
-            _finer(scenario, run, times), robot, sinks=[kept], keep=False, names=COMPARED, progress=tell, stop=stop
-        )
-        if finer.status == "interrupted":
+        finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
+        if finer.status == "interrupted" or finer.samples is None:
             return None
-        motions.append(kept.values[: kept.count])
+        motions.append(motion([finer.samples]))
+        del finer
     first, second, whole = (differences(motions[a], motions[b]) for a, b in ((0, 1), (1, 2), (0, 2)))
     joints: dict[str, JointError] = {}
     warnings = []
@@ -105,20 +103,6 @@ def certify(
         joints=joints,
         warnings=tuple(warnings),
     )
-
-
-class _Motion:
-    """What is compared of a run, (samples, quantities, joints); a sink."""
-
-    def __init__(self, samples: int, joints: int) -> None:
-        self.values = np.empty((samples, len(COMPARED), joints))
-        self.count = 0
-
-    def write(self, samples: Samples) -> None:
-        """The next chunk."""
-        rows = motion([samples])
-        self.values[self.count : self.count + len(rows)] = rows
-        self.count += len(rows)
 
 
 def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
