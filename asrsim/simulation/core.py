@@ -200,39 +200,32 @@ class Core:
             return
         run = self._call if self.compiled else self._plain
         for place, bound in enumerate(bounds):
-            own = [*options[:5], options[5][place : place + 1], *options[6:]]
-            run(bound, which[place : place + 1], given, *own)
+            run(bound, which[place : place + 1], given, *options)
 
-    def _call(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, every: int, watched: bool,
-        columns: NDArray[np.int64], *outs: Array,
-    ) -> None:  # fmt: skip
+    def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, first, count, every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, *outs,
+            which, *options[:4], self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, *options[4:],
         )  # fmt: skip
         bound.give_back(record)
 
-    def _plain(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, every: int, watched: bool,
-        columns: NDArray[np.int64], *outs: Array,
-    ) -> None:  # fmt: skip
-        ((world, own),) = which.tolist()
+    def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        ((world, *places),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(given.wrenches[0, 0])
-        done, fault = self.done[world : world + 1], self.fault[world : world + 1]
-        out, *lasts = outs
+        own = slice(world, world + 1)
+        columns, out, rows, references = options[4:]
         try:
             plain: Any = kernel.run
             plain(
-                [(0, own)], first, count, every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data,
-                *(table[world : world + 1].data for table in lasts),
+                [(0, *places)], *options[:4], self.done[own], self.fault[own], [state], [self.P[world].tolist()], self._kinds,
+                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data, rows[own].data,
+                references[own].data,
             )  # fmt: skip
         finally:
             self.S[world] = state

@@ -148,12 +148,13 @@ class Inputs:
         return tables
 
     def _goals(self, references: Array) -> Array:
-        """References (columns, joints, ...) mapped to motors."""
+        """References (..., joints, columns) mapped to motors."""
         goals = references.copy()
+        tables = goals.T
         for rows, law in self._maps:
-            mapped = law(*goals[GOALS : GOALS + 2, rows])
+            mapped = law(*np.ascontiguousarray(tables[GOALS : GOALS + 2, rows]))
             for slot, values in enumerate(mapped):
-                goals[GOALS + slot, rows] = values
+                tables[GOALS + slot, rows] = values
         return goals
 
     def chunk(self, first: int, count: int) -> Chunk:
@@ -186,7 +187,7 @@ class Inputs:
             places.append((cut.substep - first, begin, len(fractions)))
         references = np.ascontiguousarray(np.concatenate(parts, axis=2).T)
         rows = self._input_rows(references[None, :count], sensors)[0]
-        pieces = np.ascontiguousarray(self._goals(references[count:].T).T)
+        pieces = self._goals(references[count:])
         return Chunk(
             first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
             np.array(on_time, dtype=bool), (rows, pieces),
@@ -213,8 +214,7 @@ class Inputs:
             fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
         if last > first:
             cut = np.where(np.isnan(own), chunk.references[len(chunk) + first : len(chunk) + last], own)
-            goals = self._goals(cut.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0)
-            pieces = np.ascontiguousarray(goals).reshape(-1, *cut.shape[2:])
+            pieces = self._goals(cut).reshape(-1, *cut.shape[2:])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
         return Given(inputs, references, wrenches, cuts, fractions, on_time, pieces)
 
@@ -222,7 +222,7 @@ class Inputs:
         """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
         sets, count, joints, columns = references.shape
         inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references.transpose(3, 2, 0, 1)).transpose(2, 3, 1, 0)
+        inputs[..., :columns] = self._goals(references)
         inputs[..., columns:] = sensors
         return inputs
 

@@ -72,8 +72,8 @@ def run(
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 2) the worlds, and the number of each one's inputs; first: row of the inputs at which the call begins; every:
-    rows are recorded at multiples of so many substeps;
+    which: (m, 3) the worlds, the number of each one's inputs, and its place in `out`; first: row of the
+    inputs at which the call begins; every: rows are recorded at multiples of so many substeps;
     watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
@@ -84,8 +84,8 @@ def run(
     are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
     each world, and its references.
     """
-    for place in range(len(which)):
-        w, own_set = which[place][0], which[place][1]
+    for chosen in range(len(which)):
+        w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
         row = 0
         cut = 0
         s_all, p_all, x, u_all, pushes, own_cuts = (

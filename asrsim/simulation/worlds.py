@@ -76,7 +76,7 @@ class Block:
 
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
-    """(m, 2) worlds, and the set of each."""
+    """(m, 3) worlds, the set of each, and its place."""
     given: Given
     end: int
     """Rows."""
@@ -228,19 +228,19 @@ class Worlds:
         self._block = None
         first, block.row = block.row, block.row + length
         out = np.empty((len(numbers), -(-length // self.substeps), *self._rows.shape[1:]))
-        self._in_threads(block, out, first, length)
+        self._in_threads(
+            block, first, length, self.substeps, int(self._watched), self.selection.columns, out, self._rows, self._given
+        )
         self._block = block
         return out, block
 
-    def _in_threads(self, block: Block, out: Array, first: int, length: int) -> None:
-        options: Any = first, length, self.substeps, self._watched, self.selection.columns
-        which, lasts = block.which, (self._rows, self._given)
+    def _in_threads(self, block: Block, *options: Any) -> None:
+        which = block.which
         if self._pool is None or len(which) < 2:
-            self.core.run(which, block.given, *options, out, *lasts)
+            self.core.run(which, block.given, *options)
             return
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
-        parts = [slice(a, b) for a, b in pairwise(edges)]
-        list(self._pool.map(lambda part: self.core.run(which[part], block.given, *options, out[part], *lasts), parts))
+        list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
 
     def _make_block(self, numbers: NDArray[np.int64], length: int) -> Block:
         """Inputs of the next substeps: of more from block to block, as long as nothing is set from outside."""
@@ -251,7 +251,7 @@ class Worlds:
         for place, world in enumerate(numbers.tolist()):
             alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
         parts, count = [], 0
-        which = np.column_stack([numbers, numbers])
+        which = np.column_stack([numbers, numbers, np.arange(len(numbers))])
         for (_, substep), places in alike.items():
             worlds = numbers[places]
             inputs, held = self._inputs[worlds[0]], self._held[worlds]
