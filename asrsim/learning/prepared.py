@@ -62,7 +62,10 @@ class Prepared:
         beyond = [str(demand) for demand in self.demands[:MOST_DEMANDS] if demand.score > 1.0]
         if result.converged:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
-        return f"out of reach: {error}; {'; '.join(beyond) or 'no limit explains it, but the start may'}"
+        if not beyond:
+            # No limit stands in the way: friction that holds the joints, or the start, which more trials may overcome.
+            return f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may"
+        return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
 def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:

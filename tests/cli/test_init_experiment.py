@@ -154,7 +154,7 @@ def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: P
     """The fit beside the scenario, the scenario itself; --force changes nothing in that."""
     text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
     (tmp_path / name).write_bytes(text)
-    with pytest.raises(AsrsimError, match="is read by this command"):
+    with pytest.raises(AsrsimError, match="is an input of this command"):
         make(tmp_path, tmp_path / name, force=True)
     assert (tmp_path / name).read_bytes() == text
 

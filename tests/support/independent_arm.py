@@ -157,7 +157,7 @@ class Arm:
         (folder / "arm.urdf").write_text('<robot name="arm">' + "\n".join(parts) + "</robot>\n")
         scenario = {
             "robot": "arm.urdf", "duration": duration, "engine": "mujoco", "gravity": [0.0, 0.0, -self.gravity],
-            "parameters": parameters, "references": {k: v for k, v in references.items() if v},
+            "initial": "equilibrium", "parameters": parameters, "references": {k: v for k, v in references.items() if v},
             "ilc": {"trajectory": motion, "tolerance": 0.005, "max_iterations": 15, **ilc},
         }  # fmt: skip
         (folder / "arm.yaml").write_text(yaml.safe_dump(scenario))
