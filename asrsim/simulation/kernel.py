@@ -86,8 +86,7 @@ def run(
     """
     for chosen in range(len(which)):
         w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
-        row = 0
-        cut = 0
+        row = recorded = cut = 0
         s_all, p_all, x, u_all, pushes, own_cuts = (
             states[w],
             constants[w],
@@ -145,9 +144,7 @@ def run(
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
-                        out[place, row, j, c] = rows[w, j, c] = s[columns[c]]
-                    for c in range(len(references[own_set][step][j])):
-                        given[w, j, c] = references[own_set][step][j][c]
+                        out[place, row, j, c] = s[columns[c]]
                 # Before the start a staggered run moved as if its first kick had been a whole one.
                 s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
                 s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]
@@ -155,7 +152,13 @@ def run(
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
                 row += 1
+                recorded = step
             done[w] = substep + 1
+        for j in range(len(kinds) if row else 0):
+            for c in range(len(columns)):
+                rows[w, j, c] = out[place, row - 1, j, c]
+            for c in range(len(references[own_set][recorded][j])):
+                given[w, j, c] = references[own_set][recorded][j][c]
 
 
 def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
