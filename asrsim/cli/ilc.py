@@ -23,23 +23,25 @@ def ilc(
         Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML) with a block `ilc`.", show_default=False)
     ],
     variant: Annotated[
-        str | None, typer.Option(help="Learn this variant.", show_default="the only one", autocompletion=variants)
+        str | None, typer.Option(help="Variant to learn.", show_default="the only one", autocompletion=variants)
     ] = None,
     overrides: Overrides = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<scenario>/ilc")] = None,
     recording: Annotated[
         Path | None,
         typer.Option(
-            "--next", metavar="RECORDING", help="Learn on the robot: from this trial on it to its next input (next.csv)."
+            "--next",
+            metavar="RECORDING",
+            help="Learn on the real robot: compute its next input (next.csv) from this recorded trial.",
         ),
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "off",
-    resume: Annotated[bool, typer.Option("--resume", help="Go on after an interruption, exactly where it was.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted learning exactly.")] = False,
     plugin: Plugins = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what another scenario learned there too.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Also replace the results of another scenario.")] = False,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print the outcome only.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result.")] = False,
     json: Json = False,
 ) -> None:
     """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
@@ -71,7 +73,7 @@ def ilc(
             else:
                 data = _learn(plant, folder, plugin or [], resume, overwrite, plot, quiet=quiet or json, silent=json)
     except KeyboardInterrupt:
-        where = f"; the trials so far are in {folder / 'state.npz'}: go on with --resume" if folder else ""
+        where = f"; the trials so far are in {folder / 'state.npz'}: continue with --resume" if folder else ""
         complain(f"\nasrsim: interrupted{where}")
         raise typer.Exit(INTERRUPTED) from None
     if json:
@@ -141,7 +143,7 @@ def _next(
 
 
 def _headings(problem: LearningProblem) -> None:
-    """Above the trials."""
+    """Print the heading above the trials."""
     from asrsim.cli.console import say
 
     say(f"largest error of each joint and largest 2-norm in {problem.unit}")
@@ -149,7 +151,7 @@ def _headings(problem: LearningProblem) -> None:
 
 
 def _row(trial: Trial) -> None:
-    """A trial."""
+    """Print the row of a trial."""
     largest = [f"{value:.4f}" for value in trial.largest]
     _cells(str(trial.number), largest, f"{trial.norm:.4f}", f"{trial.seconds:.2f}")
 

@@ -240,7 +240,10 @@ def _searched(
     plain = search.plain()
     candidates = [*(found for one, found in tried if one is search), *([longest] if longest else []), *plain]
     if not candidates:
-        raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
+        message = (
+            "no motion that was tried keeps the limits, with information that small and larger changes of numbers agree on"
+        )
+        raise InputError(message, key="limits", code="limits")
     remarks = [f"gains: {_named(search.gains)}"] if several else []
     remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(found.score):.2g} % in the mean" for one, found in tried]
     return search, min(candidates, key=lambda one: one.score), plain, remarks

@@ -15,7 +15,7 @@ from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.simulation.simulation import Simulation
 
 APPLIED = "applied"
-"""Part of topic names with the references in effect; the toolbox's own names are topics for commands."""
+"""Part of the names of topics that publish the references in effect; the toolbox's own topic names are for commands."""
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
 """Suffix of the pseudo-joint whose position is the stiffness preset, for ros2_control."""

@@ -125,7 +125,7 @@ class Heading:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Heading):
-    """Instructions to reproduce a figure: the `FIGURE` of a file `figure_N.py`."""
+    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
 
     parts: Callable[[Lab], tuple[Part, ...]]
     """Function that runs the experiments. Its first part is the paper's figure; the others extend it."""

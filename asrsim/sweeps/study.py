@@ -106,7 +106,7 @@ class Study:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """Axes of the entry `over`."""
+        """Axes of the varied keys in `over`."""
         return tuple(axis_of(name, value) for name, value in self.over.items())
 
     @cached_property
