@@ -125,7 +125,7 @@ def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
 
 
 SCENARIOS = {
-    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
+    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "not tabs"),
     "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
     "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "the name of a folder"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),

@@ -102,9 +102,9 @@ def test_bags_are_played_by_topic_and_field(bags, kind):
     ("keys", "messages"),
     [
         ({"column": "/p"}, ["there is no numeric column '/p'", "/q, /states/position[a]"]),
-        ({"column": "/q/date"}, ["no column '/q/date'"]),
-        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
-        ({"column": "/q", "time": "header"}, ["have no header"]),
+        ({"column": "/q/date"}, ["no numeric column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no numeric column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q", "time": "header"}, ["have no stamp in a header"]),
     ],
 )
 def test_faults_of_bags_name_what_there_is(bags, keys, messages):
