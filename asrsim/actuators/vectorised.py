@@ -65,7 +65,10 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 with np.errstate(all="ignore"):
                     values = fast(first, *rest)
                 if isinstance(values, tuple):
-                    return np.stack([np.broadcast_to(value, shape) for value in values])
+                    rows = np.empty((len(values), *shape))
+                    for row, value in zip(rows, values, strict=True):
+                        row[...] = value
+                    return rows
                 return np.asarray(values) if np.shape(values) == shape else np.array(np.broadcast_to(values, shape))
             except (ValueError, TypeError):
                 pass

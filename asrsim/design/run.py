@@ -135,6 +135,8 @@ def design(
         unknown = [key for key, half in zip(keys, intervals["design"], strict=True) if half > 1.0]
         if unknown:
             remarks.append(f"this motion does not show by itself: {', '.join(unknown)}")
+        missing = [name for name in ("one step", "chirp") if name not in intervals]
+        remarks += [f"{name}: no size that was tried keeps the limits, or its information is not believed" for name in missing]
         if best.name != "design":
             remarks.append(f"nothing better was found than {best.name}")
         return Design(

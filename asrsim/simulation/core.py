@@ -184,47 +184,48 @@ class Core:
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(self, which: NDArray[np.int64], given: Given, out: Array, *options: Any) -> None:
-        """Advance worlds by as many substeps as `given` has rows. options: every, watched, columns; see
-        `asrsim.simulation.kernel.run`. Raises the errors of laws and of the engine."""
+    def taken(self, given: Given) -> Given:
+        """The inputs as :meth:`run` takes them: in plain Python, lists."""
+        if self.compiled:
+            return given
+        lists: Any = [table if table is given.wrenches else table.tolist() for table in given]
+        return Given(*lists)
+
+    def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        """Advance worlds by rows of what is given; options: first, count, every, watched, columns, out, rows, references; see
+        :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine raises."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
-            self._call(bounds[0], which, given, out, *options)
+            self._call(bounds[0], which, given, *options)
             return
         run = self._call if self.compiled else self._plain
         for place, bound in enumerate(bounds):
-            run(bound, which[place : place + 1], given, out[place : place + 1], *options)
+            run(bound, which[place : place + 1], given, *options)
 
-    def _call(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
-    ) -> None:  # fmt: skip
+    def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, given.inputs.shape[1], every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, out,
+            which, *options[:4], self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, *options[4:],
         )  # fmt: skip
         bound.give_back(record)
 
-    def _plain(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
-    ) -> None:  # fmt: skip
-        ((world, own),) = which.tolist()
+    def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        ((world, *places),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(given.wrenches[0, 0])
-        done, fault = self.done[world : world + 1], self.fault[world : world + 1]
-        inputs, wrenches, cuts, *pieces = given
+        own = slice(world, world + 1)
+        columns, out, rows, references = options[4:]
         try:
             plain: Any = kernel.run
             plain(
-                [(0, 0)], inputs.shape[1], every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], [inputs[own].tolist()], [wrenches[own]], [cuts[own].tolist()],
-                *(table.tolist() for table in pieces), exchange.data, bound.step, 0, columns.tolist(), out.data,
+                [(0, *places)], *options[:4], self.done[own], self.fault[own], [state], [self.P[world].tolist()], self._kinds,
+                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data, rows[own].data,
+                references[own].data,
             )  # fmt: skip
         finally:
             self.S[world] = state

@@ -47,8 +47,10 @@ class Given(NamedTuple):
     """Inputs of n substeps. Worlds with equal inputs share a set; see `asrsim.simulation.kernel.run`."""
 
     inputs: Array
-    """(sets, n, joints, columns): external torques, goals of the motors, and for each sensor whether it takes a sample, and its
-    noise."""
+    """(sets, n, joints, columns): external torques, references mapped to motors, and for each sensor whether it samples then,
+    and its noise."""
+    references: Array
+    """(sets, n, joints, columns): external torques and references, as they are given."""
     wrenches: Array
     """(sets, n, w, 6) N, N m: wrenches as means over the kicks."""
     cuts: NDArray[np.int64]
@@ -67,7 +69,7 @@ class Chunk:
 
     first: int
     references: Array
-    """External torques and references, (columns, joints, n + pieces): see `asrsim.simulation.layout.EXTERNAL`; the
+    """External torques and references, (n + pieces, joints, columns): see :data:`asrsim.simulation.layout.EXTERNAL`; the
     pieces of the kicks that are cut stand behind."""
     sensors: Array
     """(n, joints, columns): whether each sensor takes a sample, and its noise."""
@@ -147,12 +149,13 @@ class Inputs:
         return tables
 
     def _goals(self, references: Array) -> Array:
-        """Goals of the motors for the references (columns, joints, ...)."""
+        """References (..., joints, columns) mapped to motors."""
         goals = references.copy()
+        tables = goals.T
         for rows, law in self._maps:
-            mapped = law(*references[GOALS : GOALS + 2, rows])
+            mapped = law(*np.ascontiguousarray(tables[GOALS : GOALS + 2, rows]))
             for slot, values in enumerate(mapped):
-                goals[GOALS + slot, rows] = values
+                tables[GOALS + slot, rows] = values
         return goals
 
     def chunk(self, first: int, count: int) -> Chunk:
@@ -184,42 +187,43 @@ class Inputs:
                 fractions.append((b - a) / self.substep)
                 on_time.append(a == now)
             places.append((cut.substep - first, begin, len(fractions)))
-        references = np.concatenate(parts, axis=2)
-        rows = self._input_rows(references[:, :, None, :count], sensors)[0]
-        pieces = np.ascontiguousarray(self._goals(references[:, :, count:]).transpose(2, 1, 0))
+        references = np.ascontiguousarray(np.concatenate(parts, axis=2).T)
+        rows = self._input_rows(references[None, :count], sensors)[0]
+        pieces = self._goals(references[count:])
         return Chunk(
             first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
             np.array(on_time, dtype=bool), (rows, pieces),
         )  # fmt: skip
 
-    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> tuple[Given, Array]:
-        """Inputs of the rows `begin` to `end` of a chunk, and their references (columns, joints, sets, n).
+    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
+        """Rows `begin` to `end` of a chunk.
 
         held: (sets, joints, columns) values that override the scenario's; NaN: no override. None: one set without overrides.
         """
-        places = chunk.places[(chunk.places[:, 0] >= begin) & (chunk.places[:, 0] < end)]
+        places = chunk.places[slice(*np.searchsorted(chunk.places[:, 0], (begin, end)).tolist())]
         first, last = (places[0, 1], places[-1, 2]) if len(places) else (0, 0)
-        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], slice(first, last)
+        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], chunk.inputs[1][first:last]
         cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
         if held is None:
-            inputs, cut_inputs = chunk.inputs
-            references = chunk.references[:, :, None, begin:end]
-            return Given(inputs[None, begin:end], wrenches, cuts, fractions, on_time, cut_inputs[pieces]), references
-        own, sets = held.transpose(2, 1, 0)[..., None], len(held)
-        behind = slice(len(chunk) + first, len(chunk) + last)
-        references, cut = (np.where(np.isnan(own), chunk.references[:, :, None, at], own) for at in (slice(begin, end), behind))
-        shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-        goals = self._goals(cut) if last > first else cut
-        cut_inputs = np.ascontiguousarray(goals.transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
+            rows, references = chunk.inputs[0][None, begin:end], chunk.references[None, begin:end]
+            return Given(rows, references, wrenches, cuts, fractions, on_time, pieces)
+        own, sets = held[:, None], len(held)
+        references = np.where(np.isnan(own), chunk.references[begin:end], own)
+        if sets > 1:
+            shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
+            cuts, wrenches = cuts + shifts, np.repeat(wrenches, sets, axis=0)
+            fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
+        if last > first:
+            cut = np.where(np.isnan(own), chunk.references[len(chunk) + first : len(chunk) + last], own)
+            pieces = self._goals(cut).reshape(-1, *cut.shape[2:])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
-        wrenches = np.repeat(wrenches, sets, axis=0)
-        return Given(inputs, wrenches, cuts + shifts, np.tile(fractions, sets), np.tile(on_time, sets), cut_inputs), references
+        return Given(inputs, references, wrenches, cuts, fractions, on_time, pieces)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (columns, joints, sets, n) and sensors (n, joints, columns)."""
-        columns, joints, sets, count = references.shape
+        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        sets, count, joints, columns = references.shape
         inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references).transpose(2, 3, 1, 0)
+        inputs[..., :columns] = self._goals(references)
         inputs[..., columns:] = sensors
         return inputs
 

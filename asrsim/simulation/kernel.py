@@ -66,35 +66,38 @@ ENDLESS = 1e300
 
 
 def run(
-    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
-    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
-    engine: int, record: int, columns: Any, out: Any,
+    which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
+    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, cuts: Any, fractions: Any,
+    on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 2) number of each world to advance, and index of its set of inputs. every: rows are recorded at multiples of this
-    number of substeps. watched: 1 if energies, limits and the stiffness of the springs are computed, else 0. done: (worlds,)
-    number of substeps done. fault: (worlds, 2) state of each world, and the joint at fault. states, constants: (worlds, joints,
-    ...) S and P of `asrsim.simulation.layout`. kinds: (joints, ...) K. z: constants of the stepping. engine_states: (worlds,
-    ...). inputs: (sets, count, joints, ...). wrenches: (sets, count, w, 6). cuts: (sets, c, 3) split kicks: substep in this
-    call, first piece, and index after the last piece; -1: no more. fractions: lengths of the pieces in substeps. on_time:
-    whether each piece begins at the time of the whole substep. pieces: (p, joints, ...) inputs of the pieces. exchange:
-    (joints, 5) exchange with the engine. engine: address of the engine's step. record: argument of that step. columns: columns
-    of S to record. out: (m, rows, joints, columns) recorded rows.
+    which: (m, 3) the worlds, the number of each one's inputs, and its place in `out`; first: row of the
+    inputs at which the call begins; every: rows are recorded at multiples of so many substeps;
+    watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
+    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
+    joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
+    (worlds, ...); inputs, references: (sets, n, joints, ...); wrenches: (sets, n, w, 6); cuts: (sets, c, 3) rows
+    in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
+    parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
+    exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
+    are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
+    each world, and its references.
     """
-    for place in range(len(which)):
-        w, given = which[place][0], which[place][1]
-        row = 0
-        cut = 0
+    for chosen in range(len(which)):
+        w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
+        row = recorded = cut = 0
         s_all, p_all, x, u_all, pushes, own_cuts = (
             states[w],
             constants[w],
             engine_states[w],
-            inputs[given],
-            wrenches[given],
-            cuts[given],
+            inputs[own_set],
+            wrenches[own_set],
+            cuts[own_set],
         )
-        for step in range(count):
+        while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
+            cut += 1
+        for step in range(first, first + count):
             if fault[w, 0] != HEALTHY:
                 break
             substep = done[w]
@@ -151,7 +154,13 @@ def run(
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
                 row += 1
+                recorded = step
             done[w] = substep + 1
+        for j in range(len(kinds) if row else 0):
+            for c in range(len(columns)):
+                rows[w, j, c] = out[place, row - 1, j, c]
+            for c in range(len(references[own_set][recorded][j])):
+                given[w, j, c] = references[own_set][recorded][j][c]
 
 
 def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:

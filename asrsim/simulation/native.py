@@ -22,8 +22,9 @@ def compiled_run() -> Any:
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
-        whole[2], 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
-        floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
+        whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
+        floats[4], floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
+        floats[3], floats[3],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 

@@ -23,7 +23,7 @@ from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink
-from asrsim.simulation.worlds import Start, one_world
+from asrsim.simulation.worlds import Start, one_world, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -110,10 +110,12 @@ class Simulation:
         while self.substep < end:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
-            out, first, found, references, _ = self._world.go_on(ONE, min(end, boundary) - before)
-            begin = int(first[0]) * self.substeps - before
-            rows = references[:, :, 0, begin :: self.substeps]
-            self.recording.take(int(first[0]), out[0, : found[0]], rows[:, :, : found[0]])
+            length = min(end, boundary) - before
+            rows, block = self._world.go_on(ONE, length)
+            if self.recording.active:
+                first, found = whole_steps(before, self.substep, self.substeps)
+                taken = np.asarray(block.references(0, length)[first * self.substeps - before :: self.substeps][:found])
+                self.recording.take(first, rows[0, :found], taken.T)
             if self._core.fault[0, 0] != HEALTHY:
                 self._diverge()
             if self.substep == boundary:

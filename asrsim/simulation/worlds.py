@@ -70,6 +70,24 @@ class Snapshots:
     given: Array
 
 
+@dataclass
+class Block:
+    """Inputs of some worlds for some substeps."""
+
+    numbers: NDArray[np.int64]
+    which: NDArray[np.int64]
+    """(m, 3) worlds, the set of each, and its place."""
+    given: Given
+    end: int
+    """Rows."""
+    row: int = 0
+    """Rows that are used up."""
+
+    def references(self, place: int, count: int) -> Any:
+        """(count, joints, columns) of one of its worlds, in the rows that were used last."""
+        return self.given.references[self.which[place, 1]][self.row - count : self.row]
+
+
 class Worlds:
     """N worlds of a scenario, stepped from outside; a context manager that releases the engines.
 
@@ -146,8 +164,11 @@ class Worlds:
             self._held = np.full((count, len(self.joints), columns), np.nan)
             """Values that callers have set instead of the scenario's signals; NaN: not set."""
             self._rows = np.full((count, len(self.joints), len(self.selection.columns)), np.nan)
-            """Logged columns at the last whole step of each world, and its inputs (count, input columns, joints)."""
-            self._given = np.full((count, columns, len(self.joints)), np.nan)
+            """Logged columns at the last whole step of each world, and its inputs (count, joints, input columns)."""
+            self._given = np.full((count, len(self.joints), columns), np.nan)
+            self._everyone = np.arange(count)
+            self._block: Block | None = None
+            """Inputs of the next substeps, while nothing is set from outside."""
             self._owner = object()
             self.reset()
         except BaseException:
@@ -183,67 +204,64 @@ class Worlds:
         self._check_open()
         rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
         kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
-        inputs = np.full((len(numbers), self._given.shape[1], joints, rows), np.nan)
+        inputs = np.full((len(numbers), self._given.shape[2], joints, rows), np.nan)
         ran, start = 0, -(-self.core.done[numbers] // self.substeps)
         while ran < count and len(numbers):
             before = self.core.done[numbers]
             length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
-            out, first, found, references, sets = self.go_on(numbers, length)
-            for place in range(len(numbers)) if keep else ():
-                at = slice(first[place] - start[place], first[place] - start[place] + found[place])
-                kept[place, at] = out[place, : found[place]]
-                own = references[:, :, sets[place], first[place] * self.substeps - before[place] :: self.substeps]
-                inputs[place, :, :, at] = own[:, :, : found[place]]
+            out, block = self.go_on(numbers, length)
+            for place, world in enumerate(numbers.tolist()) if keep else ():
+                first, found = whole_steps(int(before[place]), int(self.core.done[world]), self.substeps)
+                at = slice(first - start[place], first - start[place] + found)
+                kept[place, at] = out[place, :found]
+                own = block.references(place, length)[first * self.substeps - before[place] :: self.substeps]
+                inputs[place, :, :, at] = np.asarray(own[:found]).T
             ran += length
         return kept, inputs
 
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Any, Any, Array, Any]:
-        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps; (m,) the number of the first
-        one of each world, and (m,) how many they are; references of all substeps (columns, joints, sets, n), and (m,) the set
-        of each world."""
-        done, every, columns = self.core.done, self.substeps, self.selection.columns
-        before = done[numbers]
-        given, sets, references = self._inputs_for(numbers, length)
-        out = np.empty((len(numbers), -(-length // every), len(self.joints), len(columns)))
-        self._in_threads(np.column_stack([numbers, sets]), given, out)
-        first = -(-before // every)
-        found = -(-done[numbers] // every) - first
-        # Worlds that have passed a whole step.
-        places = np.flatnonzero(found > 0)
-        last = found[places] - 1
-        self._rows[numbers[places]] = out[places, last]
-        at = (first[places] + last) * every - before[places]
-        self._given[numbers[places]] = references[:, :, sets[places], at].transpose(2, 0, 1)
-        return out, first, found, references, sets
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Block]:
+        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps, and the inputs."""
+        block = self._block
+        if block is None or block.numbers is not numbers or block.row + length > block.end:
+            block = self._make_block(numbers, length)
+        # A run that fails leaves no block, since its worlds have not gone on alike.
+        self._block = None
+        first, block.row = block.row, block.row + length
+        out = np.empty((len(numbers), -(-length // self.substeps), *self._rows.shape[1:]))
+        self._in_threads(
+            block, first, length, self.substeps, int(self._watched), self.selection.columns, out, self._rows, self._given
+        )
+        self._block = block
+        return out, block
 
-    def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
-        options: Any = self.substeps, self._watched, self.selection.columns
+    def _in_threads(self, block: Block, *options: Any) -> None:
+        which = block.which
         if self._pool is None or len(which) < 2:
-            self.core.run(which, given, out, *options)
+            self.core.run(which, block.given, *options)
             return
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
-        parts = [slice(a, b) for a, b in pairwise(edges)]
-        list(self._pool.map(lambda part: self.core.run(which[part], given, out[part], *options), parts))
+        list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
 
-    def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Array]:
-        """Inputs of the next substeps, the number of each world's set, and references (columns, joints, sets, n)."""
+    def _make_block(self, numbers: NDArray[np.int64], length: int) -> Block:
+        """Inputs of the next substeps: of more from block to block, as long as nothing is set from outside."""
+        if self._block is not None and self._block.numbers is numbers:
+            ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
+            length = max(length, min(2 * self._block.end, *ends))
         alike: dict[tuple[int, int], list[int]] = {}
         for place, world in enumerate(numbers.tolist()):
             alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
-        parts, tables, count = [], [], 0
-        sets = np.empty(len(numbers), dtype=np.int64)
+        parts, count = [], 0
+        which = np.column_stack([numbers, numbers, np.arange(len(numbers))])
         for (_, substep), places in alike.items():
             worlds = numbers[places]
             inputs, held = self._inputs[worlds[0]], self._held[worlds]
             free = bool(np.isnan(held).all())
             begin, end = chunk_at(substep, self.chunk)
             chunk, first = inputs.chunk(begin, end - begin), substep - begin
-            given, references = inputs.given(chunk, first, first + length, None if free else held)
-            sets[places] = count if free else count + np.arange(len(places))
-            count += references.shape[2]
-            parts.append(given)
-            tables.append(references)
-        return joined(parts), sets, tables[0] if len(tables) == 1 else np.concatenate(tables, axis=2)
+            parts.append(inputs.given(chunk, first, first + length, None if free else held))
+            which[places, 1] = count if free else count + np.arange(len(places))
+            count += len(parts[-1].inputs)
+        return Block(numbers, which, self.core.taken(joined(parts)), length)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -264,6 +282,7 @@ class Worlds:
         if values is not None and not finite:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         self._held[numbers, j, slot] = held
+        self._block = None
         return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:
@@ -285,9 +304,9 @@ class Worlds:
             self._rows, self._given = before
             for world, state in zip(fresh.tolist(), states, strict=True):
                 self.core.put(world, state)
-        values = {name: found.copy() for name, found in self.selection.values(rows, given.transpose(1, 2, 0), names).items()}
+        values = {name: found.copy() for name, found in self.selection.values(rows, given.T, names).items()}
         for world, selection in self._other.items():
-            for name, own in selection.values(rows[world][None], given[world][:, :, None], names).items():
+            for name, own in selection.values(rows[world][None], given[world].T[:, :, None], names).items():
                 values[name][world] = own[0]
         return values
 
@@ -323,6 +342,7 @@ class Worlds:
             self.core.put(world, snapshot.states[place])
             self._inputs[world] = snapshot.inputs[place]
         numbers = list(snapshot.worlds)
+        self._block = None
         self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
@@ -417,6 +437,7 @@ class Worlds:
         positions, velocities = prepared.start(start.positions, start.velocities)
         self.core.start(world, started(prepared, positions, start.motors), positions, velocities)
         self._begun[world] = positions, velocities
+        self._block = None
         self._held[world] = self._rows[world] = self._given[world] = np.nan
         return positions, velocities
 
@@ -495,7 +516,7 @@ class Worlds:
     def _numbers(self, worlds: Any) -> NDArray[np.int64]:
         """Numbers of the worlds of a mask (N,) or of a list."""
         if worlds is None:
-            return np.arange(self.count)
+            return self._everyone
         given = np.asarray(worlds)
         numbers = np.flatnonzero(given) if given.dtype == bool else given.astype(np.int64).reshape(-1)
         if (given.dtype == bool and given.shape != (self.count,)) or ((numbers < 0) | (numbers >= self.count)).any():
@@ -531,6 +552,12 @@ def one_world(prepared: Prepared, **options: Any) -> Worlds:
     world = Worlds.__new__(Worlds)
     world._begin(prepared, 1, watched=True, **options)
     return world
+
+
+def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:
+    """Number of the first whole step from one substep to another, and how many there are."""
+    first = -(-before // every)
+    return first, -(-after // every) - first
 
 
 def inputs_of(prepared: Prepared) -> Inputs:

@@ -125,9 +125,9 @@ def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
 
 
 SCENARIOS = {
-    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
+    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "not tabs"),
     "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
-    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "it names a folder too"),
+    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "the name of a folder"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
     "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
@@ -350,8 +350,8 @@ def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command
         (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
         (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
-        (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
-        (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
+        (("init", "scenario.yaml"), "is a scenario, no robot. Use it with: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, no log. Use it with: asrsim run scenario.yaml"),
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )

@@ -93,7 +93,7 @@ def test_edited_logs(
     ("name", "way", "value", "told"),
     [
         ("resolved.json", ("parameters", "elbow", "max_deflection"), "x", "parameters.elbow.max_deflection is 'x'"),
-        ("run.json", ("joints",), [], "holds nothing of any joint"),
+        ("run.json", ("joints",), [], "contains no quantity of any joint"),
         *(("run.json", (key,), value, "larger than 0") for key, value in (("log_every", 0), ("step", 0.0), ("step", 1e301))),
     ],
 )

@@ -239,7 +239,7 @@ def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path)
     made, _ = make(tmp_path, tmp_path / "lab.csv")
     assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
     lab(tmp_path, header="time,q1,foo,current")
-    with pytest.raises(RecordingError, match=r"no such column, named by lab\.csv\.yaml"):
+    with pytest.raises(RecordingError, match=r"has no such column; it is named by lab\.csv\.yaml"):
         make(tmp_path, tmp_path / "lab.csv", force=True)
     (tmp_path / "lab.csv.yaml").unlink()
     with pytest.raises(RecordingError, match=r"no column is a command.*foo.*--map COLUMN=joint_1.reference_1"):

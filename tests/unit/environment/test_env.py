@@ -180,7 +180,7 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"act": [3], "randomise": 3}, "(?s)act: must be a name.*randomise: must be a mapping"),
         ({"initial": ["joint_1"], "goal": {3: 1}}, "(?s)initial: must be a mapping.*goal: must be a mapping"),
         ({"tip": ("link_2",)}, "tip: must be a link's name and a point"),
-        ({"overrides": 3}, "overrides are a mapping, or key=value texts"),
+        ({"overrides": 3}, "overrides must be a mapping or key=value texts"),
         ({"variant": 3}, "no variant '3'"),
         ({"observes": "link_position"}, "observes: is not an option.*Did you mean 'observe'"),
         ({"observe": {"link_position", "link_velocity"}}, "observe: must be a name"),

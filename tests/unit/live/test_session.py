@@ -342,7 +342,7 @@ def test_every_message_of_the_log_is_read_by_its_schema(tmp_path):
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [
-        ({"joint_1": {"equilibrium_position": [1, -1]}}, "least value is larger"),
+        ({"joint_1": {"equilibrium_position": [1, -1]}}, "must not exceed the second"),
         ({"joint_1": {"equilibrium": [0, 1]}}, "no such reference"),
         ({"elbow": {"equilibrium_position": [0, 1]}}, "no moving joint 'elbow'"),
         ({"joint_1": {"equilibrium_position": [0]}}, "must be"),

@@ -163,7 +163,7 @@ def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
 
 
 def test_a_folder_without_log_is_an_error(tmp_path: Path):
-    with pytest.raises(InputError, match="no log of a run"):
+    with pytest.raises(InputError, match="contains no log"):
         write_report(tmp_path)
 
 
@@ -295,7 +295,7 @@ def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path:
         assert outcome.code == 0
         assert "empty/log.mcap: left out: the file is empty" in outcome.err
         assert "cut/log.mcap: left out" in outcome.err
-        assert "early/log.mcap: left out: the log holds no samples" in outcome.err
+        assert "early/log.mcap: left out: the log contains no samples" in outcome.err
     for log in good:
         log.write_bytes(b"")
     outcome = asrsim_command("plot", tmp_path)
@@ -362,7 +362,7 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
 def test_where_the_logs_of_a_study_are_is_told(tmp_path):
     (tmp_path / "study/logs/run_000000").mkdir(parents=True)
     (tmp_path / "study/logs/run_000000/log.mcap").touch()
-    with pytest.raises(InputError, match=r"further down have some: .*study.logs$"):
+    with pytest.raises(InputError, match=r"Deeper folders contain logs: .*study.logs$"):
         find_logs(tmp_path / "study")
     with pytest.raises(InputError, match="Run a scenario first"):
         find_logs(tmp_path)

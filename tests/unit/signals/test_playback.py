@@ -56,14 +56,14 @@ def test_a_changed_file_is_read_again(tmp_path):
 @pytest.mark.parametrize(
     ("text", "keys", "messages"),
     [
-        (CSV, {"column": "q3"}, ["there is no column 'q3'", "time, q1, q2", "ref.csv"]),
+        (CSV, {"column": "q3"}, ["there is no numeric column 'q3'", "time, q1, q2", "ref.csv"]),
         (
             "time,q\n0,1\n1,\n2,x\n1.5,3\n",
             {"column": "q"},
-            ["ref.csv:3: q: the cell is empty", "ref.csv:4: q: the cell is empty or no", "1.5 does not ascend: 2"],
+            ["ref.csv:3: q: the cell must contain", "ref.csv:4: q: the cell must contain", "time 1.5 follows 2"],
         ),
         ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
-        ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no column 'note' of numbers"]),
+        ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no numeric column 'note'"]),
         (CSV, {}, ["column"]),
     ],
 )
@@ -101,10 +101,10 @@ def test_bags_are_played_by_topic_and_field(bags, kind):
 @pytest.mark.parametrize(
     ("keys", "messages"),
     [
-        ({"column": "/p"}, ["there is no column '/p'", "/q, /states/position[a]"]),
-        ({"column": "/q/date"}, ["no column '/q/date'"]),
-        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
-        ({"column": "/q", "time": "header"}, ["have no header"]),
+        ({"column": "/p"}, ["there is no numeric column '/p'", "/q, /states/position[a]"]),
+        ({"column": "/q/date"}, ["no numeric column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no numeric column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q", "time": "header"}, ["have no stamp in a header"]),
     ],
 )
 def test_faults_of_bags_name_what_there_is(bags, keys, messages):
