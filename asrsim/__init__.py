@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from asrsim.simulation.worlds import Start, Worlds
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
+    from asrsim.twin import Twin
 
 _HOMES = {
     "asrsim.api": ("JointSeries", "Result", "run", "run_variants"),
@@ -47,6 +48,7 @@ _HOMES = {
     "asrsim.simulation.worlds": ("Start", "Worlds"),
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),
+    "asrsim.twin": ("Twin",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -67,6 +69,7 @@ __all__ = [
     "Simulation",
     "SimulationError",
     "Start",
+    "Twin",
     "Worlds",
     "__version__",
     "identify",

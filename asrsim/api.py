@@ -1,4 +1,4 @@
-"""asrsim as a library: run a scenario, get arrays by joint and quantity. Nothing here prints."""
+"""asrsim as a library: runs a scenario and returns arrays by joint and quantity. Prints nothing."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 class JointSeries(Mapping[str, Array]):
-    """Quantities of one joint by name, each (n,), SI: `series["link_position"]` or `series.link_position`.
+    """Quantities of a joint by name, each (n,), SI: `series["link_position"]` or `series.link_position`.
 
-    Holds what the joint records, and what follows from it: `deflection`, `equilibrium_position`, `position_error`. Names
-    and units are those of :data:`asrsim.quantities.QUANTITIES` and `DERIVED`.
+    Contains the recorded quantities and the derived ones: `deflection`, `equilibrium_position`, `position_error`. Names and
+    units are those of `asrsim.quantities.QUANTITIES` and `DERIVED`.
     """
 
     def __init__(self, samples: Samples, info: JointInfo) -> None:
@@ -74,27 +74,27 @@ class JointSeries(Mapping[str, Array]):
 
 @dataclass(frozen=True, repr=False)
 class Result:
-    """What a run gives: arrays, the summary, and where the log is."""
+    """Result of a run: arrays, the summary, and the path of the log."""
 
     run: Run
-    """The run with its scenario, robot, substeps and counts."""
+    """Finished run with its scenario, robot, substeps and counts."""
     summary: RunSummary
     log: Path | None = None
-    """The log, if one was written."""
+    """Path of the log, if a log was written."""
 
     @property
     def status(self) -> str:
-        """complete or interrupted; a run that diverges raises."""
+        """Status: complete or interrupted; a diverging run raises an error."""
         return self.run.status
 
     @property
     def ok(self) -> bool:
-        """The run came to its end and met everything that the scenario expects."""
+        """Whether the run completed and satisfies every claim of the scenario."""
         return self.summary.ok
 
     @cached_property
     def samples(self) -> Samples:
-        """All logged samples; read from the log if the run did not keep them."""
+        """All logged samples; read from the log if the run did not keep them in memory."""
         if self.run.samples is not None:
             return self.run.samples
         if self.log is None:
@@ -105,7 +105,7 @@ class Result:
 
     @property
     def time(self) -> Array:
-        """(n,) s."""
+        """Times (n,), s."""
         return self.samples.time
 
     @property
@@ -114,7 +114,7 @@ class Result:
         return tuple(joint.name for joint in self.run.info.joints)
 
     def joint(self, name: str) -> JointSeries:
-        """Quantities of one joint; KeyError if there is none of that name."""
+        """Quantities of one joint; KeyError for an unknown name."""
         for info in self.run.info.joints:
             if info.name == name:
                 return JointSeries(self.samples, info)
@@ -135,37 +135,37 @@ class Result:
         return as_html(self)
 
     def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-        """A figure of the joints, or of the quantities named; a notebook shows it. Raises LogError for unknown names."""
+        """Figure of the joints, or of the named quantities; a notebook displays it. Raises LogError for unknown names."""
         from asrsim.notebook import draw
 
         return draw(self, joints=joints, quantities=quantities)
 
     def render(self, *, frames: int = 6) -> Image:
-        """A film strip of the motion, which shows itself in a notebook."""
+        """Film strip of the motion; a notebook displays it."""
         from asrsim.notebook import film_strip
 
         return film_strip(self, count=frames)
 
     def to_pandas(self) -> Any:
-        """A DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
+        """Table as a pandas DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
         from asrsim.notebook import as_pandas
 
         return as_pandas(self)
 
     def to_xarray(self) -> Any:
-        """A Dataset of quantities over time and joint, with units; needs xarray."""
+        """Table as an xarray Dataset of quantities over time and joint, with units; needs xarray."""
         from asrsim.notebook import as_xarray
 
         return as_xarray(self)
 
     @property
     def bodies(self) -> Mapping[str, Array]:
-        """Body -> (n, 7): position in m, orientation as quaternion x y z w."""
+        """Body -> poses (n, 7): position in m, orientation as quaternion x y z w."""
         return self.samples.bodies
 
     @property
     def contacts(self) -> Mapping[str, Array]:
-        """Pair of bodies -> (n, 3): contact force on the first in N."""
+        """Pair of bodies -> contact force (n, 3) on the first body, N."""
         return self.samples.contacts
 
 
@@ -184,30 +184,30 @@ def run(
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Result:
-    """Simulate one variant of a scenario.
+    """Simulate one variant of a scenario and return its result.
 
     Args:
-        scenario: Scenario file, or a scenario made with :func:`asrsim.make_scenario` or :func:`asrsim.load_scenario`.
-        variant: Which variant; may be left out where there is only one.
+        scenario: Scenario file, or a scenario from `asrsim.make_scenario` or `asrsim.load_scenario`.
+        variant: Name of the variant; optional if there is only one.
         overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
-        robot: Replaces the scenario's robot: a file, or one that was loaded and changed.
+        robot: Replacement for the scenario's robot: a file, or a loaded robot, possibly changed.
         plugins: Python files with users' actuators.
-        out: Folder for `log.mcap` and `summary.json`; None: nothing is written.
+        out: Folder for `log.mcap` and `summary.json`; None: no files are written.
         overwrite: Replace the results of another run there.
-        keep: Keep all samples in memory; without (and with `out`), they are read from the log when asked for.
-        certify: Run again with finer steps; the estimated numerical error is in `.summary.certificate`. Where another engine
-            is installed, `cross_check` too.
-        cross_check: Run again in another engine; the differences are in `.summary.cross_check`.
-        progress: Told the simulated time in s.
-        stop: Asked about every 2000 substeps; True ends the run cleanly.
+        keep: Keep all samples in memory; if False (with `out`), they are read from the log when needed.
+        certify: Repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also does
+            `cross_check` if another engine is installed.
+        cross_check: Repeat the run in another engine; the differences are in `.summary.cross_check`.
+        progress: Called with the simulated time in s.
+        stop: Called about every 2000 substeps; True ends the run cleanly.
 
     Returns:
-        The result; claims of `expect:` are in `.summary.claims`, and a claim that does not hold raises nothing.
+        Result; results of the claims (`expect:`) are in `.summary.claims`. A claim that does not hold raises no error.
 
     Raises:
-        ScenarioError: The scenario is invalid, or has several variants and none was chosen.
+        ScenarioError: The scenario is invalid, or has several variants and `variant` is missing.
         RobotError, ActuatorError, UnresolvedSpringError: The run cannot be built.
-        DivergenceError: The motion left what physics allows; its `.run` holds the samples so far.
+        DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
     loaded = _load(scenario, variant, overrides, plugins, robot)
@@ -227,9 +227,9 @@ def run_variants(
     overwrite: bool = False,
     keep: bool = True,
 ) -> dict[str, Result]:
-    """Simulate every variant of a scenario file; name -> result, in the file's order. Arguments and errors as :func:`run`.
+    """Results of all variants of a scenario file: name -> result, in the file's order. Arguments and errors as in `run`.
 
-    out: a folder in which each variant gets its own.
+    out: Folder in which each variant gets a subfolder.
     """
     return {
         one.variant: _run_one(one, None, None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
@@ -250,8 +250,8 @@ def _load(
     if not isinstance(scenario, Scenario):
         loaded = load_scenario(scenario, variant=variant, overrides=overrides, robot=file)
     elif overrides or file is not None or variant not in (None, scenario.variant):
-        message = "a scenario that is made already takes no overrides, no variant and no robot file"
-        raise ScenarioError(message, hint="Give them where it is made", code="usage")
+        message = "overrides, variant and robot file are valid with a scenario file only"
+        raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
     else:
         loaded = (scenario,)
     return tuple(with_plugins(one, files) for one in loaded)

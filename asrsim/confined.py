@@ -1,6 +1,6 @@
-"""Runs a script of ours on a stranger's file in a process of its own: bounded in time and memory, without the environment.
+"""Runs a script on an untrusted file in a separate process with limited time and memory and no environment variables.
 
-A library in C that a damaged file crashes, or a small file that asks for all memory, ends that process and not the user's.
+A damaged file that crashes a C library, or a file that exhausts the memory, ends that process and not the user's.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 MEMORY = 2 * 2**30
-"""Bytes of address space that the process may take."""
+"""Largest address space of the process, bytes."""
 _KEPT_VARIABLES = ("PATH", "PYTHONPATH", "PYTHONHOME", "LANG", "LC_ALL", "SYSTEMROOT", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
 
 
 class ConfinedError(Exception):
-    """The script ended without an answer; the message says why, in short `code`: `timeout` or `failed`."""
+    """The script gave no result; the message gives the reason, `code` a short form: `timeout` or `failed`."""
 
     def __init__(self, message: str, code: str) -> None:
         super().__init__(message)
@@ -27,12 +27,12 @@ class ConfinedError(Exception):
 
 
 def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, memory: int = MEMORY) -> bytes:
-    """What the script writes to stdout when it reads the request (JSON) from stdin. It should import nothing of asrsim.
+    """Output (stdout) of the script for a request, which it reads as JSON from stdin. It should import nothing of asrsim.
 
-    Raises ConfinedError where a limit is reached or the script ends with an error.
+    Raises ConfinedError if a limit is exceeded or the script ends with an error.
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
-    # -P: modules are never taken from the scripts' own folder.
+    # -P: never import modules from the folder of the scripts.
     command = [sys.executable, "-P", str(Path(__file__).with_name("confined_child.py")), str(seconds), str(memory), str(script)]
     try:
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Run as a script by :mod:`asrsim.confined`: limits itself, then runs another script. Arguments: seconds, bytes, script."""
+"""Script of `asrsim.confined`: limits its own process, then runs another script. Arguments: seconds, bytes, script."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 
 def limit(seconds: float, memory: int) -> None:
-    """Bound processor time, memory and written files, where the system can."""
+    """Limit processor time, memory and file size, if the system supports it."""
     try:
         import resource
     except ImportError:

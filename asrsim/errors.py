@@ -1,7 +1,7 @@
-"""The one tree of errors, and the problem: a fault of an input, placed and with its cure.
+"""All error classes, and `Problem`: a fault of an input with its place and a remedy.
 
-Errors are raised at the boundary (a file that is read, a command that is typed) and collect *all* problems of a file.
-The library raises them and never prints; the command line prints them and exits with 1.
+Errors are raised where input is read (a file, a command line) and list *all* problems of a file.
+The library raises errors and prints nothing; the command line prints them and exits with code 1.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from typing import Unpack
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-"""Characters that a terminal obeys and does not show, or by which it shows others in another order; not tab and newline."""
+"""Control characters that a terminal executes, or that change the order of text; tab and newline are not among them."""
 
 
 def printable(text: str) -> str:
-    """The text with its control characters as escapes (JSON's, so that a JSON document stays what it is)."""
+    """Text with its control characters as JSON escapes, so that a JSON document stays valid."""
     return CONTROL.sub(lambda found: f"\\u{ord(found.group()):04x}", text)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One fault of an input (an error) or one thing to know about it (a warning)."""
+    """Fault of an input (in an error), or notice about it (in a warning)."""
 
     message: str = field(kw_only=False)
-    """What is wrong, a sentence without a full stop."""
+    """Description of the fault, a sentence without a full stop."""
     file: Path | None = None
     line: int | None = None
     """Line in the file, counted from 1."""
@@ -38,13 +38,13 @@ class Problem:
     """Dotted path of the key, tag or column, as the user wrote it."""
     value: object | None = None
     choices: tuple[str, ...] = ()
-    """All valid choices, where there is a short list of them."""
+    """All valid choices, if the list is short."""
     hint: str | None = None
-    """What to do about it."""
+    """Remedy for the user."""
     meant: str | None = None
-    """A name that is none of the choices: the hint is the one that looks most like it."""
+    """Unknown name from the input; the hint suggests the most similar choice."""
     code: str = ""
-    """A stable short name of the kind of problem, such as `unknown-tag`, for machines."""
+    """Stable short name of the kind of problem, such as `unknown-tag`, for programs."""
 
     def __post_init__(self) -> None:
         if self.meant is not None and self.hint is None:
@@ -64,7 +64,7 @@ class Problem:
         return printable(text).replace("\n", "\\n")
 
     def as_dict(self) -> dict[str, object]:
-        """For `--json`: plain values only, empty ones left out."""
+        """Problem as data for `--json`, without empty entries."""
         items: dict[str, object] = {
             "code": self.code,
             "message": self.message,
@@ -79,16 +79,16 @@ class Problem:
 
 
 def _short(text: str) -> str:
-    """A value as it is shown: a file's one line may be a megabyte."""
+    """Value as text, shortened: a single line of a file may be a megabyte."""
     return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
 class AsrsimError(Exception):
-    """Base of every error that asrsim raises on purpose."""
+    """Base class of all errors that asrsim raises on purpose."""
 
 
 class Details(TypedDict, total=False):
-    """What a :class:`Problem` says of a wrong value."""
+    """Fields of a `Problem` that describe an invalid value."""
 
     value: object | None
     choices: tuple[str, ...]
@@ -97,16 +97,17 @@ class Details(TypedDict, total=False):
 
 
 class Place(Details, total=False):
-    """The same with where it stands."""
+    """Fields of a `Problem` that describe an invalid value and its place."""
 
     line: int | None
     key: str | None
 
 
 class InputError(AsrsimError):
-    """An input (file, option) cannot be used; carries every problem found in it.
+    """An input (file, option) is invalid; the error lists all its problems.
 
-    problems: those, or the message of the only one, which the others complete. warnings: found on the way, not in its text.
+    problems: list of problems, or the message of a single problem, completed by the other arguments. warnings: further
+    findings, not part of the error's text.
     """
 
     def __init__(
@@ -130,7 +131,7 @@ class RobotError(InputError):
 
 
 class ActuatorError(InputError):
-    """An actuator, ours or a user's, breaks its contract or does not exist."""
+    """An actuator of asrsim or of a user is unknown or violates the required interface."""
 
 
 class ScenarioError(InputError):
@@ -150,44 +151,44 @@ class OutputError(AsrsimError):
 
 
 class SimulationError(AsrsimError):
-    """A run cannot be started or carried on."""
+    """A run cannot be started or continued."""
 
 
 class UnresolvedSpringError(SimulationError):
-    """A spring or damper is too stiff for the step within the cap on substeps."""
+    """A spring or damper is too stiff for the step, even with the largest permitted number of substeps."""
 
 
 class DivergenceError(SimulationError):
-    """The simulated motion left what physics allows."""
+    """The simulated motion became physically impossible."""
 
     def __init__(self, message: str, *, joint: str, time: float) -> None:
         super().__init__(message)
         self.joint = joint
         self.time = time
         self.run: object | None = None
-        """The run up to there, where one was kept."""
+        """Run up to the divergence, if it was kept."""
 
 
 def nearest(name: str, choices: Sequence[str]) -> str | None:
-    """The choice that looks most like `name`, or None: for "did you mean"."""
+    """Choice most similar to `name`, for "did you mean"; None if no choice is similar."""
     found = difflib.get_close_matches(name, choices, n=1, cutoff=0.6)
     return found[0] if found else None
 
 
 def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
-    """A hint naming the nearest choice, or None."""
+    """Hint with the most similar choice, None without one."""
     found = nearest(name, choices)
     return f"Did you mean '{found}'?" if found else None
 
 
 def listed(words: Iterable[object], most: int, between: str = ", ") -> str:
-    """Words in a row: `a, b and 3 more`."""
+    """Words as a list in text: `a, b and 3 more`."""
     texts = [str(word) for word in words]
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def similar_file(path: Path) -> str | None:
-    """A hint naming the file that was perhaps meant by a path that is not there, or None."""
+    """Hint with the name of a similar file for a path that does not exist; None without one."""
     try:
         names = [] if path.exists() else [one.name for one in path.parent.iterdir() if one.is_file()]
     except OSError:

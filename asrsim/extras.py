@@ -1,4 +1,4 @@
-"""Libraries that not everybody has: each comes with an extra of asrsim, and where it is absent we say how to get it."""
+"""Optional libraries: each belongs to an extra of asrsim; errors for a missing library contain the installation command."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from asrsim.errors import InputError
 
 
 def library(name: str, extra: str) -> Any:
-    """A module that an extra brings. Raises InputError with how to get it."""
+    """Module that an extra installs. Raises InputError with the installation command."""
     try:
         return import_module(name)
     except ImportError as error:
-        # A library that is there and broken gives its own reason.
+        # A library that is installed but broken gives its own reason.
         absent = isinstance(error, ModuleNotFoundError) and (error.name or name).split(".")[0] == name.split(".")[0]
         why = "is not installed here" if absent else f"cannot be loaded: {str(error).splitlines()[0]}"
         raise InputError(f"{name} {why}", hint=install(extra), code="no-library") from error
 
 
 def install(extra: str) -> str:
-    """The command that brings an extra, also to an environment without a pip of its own (as README makes one)."""
+    """Command that installs an extra, also in an environment without its own pip (as README creates it)."""
     where = "" if find_spec("pip") else f" --python {sys.prefix}"
     return f"pip{where} install 'asrsim[{extra}]'"

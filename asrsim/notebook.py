@@ -1,4 +1,4 @@
-"""What a result shows in a notebook, and tables of other libraries made from it."""
+"""Display of results in notebooks, and conversion of results to pandas and xarray."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from asrsim.samples import Array
 
 WIDTH = 900
-"""Pixels of the picture that a result shows by itself."""
+"""Width of the picture that a result displays, pixels."""
 
 
 def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-    """The first of the pictures that `asrsim plot` draws of the run: its joints, or the quantities asked for."""
+    """First picture of `asrsim plot` for the run: its joints, or the given quantities."""
     from asrsim.plots.curves import read_curves
     from asrsim.plots.figures import run_pages
     from asrsim.plots.output import styled
@@ -38,7 +38,7 @@ def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Seq
 
 
 def film_strip(result: Result, *, count: int) -> Image:
-    """The film strip that `asrsim render` draws of the run."""
+    """Film strip of the run, as drawn by `asrsim render`."""
     from asrsim.render import Film, strip_of
 
     with _logged(result) as log:
@@ -47,7 +47,7 @@ def film_strip(result: Result, *, count: int) -> Image:
 
 @contextmanager
 def _logged(result: Result) -> Iterator[Path]:
-    """The log of a result; of one without a log, a temporary one."""
+    """Path of the log of a result; a result without log gets a temporary one."""
     from asrsim.log import LogWriter
 
     if result.log is not None:
@@ -62,14 +62,14 @@ def _logged(result: Result) -> Iterator[Path]:
 
 
 def as_html(result: Result) -> str:
-    """A short table of the joints with a picture."""
+    """HTML with a short table of the joints and a picture."""
     import base64
     from io import BytesIO
 
     from asrsim.summary.table import headline, joint_columns
 
     columns = joint_columns(result.summary)
-    # A heading breaks its word where lines are narrow, which they are not here.
+    # Headings are hyphenated for narrow terminals; a notebook has wide lines.
     headings = [column.heading.replace("-\n", "") for column in columns]
     head = "".join(f"<th>{html.escape(heading)}</th>" for heading in headings)
     rows = "".join(
@@ -92,13 +92,13 @@ def as_html(result: Result) -> str:
 
 
 def columns_of(result: Result) -> dict[tuple[str, str], Array]:
-    """(joint, quantity) -> (n,), recorded and derived; without those that a joint does not have."""
+    """(joint, quantity) -> values (n,), recorded and derived; only quantities that the joint has."""
     found = {(joint, name): result[joint][name] for joint in result.joints for name in result[joint]}
     return {key: values for key, values in found.items() if not np.isnan(values).all()}
 
 
 def as_pandas(result: Result) -> Any:
-    """A DataFrame: a row a sample, indexed by time in s, columns by joint and quantity."""
+    """DataFrame with one row per sample, indexed by time in s, and columns by joint and quantity."""
     pandas = library("pandas", "notebook")
     table = columns_of(result)
     index = pandas.Index(result.time, name="time")
@@ -107,7 +107,7 @@ def as_pandas(result: Result) -> Any:
 
 
 def as_xarray(result: Result) -> Any:
-    """A Dataset: a variable a quantity over time and joint, with its unit; NaN where a joint does not have it."""
+    """Dataset with one variable per quantity over time and joint, with its unit; NaN if a joint lacks the quantity."""
     xarray = library("xarray", "notebook")
     table = columns_of(result)
     prismatic = [joint.prismatic for joint in result.run.info.joints]

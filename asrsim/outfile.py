@@ -1,4 +1,4 @@
-"""Files that we write: whole or not at all, never over what somebody else wrote, and never through a link."""
+"""Safe writing of files: complete or not at all, never over a foreign file, and never through a link."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ MARKS = {
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",
     "mjcf": rb"<!-- Made by asrsim export",
     "mesh": rb"\Aasrsim mesh",
+    "twin": rb"\A# asrsim twin: ",
     "ranges": rb"\A# Ranges by asrsim export",
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",
     "fit file": rb"\A# Fit for `asrsim identify`",
     "schema": rb'"title": "asrsim scenario"',
 }
-"""Kind of file -> what is found at the start or the end of one that asrsim wrote, and in no other."""
+"""Kind of file -> mark at its start or end, by which files written by asrsim are recognised."""
 _LOOKED_AT = 1 << 16
-"""Bytes at the start and at the end of a file in which its mark stands."""
+"""Number of bytes at the start and the end of a file that are searched for the mark."""
 
 
 def is_ours(path: Path, kind: str) -> bool:
-    """Whether asrsim wrote this file, as its mark proves. An empty file holds nothing that could be lost."""
+    """Whether asrsim wrote this file, according to its mark. An empty file counts as asrsim's: nothing can be lost."""
     if path.is_symlink() or not path.is_file():
         return False
     try:
@@ -58,42 +59,42 @@ def is_ours(path: Path, kind: str) -> bool:
 
 
 def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace: bool = False) -> None:
-    """Whether a file of that kind may be written to `path`.
+    """Check that a file of this kind may be written to `path`.
 
-    inputs: files that the same command reads. replace: the user allows to replace any file but those.
-    Raises OutputError where `path` is an input, a link or a folder, or a file that asrsim did not write.
+    inputs: files that the same command reads. replace: the user permits replacing any file except the inputs.
+    Raises OutputError if `path` is an input, a link or a folder, or a file that asrsim did not write.
     """
     for one in inputs:
         with suppress(OSError):
             if one.samefile(path):
-                raise OutputError(f"{path}: is read by this command, and would be lost: choose another place to write to")
+                raise OutputError(f"{path}: is an input of this command and would be lost: choose another path")
     if path.is_dir():
         raise OutputError(f"{path}: cannot be written: it is a folder")
     if is_special(path):
         return
     if path.is_symlink():
-        raise OutputError(f"{path}: is a link: name the file that it leads to")
+        raise OutputError(f"{path}: is a link: use the path of its target")
     if not replace and path.exists() and not is_ours(path, kind):
-        raise OutputError(f"{path}: is there, and asrsim did not write it: take it away, or choose another place to write to")
+        raise OutputError(f"{path}: exists and was not written by asrsim: remove it, or choose another path")
 
 
 def is_special(path: Path) -> bool:
-    """A device or a pipe: written to as it is."""
+    """Whether the path is a device or a pipe, which is written to directly."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 @contextmanager
 def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryIO]:
-    """A file that takes the place of `path` in one move if the block ends without error; else all stays as it was.
+    """Open stream whose content replaces `path` when the block ends without error; otherwise `path` stays unchanged.
 
-    kind: of :data:`MARKS`; replace: as for :func:`check_output`, which raises OutputError first; so do disks that are full.
+    kind: key of `MARKS`; replace: as in `check_output`. Raises OutputError, also for a full disk.
     """
     check_output(path, kind, replace=replace)
     if is_special(path):
         with _with_output_error(path), path.open("wb") as stream:
             yield stream
         return
-    # A random name, and a file that must be new: no link or file that stands there is followed or overwritten.
+    # A random name and exclusive creation: no existing link or file is followed or overwritten.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     try:
         with _with_output_error(path):
@@ -107,7 +108,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
 
 @contextmanager
 def _with_output_error(path: Path) -> Iterator[None]:
-    """Errors of the operating system become OutputError, which names the file."""
+    """Convert errors of the operating system to OutputError, which names the file."""
     try:
         yield
     except OSError as error:
@@ -115,13 +116,13 @@ def _with_output_error(path: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> None:
-    """Write a UTF-8 file as :func:`written` does; its folder must exist. Raises OutputError."""
+    """Write a UTF-8 file as `written` does; its folder must exist. Raises OutputError."""
     with written(path, kind, replace=replace) as stream:
         stream.write(text.encode())
 
 
 def csv_text(headings: Sequence[str], table: Array) -> str:
-    """A table (rows, columns) as CSV whose numbers read back with the same bits: `repr` is the shortest such text."""
+    """Table (rows, columns) as CSV text whose numbers read back exactly: `repr` gives the shortest such text."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(headings)
@@ -130,7 +131,7 @@ def csv_text(headings: Sequence[str], table: Array) -> str:
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write plain data as a JSON document that says which asrsim wrote it. Raises OutputError."""
+    """Write plain data as a JSON document that names asrsim and its version. Raises OutputError."""
     from asrsim import __version__
 
     document = {"generator": f"asrsim {__version__}", **data}
@@ -138,7 +139,7 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
 
 
 def remove_ours(path: Path, kind: str) -> None:
-    """Take a file away if asrsim wrote it, as its mark proves. Raises OutputError."""
+    """Delete a file if asrsim wrote it, according to its mark. Raises OutputError."""
     if is_ours(path, kind):
         try:
             path.unlink(missing_ok=True)
@@ -147,7 +148,7 @@ def remove_ours(path: Path, kind: str) -> None:
 
 
 def make_folder(folder: Path) -> Path:
-    """The folder, made with those above it if it is not there. Raises OutputError."""
+    """Path of the folder, which is created with its parents if missing. Raises OutputError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Plain data for JSON, and those of files that others may have edited, held against the shape that they must have."""
+"""Plain data for JSON, and validation of data from files that others may have edited against an expected structure."""
 
 from __future__ import annotations
 
@@ -8,34 +8,35 @@ from os import PathLike
 from typing import Any
 
 Shape = Any
-"""str, bool, int, float (any number but NaN), None, object (anything), a tuple of alternatives, [shape] for a list, or a
-mapping from keys to shapes: `"key?"` may be missing, `"*"` stands for all that are not named."""
+"""Expected structure: str, bool, int, float (any number except NaN), None, object (anything), a tuple of alternatives, [shape]
+for a list, or a mapping from keys to shapes: `"key?"` is optional, `"*"` stands for all other keys.
+"""
 
 
 def one_or_more(given: Any) -> tuple[Any, ...]:
-    """What takes several takes one, too: a text or a path is no row of letters."""
+    """Tuple from one value or several: a single text or path becomes a tuple with one entry."""
     return (given,) if isinstance(given, str | PathLike) else tuple(given)
 
 
 def finite_or_none(value: float) -> float | None:
-    """A number for JSON, which has neither infinity nor NaN: null stands for both."""
+    """Number for JSON; None for infinity and NaN, which JSON lacks."""
     return value if math.isfinite(value) else None
 
 
 def mapped(data: Any, leaf: Callable[[Any], Any]) -> Any:
-    """Plain data with all that is neither a mapping nor a list (or tuple, which becomes one) as `leaf` makes it."""
+    """Plain data in which `leaf` has replaced every value that is not a mapping, list or tuple; tuples become lists."""
     if isinstance(data, Mapping):
         return {key: mapped(value, leaf) for key, value in data.items()}
     return [mapped(value, leaf) for value in data] if isinstance(data, list | tuple) else leaf(data)
 
 
 def misfit(data: Any, shape: Shape, place: str = "") -> str:
-    """Where plain data have another shape than `shape`, in words; empty if they have it."""
+    """Description of the first deviation of plain data from the structure `shape`; empty if there is none."""
     if isinstance(shape, tuple):
         return "" if any(not misfit(data, one) for one in shape) else f"{place or 'it'} is {_words(data)}"
     if isinstance(shape, list):
         if not isinstance(data, list):
-            return f"{place or 'it'} is no list"
+            return f"{place or 'it'} is not a list"
         return next((found for i, item in enumerate(data) if (found := misfit(item, shape[0], f"{place}[{i}]"))), "")
     if isinstance(shape, dict):
         return _keys(data, shape, place)
@@ -52,7 +53,7 @@ def misfit(data: Any, shape: Shape, place: str = "") -> str:
 
 def _keys(data: Any, shape: dict[str, Shape], place: str) -> str:
     if not isinstance(data, dict):
-        return f"{place or 'it'} is no mapping"
+        return f"{place or 'it'} is not a mapping"
     dot = f"{place}." if place else ""
     for key, inner in shape.items():
         name = key.removesuffix("?")
@@ -66,7 +67,7 @@ def _keys(data: Any, shape: dict[str, Shape], place: str) -> str:
     named = {key.removesuffix("?") for key in shape}
     for key, value in data.items():
         if not is_text(key):
-            return f"a key of {place or 'it'} is no text"
+            return f"a key of {place or 'it'} is not text"
         if key not in named and "*" in shape and (found := misfit(value, shape["*"], dot + key)):
             return found
     return ""
@@ -79,7 +80,7 @@ def _is_number(data: Any) -> bool:
 
 
 def is_text(text: str) -> bool:
-    """Whether all characters of a text are whole: JSON can escape one half of a pair."""
+    """Whether a text contains only complete characters: JSON can escape half of a surrogate pair."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""The quantities of a joint: names, units and labels that simulation, log, metrics and plots share."""
+"""Quantities of a joint: names, units and labels shared by simulation, log, metrics and plots."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """A scalar signal of one joint."""
+    """Scalar signal of one joint."""
 
     name: str
     unit: str
     """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m."""
     label: str
-    """For axes and legends; the paper's symbols, in matplotlib's mathtext."""
+    """Symbol for axes and legends, as in the paper, in mathtext."""
     doc: str
     apart: bool = False
-    """Of an optional model: it has a topic of its own, and is no field of the messages that hold the others."""
+    """Whether the quantity belongs to an optional model and has a separate topic, outside the common messages."""
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -47,23 +47,25 @@ QUANTITIES: dict[str, Quantity] = {
             for name, unit, symbol in (("voltage", "V", "u"), ("current", "A", "i"))
         ),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
-        Quantity("spring_energy", "J", r"$E_{el}$", "energy that the springs hold, by their law"),
+        Quantity("spring_energy", "J", r"$E_{el}$", "energy stored in the springs"),
         Quantity(
             "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
         ),
         Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
         Quantity(
-            "limit_loss", "J", r"$E_l$", "energy that the effort limit kept from the link since the start; it can be negative"
+            "limit_loss", "J", r"$E_l$", "energy withheld from the link by the effort limit since the start; it can be negative"
         ),
         Quantity("damping_loss", "J", r"$E_d$", "energy lost in the link's damping since the start"),
         Quantity("winding_loss", "J", r"$E_R$", "heat of the motors' windings since the start", apart=True),
         Quantity("hysteresis_loss", "J", r"$E_h$", "energy lost in the springs' hysteresis since the start", apart=True),
         Quantity(
-            "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: closes to the scheme's order"
+            "energy_residual", "J", r"$\Delta E$", "motor work - losses - stored - link work: error of the energy balance"
         ),
     )
 }
-"""Every quantity that a run may record, by name. Absent ones (motor 2 of an SEA) are left out of a log, never zero."""
+"""Every quantity that a run may record, by name. Quantities that a joint lacks (motor 2 of an SEA) are absent from a log, not
+zero.
+"""
 
 DERIVED: dict[str, Quantity] = {
     quantity.name: quantity
@@ -73,7 +75,7 @@ DERIVED: dict[str, Quantity] = {
         Quantity("position_error", "rad", "$e$", "reference of the position minus link position"),
     )
 }
-"""Quantities computed from a log by :mod:`asrsim.log.derived`, not stored."""
+"""Quantities that `asrsim.log.derived` computes from a log; they are not stored."""
 
 LIMITS = {
     "effort": "effort limit",
@@ -84,25 +86,25 @@ LIMITS = {
     "deflection": "deflection limit",
     "stop": "joint stop",
 }
-"""Limits whose substeps a run counts, of each joint -> heading of their column."""
+"""Limits for which a run counts the substeps of each joint -> heading of their column."""
 
 
 def linear_unit(unit: str) -> str:
-    """Unit of a prismatic joint, by that of a revolute one."""
+    """Unit of a prismatic joint that corresponds to a unit of a revolute joint."""
     return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
 PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}
-"""Of what recordings and references have: unit of a prismatic joint by that of a revolute one."""
+"""Unit of a revolute joint -> unit of a prismatic joint, for recordings and references."""
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
-    """Whether a simulation is held against a recording by a quantity: by all but energies, where none is `wanted` by name.
-    Only another simulation has those, and they follow from the rest."""
+    """Whether a simulation is compared with a recording by this quantity: by all except energies, unless `wanted` names them.
+    Only simulations have energies, and these follow from other quantities."""
     return unit_of(name) != "J" if wanted is None else name in wanted
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
-    """SI unit of a quantity, recorded or derived; "" where it follows from the operation mode."""
+    """SI unit of a quantity, recorded or derived; "" if the unit depends on the operation mode."""
     unit = (QUANTITIES | DERIVED)[name].unit
     return linear_unit(unit) if prismatic else unit

@@ -1,4 +1,4 @@
-"""Registries: names to variants (actuators, signals, engines, steppings), open to users without touching our files."""
+"""Registries: tables from names to actuators, signals, engines and so on, which users can extend without changing asrsim."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 @contextmanager
 def plugin_file(path: str) -> Iterator[None]:
-    """While a user's file runs: what it adds to registries is its own."""
+    """Context in which a user's file runs: its registrations are recorded under the file's path."""
     before, Registry.file = Registry.file, path
     try:
         yield
@@ -22,17 +22,17 @@ def plugin_file(path: str) -> Iterator[None]:
 
 
 class Registry(Generic[T]):
-    """A table of named variants; unknown names are errors that list the known ones.
+    """Table of named entries; the error for an unknown name lists the known ones.
 
-    Installed packages add entries under the entry point group given; they are loaded at the first look-up that
-    misses, so that start-up does not pay for them. One that cannot be loaded, is no class derived from `base`, or no
-    object of the kind `instance`, is an error only for those who ask for it.
+    Installed packages add entries through an entry point group. They are loaded when a name is not found, so that
+    they do not slow down the start. An entry that cannot be loaded, is not derived from `base`, or is not an instance
+    of `instance`, raises an error only when its name is used.
     """
 
     added: ClassVar[int] = 0
-    """Number of entries that all registries together have taken so far."""
+    """Number of entries that all registries together have received so far."""
     file: ClassVar[str] = ""
-    """Plugin file that is being run; it may add its entries again when it is run again."""
+    """Plugin file that is running; it may register its entries again when it runs again."""
 
     def __init__(
         self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None
@@ -44,7 +44,7 @@ class Registry(Generic[T]):
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
         self._files: dict[str, str] = {}
-        """Name of an entry -> the plugin file that added it."""
+        """Name of an entry -> plugin file that registered it."""
         self._searched = entry_point_group is None
 
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
@@ -58,7 +58,7 @@ class Registry(Generic[T]):
         return entry
 
     def get(self, name: str) -> T:
-        """The entry of that name; raises InputError naming the known ones."""
+        """Entry with this name; raises InputError that lists the known names."""
         if name not in self._entries:
             self._search_entry_points()
         try:
@@ -73,7 +73,7 @@ class Registry(Generic[T]):
             ) from None
 
     def names(self) -> tuple[str, ...]:
-        """All names, in the order of registration, numbers in theirs; installed ones last."""
+        """All names in the order of registration; numbers are sorted; entries of installed packages come last."""
         self._search_entry_points()
         return tuple(sorted(self._entries, key=lambda name: int(name) if name.isdecimal() else 0))
 
@@ -96,11 +96,11 @@ class Registry(Generic[T]):
                 continue
             try:
                 entry = point.load()
-            except (Exception, SystemExit) as error:  # a stranger's package may raise anything
+            except (Exception, SystemExit) as error:  # other packages may raise any error
                 self._broken[point.name] = f"{point.value} raised {type(error).__name__}: {error}"
                 continue
             if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
-                self._broken[point.name] = f"{point.value} is no class derived from {self.base.__name__}"
+                self._broken[point.name] = f"{point.value} is not a class derived from {self.base.__name__}"
                 continue
             if self.instance is not None and not isinstance(entry, self.instance):
                 self._broken[point.name] = f"{point.value} is no {self.instance.__module__}.{self.instance.__name__}"

@@ -1,4 +1,4 @@
-"""Versions of installed packages, without `importlib.metadata`, whose import (with all of `email`) slows every start."""
+"""Versions of installed packages, read without `importlib.metadata`, whose import slows every start."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def version(package: str) -> str:
-    """Version of an installed package, by the name that its folder of metadata begins with; empty if there is none."""
+    """Version of an installed package, found by the name of its metadata folder; empty if it is not installed."""
     module = sys.modules.get(package)
     known = getattr(module, "__version__", None)
     if isinstance(known, str):
@@ -25,7 +25,7 @@ def version(package: str) -> str:
 
 
 def numeric_versions() -> dict[str, str]:
-    """Of Python, ourselves and the libraries whose arithmetic ours rests on: with others, numbers may differ."""
+    """Versions of Python, asrsim and the numerical libraries: with other versions, numbers may differ."""
     from asrsim.engines.mujoco_library import library_version
 
     found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim"), "mujoco": library_version()}

@@ -1,4 +1,4 @@
-"""`asrsim actuators`: what actuators there are, with laws, parameters, units, defaults and sources."""
+"""`asrsim actuators`: lists the actuators with laws, parameters, units, defaults and sources."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ if TYPE_CHECKING:
 
 def actuators(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Show this one in full.", show_default=False, autocompletion=names)
+        str | None, typer.Argument(metavar="NAME", help="Show this actuator in full.", show_default=False, autocompletion=names)
     ] = None,
     urdf: Annotated[
         list[str] | None,
-        typer.Option("--urdf", metavar="JOINT", help="Print the block that puts it on this joint of a URDF; may be repeated."),
+        typer.Option(
+            "--urdf", metavar="JOINT", help="Print the URDF block that mounts the actuator on this joint; may be repeated."
+        ),
     ] = None,
     mode: Annotated[int, typer.Option("--mode", min=0, max=8, help="Operation mode of the block.")] = 6,
     plugin: Plugins = None,
     json: Json = False,
 ) -> None:
-    """List the actuators, or show one: laws, parameters with units, defaults, URDF tags and sources.
+    """List the actuators, or show a single one: laws, parameters with units, defaults, URDF tags and sources.
 
     Example: asrsim actuators qbmove
 

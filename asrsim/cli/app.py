@@ -1,4 +1,4 @@
-"""The command line's table of commands; each command's body lives in its own module and imports what it needs when it runs."""
+"""Table of all commands. The module of a command is imported when the command runs."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ GROUPS = {
     "Simulate": {"run": "run", "live": "live", "bench": "bench", "rerun": "rerun"},
     "Look": {"plot": "plot", "render": "render", "report": "report_page"},
     "Laboratory": {"init": "init", "identify": "identify", "design": "design"},
-    "Use elsewhere": {"export": "export"},
+    "Use elsewhere": {"export": "export", "twin": "twin"},
     "Learn and vary": {"ilc": "ilc", "sweep": "sweep"},
     "Reference": {"check": "check", "actuators": "actuators", "examples": "examples", "reproduce": "reproduce"},
 }
-"""Heading in the help -> command -> module of asrsim.cli with a function of the command's name."""
+"""Heading in the help -> command -> module of asrsim.cli that contains the command's function."""
 COMMANDS = {name: f"asrsim.cli.{module}" for group in GROUPS.values() for name, module in group.items()}
-"""Command -> its module, which is imported when the command is used or listed."""
+"""Command -> its module, imported when the command is used or listed."""
 
 
 HELP: dict[str, Any] = {"help_option_names": ["-h", "--help"]}
 
 
 class PlainCommand(TyperCommand):
-    """Help without typer's braces around required arguments and parentheses around defaults in words."""
+    """Command help without typer's braces around required arguments and parentheses around default values."""
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
@@ -43,12 +43,12 @@ class PlainCommand(TyperCommand):
 
 
 class LazyGroup(TyperGroup):
-    """Imports a command's module only when it is asked for: a run need not read the options of all others."""
+    """Imports the module of a command only when needed, so that a command does not load the options of all others."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         from asrsim.errors import did_you_mean
 
-        # The base class suggests only what is imported already.
+        # The base class suggests only commands that are imported already.
         hint = did_you_mean(args[0], list(COMMANDS)) if args[0] not in COMMANDS else None
         if hint and not ctx.resilient_parsing:
             ctx.fail(f"No such command '{args[0]}'. {hint}")
@@ -65,7 +65,8 @@ class LazyGroup(TyperGroup):
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        # Working out the options of all commands would be most of the time that help takes; the library cuts long lines off.
+        # Show first sentences only: collecting the options of all commands would take most of the time. The library truncates
+        # long lines.
         widest = max(map(len, COMMANDS))
         for title, group in GROUPS.items():
             with formatter.section(title):
@@ -77,11 +78,11 @@ def _function_of(command: str) -> Any:
 
 
 def first_sentence(function: Any) -> str:
-    """Of its docstring."""
+    """First sentence of a function's docstring."""
     return cleandoc(function.__doc__).split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".") + "."
 
 
-# Without rich's markup, help comes in half the time.
+# Without rich markup the help is displayed in half the time.
 app = typer.Typer(
     cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
     context_settings=HELP,
@@ -101,7 +102,7 @@ def _version(wanted: bool) -> None:
 def root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", envvar="ASRSIM_DEBUG", help="Show where in the program an error came up.")
+        bool, typer.Option("--debug", envvar="ASRSIM_DEBUG", help="Show the place in the program that raised an error.")
     ] = False,
 ) -> None:
     """Simulate articulated soft robots: joints driven through springs or variable-stiffness actuators.
@@ -113,8 +114,8 @@ def root(
 
 
 def main() -> None:
-    """Entry point: known errors become a few lines and exit code 1."""
-    # A stream that was closed (>&-) is none at all, and its number would go to the next file that is opened.
+    """Run the command line: expected errors are printed in a few lines, with exit code 1."""
+    # Replace a closed stream (>&-): otherwise its number would go to the next file that is opened.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
@@ -126,7 +127,7 @@ def main() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        # The reader of our output has gone, or its disk is full; without this Python complains once more at its end.
+        # The reader of the output has ended, or its disk is full: without this Python prints another error at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
@@ -142,7 +143,7 @@ def _call() -> int:
         with like_an_interruption():
             app()
     except SystemExit as end:
-        # Typer ends a command that was interrupted without a word.
+        # Typer prints nothing for an interrupted command.
         if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
             complain("asrsim: aborted")
         return end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -155,12 +156,12 @@ def _call() -> int:
 
 
 def _told(error: BaseException) -> int:
-    """Exit code, once an error is told."""
+    """Exit code for an error, after printing its message."""
     from asrsim.cli.console import complain, error_lines
     from asrsim.errors import AsrsimError
 
     if isinstance(error, BrokenPipeError):
-        # The reader of our output has gone: no message would arrive.
+        # The reader of the output has ended: no message would arrive.
         return 0
     if _debugging():
         raise error
@@ -172,7 +173,7 @@ def _told(error: BaseException) -> int:
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
     else:
         complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
-        complain("asrsim: run with ASRSIM_DEBUG=1 to see where it came from")
+        complain("asrsim: run with ASRSIM_DEBUG=1 to see its place in the program")
     return 1
 
 

@@ -1,4 +1,4 @@
-"""`asrsim bench`: a recorded or computed link motion played into the actuators of a URDF."""
+"""`asrsim bench`: applies a recorded or computed link motion to the actuators of a URDF."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from asrsim.simulation.bench import Motion
 
 INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque")
-"""Columns a joint may have; position and velocity are required."""
+"""Possible columns of a joint; position and velocity are required."""
 
 
 def bench(
@@ -32,22 +32,20 @@ def bench(
         ),
     ],
     out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
-    stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox: the released code's order.")] = "leapfrog",
+    stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox (order of the released code).")] = "leapfrog",
     first_step: Annotated[
         float | None,
-        typer.Option(
-            help="Length of the first row's step in s; by default as long as the second's, in leapfrog a start from rest."
-        ),
+        typer.Option(help="Length of the first step in s; by default that of the second step, for leapfrog a start from rest."),
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option(help="Draw positions, torques and stiffness beside the table.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Json = False,
 ) -> None:
-    """Play a prescribed link motion into the actuators, as on a test bench.
+    """Apply a prescribed link motion to the actuators, as on a test bench.
 
-    A row of the CSV is a step, at the row's time. The output has time and per joint position, velocity, references,
-    link and elastic torques, stiffness and motor states; floats survive the round trip.
+    Each row of the CSV is a step. The output has time, and for each joint position, velocity, references,
+    link and elastic torques, stiffness and motor states; numbers are written in full precision.
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
@@ -65,7 +63,7 @@ def bench(
 def bench_files(
     robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None, plot: bool = False
 ) -> list[Path]:
-    """Run the bench from files; returns the files written: the table, and with `plot` its pictures."""
+    """Files written by a bench run from files: the table, and with `plot` its pictures."""
     import numpy as np
 
     from asrsim.robot import load_robot
@@ -86,7 +84,7 @@ def bench_files(
 
 
 def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
-    """Times (n,) in s and the motion of each joint of a motion CSV; raises RecordingError with every problem found."""
+    """Times (n,) in s and the motion of each joint from a motion CSV; raises RecordingError with every problem."""
     import numpy as np
 
     from asrsim.signals.recorded import read_column, series_names
@@ -109,7 +107,7 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
 
 
 def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
-    """Joints that the header names, in the robot's order. Raises RecordingError for columns unknown and missing."""
+    """Joints in the header, in the robot's order. Raises RecordingError for unknown and missing columns."""
     actuated = [joint.name for joint in robot.moving_joints if any(block.joint == joint.name for block in robot.actuators)]
     valid = ["time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS)]
     joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
@@ -139,7 +137,7 @@ def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
 def _hint(name: str, valid: list[str], actuated: list[str]) -> str:
     first, _, again = name.partition("#")
     if again and first in valid:
-        return "It stands twice in the header."
+        return "The header contains it twice."
     if name in actuated:
         return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
     return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."

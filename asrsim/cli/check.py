@@ -1,4 +1,4 @@
-"""`asrsim check`: reads robots and scenarios without running them and says what they mean and what is wrong."""
+"""`asrsim check`: reads robots and scenarios without running them, and prints their content, warnings and errors."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from asrsim.cli.findings import FileReport
 
 DEFAULT_STEP = 1e-3
-"""s, of the figures about a robot alone, which has no scenario."""
+"""Step for the figures of a robot without scenario, s."""
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
-"""Suffix -> whether the file is a scenario (else a robot); other files are recognised by their first character."""
+"""Suffix -> whether the file is a scenario (True) or a robot; other files are recognised by their first character."""
 
 
 def check(
@@ -23,7 +23,7 @@ def check(
         list[Path] | None, typer.Argument(metavar="[FILE]...", help="URDF, xacro and scenario files.", show_default=False)
     ] = None,
     step: Annotated[
-        float | None, typer.Option(help="Time step in s for the checks of stability.", show_default="1e-3, or the scenario's")
+        float | None, typer.Option(help="Time step in s for the stability checks.", show_default="1e-3, or the scenario's")
     ] = None,
     actuator: Annotated[str | None, typer.Option(help="Check this actuator's laws instead of files.")] = None,
     plugin: Plugins = None,

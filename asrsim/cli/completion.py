@@ -1,4 +1,4 @@
-"""What the shell completes: variants and joints of the file or log that the line names already, actuators, engines."""
+"""Shell completion: variants and joints of the file or log on the command line, actuators, engines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def engines(incomplete: str) -> list[str]:
 
 
 def variants(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Variants of the scenario; nothing where it cannot be read."""
+    """Variants of the scenario; empty if it cannot be read."""
     from asrsim.errors import AsrsimError
     from asrsim.scenario import load_scenario
 
@@ -35,14 +35,14 @@ def variants(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def mountings(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Actuators, and joints of the robot with an actuator each: NAME or JOINT=NAME."""
+    """Actuators as NAME, and as JOINT=NAME for each joint with an actuator."""
     joint, separator, start = incomplete.rpartition("=")
     names = [f"{joint}{separator}{name}" for name in actuators(start)]
     return names if separator else [*names, *(f"{name}=" for name in _joints(ctx) if name.startswith(incomplete))]
 
 
 def logged(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Joints of the first log that is named; nothing where it cannot be read."""
+    """Joints of the first log on the command line; empty if it cannot be read."""
     from asrsim.errors import AsrsimError
     from asrsim.log import open_log
     from asrsim.runs.folder import find_logs
@@ -55,7 +55,7 @@ def logged(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def _named(ctx: typer.Context, parameter: str) -> str:
-    """The file that the line names. Where an option still lacks its value, it is among the words that nothing took yet."""
+    """File on the command line. If an option still lacks its value, the file is among the unparsed words."""
     given = ctx.params.get(parameter) or ctx.args
     return str(given[0] if isinstance(given, list | tuple) and given else given or "")
 

@@ -1,4 +1,4 @@
-"""What commands print with: styled lines and tables without heavy imports, plain where there is no terminal."""
+"""Printing for all commands: styled lines and tables without heavy imports; plain text without a terminal."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ STYLES = {
 }  # fmt: skip
 """Name -> ANSI code."""
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""What a terminal obeys instead of showing it, and halves of characters; newlines and tabs are none."""
+"""Characters that a terminal executes instead of showing, and halves of surrogate pairs; not newline and tab."""
 _STYLE = re.compile(rf"\x1b\[(?:0|{'|'.join(STYLES.values())})m")
 MOST = 40
-"""Lines of an error that are shown."""
+"""Largest number of lines printed for an error."""
 NARROWEST = 20
-"""Characters of a table's last column, at least."""
+"""Smallest width of a table's last column, characters."""
 SHOWN = 6
-"""Places listed of a problem that many parts share."""
+"""Number of places listed for a problem that occurs in several places."""
 
 
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
 MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
-"""What we write on purpose: colours; on stderr a progress bar's ways of moving too."""
+"""Escape codes that asrsim prints: colours, and on stderr the cursor movements of progress bars."""
 
 
 class CleanStream:
-    """A text stream through which control characters of files, names and values do not reach the terminal."""
+    """Text stream that removes control characters in texts from files, names and values."""
 
     def __init__(self, stream: IO[str], allowed: re.Pattern[str]) -> None:
         self._stream = stream
         self._allowed = allowed
 
     def write(self, text: str) -> int:
-        """Write the text, cleaned of all that is not ours."""
+        """Write the text without foreign control characters."""
         parts = self._allowed.split(text)
         parts[::2] = [printable(part) for part in parts[::2]]
         return self._stream.write("".join(parts))
@@ -54,7 +54,7 @@ class CleanStream:
 
 
 def clean_streams() -> None:
-    """From here on nothing that a file says moves the cursor or changes the terminal, and an old one shows what it can."""
+    """Make stdout and stderr remove control characters, and replace characters that an old terminal cannot show."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -65,38 +65,38 @@ def clean_streams() -> None:
 
 
 def is_terminal(stream: IO[str] | None = None) -> bool:
-    """Whether a person watches the stream (stdout by default)."""
+    """Whether the stream (stdout by default) is a terminal."""
     stream = sys.stdout if stream is None else stream
     return bool(stream is not None and stream.isatty() and os.environ.get("TERM") != "dumb")
 
 
 def styled(text: str, style: str, stream: IO[str] | None = None) -> str:
-    """The text in a style of :data:`STYLES`; as it is where there is no terminal or NO_COLOR is set."""
+    """Text in a style of `STYLES`; unchanged without a terminal or if NO_COLOR is set."""
     if not text or not style or os.environ.get("NO_COLOR") or not is_terminal(stream):
         return text
     return f"\x1b[{STYLES[style]}m{text}\x1b[0m"
 
 
 def say(text: str = "", style: str = "") -> None:
-    """A line on stdout."""
+    """Print a line on stdout."""
     _write(sys.stdout, styled(text, style))
 
 
 def complain(text: str, style: str = "") -> None:
-    """A line on stderr."""
+    """Print a line on stderr."""
     _write(sys.stderr, styled(text, style, sys.stderr))
 
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
-    """One JSON document on stdout. Numbers that JSON has not must be gone."""
+    """Print a JSON document on stdout. The data must not contain NaN or infinity."""
     text = json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)
-    # JSON has escapes for what a terminal obeys, and for halves of characters.
+    # Replace control characters and halves of surrogate pairs by JSON escapes.
     _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
-    """A table, its last column folded where a terminal ends. columns: heading (its lines parted by newlines), cells, whether
-    they stand to the right; styles: of the rows."""
+    """Print a table; its last column is wrapped at the terminal's width. columns: heading (lines separated by newlines),
+    cells, whether they are right-aligned; styles: of the rows."""
     heads = [heading.split("\n") for heading, _, _ in columns]
     lines = max(len(head) for head in heads)
     heads = [[""] * (lines - len(head)) + head for head in heads]
@@ -126,38 +126,38 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequen
 def say_rows(
     headings: Sequence[str], rows: Sequence[Sequence[str]], *, right: Container[int] = (), styles: Sequence[str] = ()
 ) -> None:
-    """:func:`say_table` of rows; right: numbers of the columns whose cells stand to the right."""
+    """Print rows as `say_table` does; right: numbers of the right-aligned columns."""
     say_table([(head, [row[i] for row in rows], i in right) for i, head in enumerate(headings)], styles)
 
 
 def line_width() -> int:
-    """Characters of a line of the terminal; where nobody watches, lines are never folded."""
+    """Width of a terminal line in characters; unlimited without a terminal."""
     return shutil.get_terminal_size().columns if is_terminal() else sys.maxsize
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun in the plural where it is one."""
+    """Number with its noun, in the plural if needed."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def say_written(paths: Sequence[Path], remark: str = "") -> None:
-    """The files that a command wrote: their common folder, and their names in it."""
+    """Print the files that a command wrote: their common folder and their names."""
     if paths:
         folder = Path(os.path.commonpath([path.parent for path in paths]))
         say(f"wrote {folder}{os.sep}: {', '.join(str(path.relative_to(folder)) for path in paths)}{remark}")
 
 
 def say_problems(problems: Sequence[Problem], word: str) -> None:
-    """One line a problem, warnings on stderr; problems that differ in their place only share a line."""
+    """Print one line per problem, warnings on stderr; problems that differ only in their place share a line."""
     for line in problem_lines(problems):
-        if word == "warning":  # what a program reads from stdout stays free of them
+        if word == "warning":  # stdout is for results that programs read
             complain(f"{styled(word, 'yellow', sys.stderr)} {line}")
         else:
             say(f"{styled(word, 'yellow')} {line}")
 
 
 def problem_lines(problems: Sequence[Problem]) -> list[str]:
-    """One text a problem; problems that differ in their place only share one."""
+    """One text per problem; problems that differ only in their place share a text."""
     groups: dict[tuple[object, ...], list[Problem]] = {}
     for problem in problems:
         groups.setdefault((problem.code, problem.message, problem.hint, problem.choices, problem.file), []).append(problem)
@@ -165,7 +165,7 @@ def problem_lines(problems: Sequence[Problem]) -> list[str]:
 
 
 def error_lines(error: AsrsimError) -> list[str]:
-    """An error's text by lines; of very many problems the first."""
+    """Lines of an error's text, at most `MOST`."""
     lines = str(error).splitlines()
     if len(lines) > MOST:
         lines[MOST:] = [f"... and {len(lines) - MOST} more"]
@@ -183,7 +183,7 @@ def _joined(group: Sequence[Problem]) -> str:
 
 
 def error_as_dict(error: AsrsimError) -> dict[str, Any]:
-    """An error for `--json`."""
+    """Error as data for `--json`."""
     items: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, InputError):
         items["problems"] = [problem.as_dict() for problem in error.problems]
@@ -192,7 +192,7 @@ def error_as_dict(error: AsrsimError) -> dict[str, Any]:
 
 @contextmanager
 def json_errors(json: bool) -> Iterator[None]:
-    """With `json`, a known error becomes the one JSON document on stdout, and exit code 1."""
+    """Context that prints an expected error as JSON on stdout if `json` is set, and exits with code 1."""
     try:
         yield
     except AsrsimError as error:
@@ -209,7 +209,7 @@ def _unicode() -> bool:
 
 
 def shown(text: str, *, styles: bool = False) -> str:
-    """The text as a terminal may have it: control characters, which files may hold, as their codes. styles: ours stay."""
+    """Text with control characters replaced by their codes, safe for a terminal. styles: keep asrsim's own styles."""
     parts = _STYLE.split(text) if styles else [text]
     ours = [*_STYLE.findall(text), ""] if styles else [""]
     clean = (_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", part) for part in parts)

@@ -1,4 +1,4 @@
-"""`asrsim design`: the experiment that tells most of what is not known."""
+"""`asrsim design`: computes the experiment that gives the most information about unknown parameters."""
 
 from __future__ import annotations
 
@@ -17,26 +17,25 @@ def design(
     limits: Annotated[Path, typer.Option(metavar="FILE", help="Limits of joints, noise of sensors, gains to choose from.")],
     seconds: Annotated[float, typer.Option(metavar="SECONDS", help="Length of the experiment.")] = 10.0,
     free: Annotated[
-        list[str] | None, typer.Option("--free", metavar="KEY", help="As of `identify`: what is to be known. May be repeated.")
+        list[str] | None,
+        typer.Option("--free", metavar="KEY", help="Parameter to identify, as in `identify`; may be repeated."),
     ] = None,
-    tie: Annotated[list[str] | None, typer.Option("--tie", metavar="KEY=[FACTOR*]KEY", help="As of `identify`.")] = None,
-    after: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="A recording that there is already; may be repeated.")
-    ] = None,
+    tie: Annotated[list[str] | None, typer.Option("--tie", metavar="KEY=[FACTOR*]KEY", help="As in `identify`.")] = None,
+    after: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="An existing recording; may be repeated.")] = None,
     robust: Annotated[
         int, typer.Option(min=0, help="Further draws of the free numbers, within a factor of 2, that the motion is made for.")
     ] = 0,
-    variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
+    variant: Annotated[str | None, typer.Option(help="Variant of the scenario.")] = None,
     overrides: Overrides = None,
     out: Annotated[
-        Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are put beside it.")
+        Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are written beside it.")
     ] = Path("excite.csv"),
-    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 0,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw a picture.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
 ) -> None:
-    """Design the experiment that tells most of the free parameters, within limits.
+    """Design the most informative experiment for the free parameters, within limits.
 
     Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture; and says which
     interval each parameter is promised, beside one step and a chirp. Ctrl-C keeps the best so far.
@@ -47,7 +46,7 @@ def design(
     from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
-    from asrsim.design.write import columns, remarks, write_design
+    from asrsim.design.write import columns, write_design
 
     load_plugins(plugin)
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
@@ -63,8 +62,10 @@ def design(
     files = write_design(found, out, plot=plot)
     if not quiet:
         say_table(columns(found))
-        for text in remarks(found):
+        for text in found.remarks:
             say(text)
+        if found.interrupted:
+            say("interrupted: this is the best so far")
         say_written(files)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)

@@ -1,4 +1,4 @@
-"""`asrsim examples`: the bundled robots, scenarios, recordings and plugin, to try every command on."""
+"""`asrsim examples`: copies the bundled robots, scenarios, recordings and plugin, which every command can use."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from asrsim.cli.options import Json, into_folder
 
 
 def examples(
-    out: Annotated[Path, into_folder("Folder to copy them into.")] = Path("examples"),
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of the same names there.")] = False,
+    out: Annotated[Path, into_folder("Folder for the copies.")] = Path("examples"),
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files with these names.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Json = False,
 ) -> None:
-    """Copy the bundled examples: robots, scenarios, recordings, an actuator of one's own.
+    """Copy the bundled examples: robots, scenarios, recordings, and a custom actuator.
 
     Example: asrsim examples
     """

@@ -1,4 +1,4 @@
-"""`asrsim export`: the robot with its motors and springs, for other simulators."""
+"""`asrsim export`: writes the robot with its motors and springs for other simulators."""
 
 from __future__ import annotations
 
@@ -15,14 +15,18 @@ def export(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
     to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
     out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
-    knots: Annotated[int, typer.Option(min=0, max=50, help="On each side of the spline of a spring's law.")] = 4,
-    timestep: Annotated[float | None, typer.Option(help="s, of the model.", show_default="the scenario's step")] = None,
+    knots: Annotated[
+        int, typer.Option(min=0, max=50, help="Number of knots on each side of the spline of a spring's law.")
+    ] = 4,
+    timestep: Annotated[
+        float | None, typer.Option(help="Time step of the model, s.", show_default="the scenario's step")
+    ] = None,
     fit: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="fit.json of `identify`: the model gets its values, and ranges are written."),
     ] = None,
     variant: Annotated[
-        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
+        str | None, typer.Option(help="Variant to export.", show_default="the only one", autocompletion=variants)
     ] = None,
     overrides: Overrides = None,
     plugin: Plugins = None,

@@ -1,4 +1,4 @@
-"""What `asrsim check` finds in a file, as data; printing is another module's."""
+"""Findings of `asrsim check` in a file, as data; another module prints them."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class FileReport:
-    """One file's findings."""
+    """Findings in one file."""
 
     path: Path
     kind: str
-    """robot or scenario."""
+    """Kind of the file: robot or scenario."""
     title: str = ""
-    """The variants, for scenarios."""
+    """Names of the variants, for a scenario."""
     robot: Robot | None = None
     step: float | None = None
-    """s."""
+    """Time step, s."""
     figures: tuple[StepFigures, ...] = ()
     substeps: Mapping[str, Any] | None = None
-    """Substeps that a run takes, and what they follow from; None: no run is possible."""
+    """Substeps of a run and the quantities that determine them; None: a run is impossible."""
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; infinite numbers as the texts inf and -inf."""
+        """Findings as data for JSON; infinite numbers become the texts inf and -inf."""
         data: dict[str, Any] = {"file": str(self.path), "kind": self.kind}
         if self.title:
             data["variants"] = self.title
@@ -68,7 +68,7 @@ def robot_report(
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path] | None = None,
 ) -> FileReport:
-    """Findings in a URDF or xacro file, at a step in s: its own, and those of a run that leaves its references at rest."""
+    """Findings in a URDF or xacro file at a step in s, including those of a run with constant references."""
     from asrsim.scenario import check_against_robot, scenario_from_data
 
     try:
@@ -93,7 +93,7 @@ def robot_report(
 
 
 def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
-    """Findings in a scenario file, all its variants, and in the robots that they name; the table is the first variant's."""
+    """Findings in a scenario file, its variants and their robots; the table shows the first variant."""
     from asrsim.scenario import apply_to_robot, check_against_robot, read_scenarios
     from asrsim.scenario.check import robot_of
 
@@ -131,8 +131,8 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
 
 
 def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
-    """The substeps of the run, and the errors that appear only when it is built: springs that no substeps resolve, bodies that
-    the engine does not take.
+    """Substeps of the run, and errors that appear only when the run is built: springs too stiff for any substep, bodies that
+    the engine rejects.
     """
     from asrsim.simulation.prepare import prepare
 
@@ -145,12 +145,12 @@ def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, A
 
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
-    """The problems that an error carries, or the error as one."""
+    """Problems of an error; an error without problems becomes a single problem."""
     return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
 
 
 def unique(problems: list[Problem]) -> tuple[Problem, ...]:
-    """Without repetitions (variants share most of their findings)."""
+    """Problems without repetitions (variants share most findings)."""
     seen: dict[str, Problem] = {}
     for problem in problems:
         seen.setdefault(str(problem), problem)
@@ -158,7 +158,7 @@ def unique(problems: list[Problem]) -> tuple[Problem, ...]:
 
 
 def number(value: object) -> object:
-    """A value that JSON can hold: infinite numbers become text."""
+    """Value for JSON: infinite numbers become text."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

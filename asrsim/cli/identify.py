@@ -25,7 +25,7 @@ def identify(
     ] = None,
     validate: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="A recording that is only predicted; without one, the last part of each is."),
+        typer.Option(metavar="FILE", help="A recording used only for validation; without it, the last part of each recording."),
     ] = None,
     free: Annotated[
         list[str] | None,
@@ -38,37 +38,36 @@ def identify(
     ] = None,
     tie: Annotated[
         list[str] | None,
-        typer.Option(
-            "--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter that follows another; * stands for the same in both."
-        ),
+        typer.Option("--tie", metavar="KEY=[FACTOR*]KEY", help="A parameter tied to another; * matches the same text in both."),
     ] = None,
     own: Annotated[
-        list[str] | None, typer.Option("--own", metavar="KEY", help="Free, with a value of its own in each recording.")
+        list[str] | None,
+        typer.Option("--own", metavar="KEY", help="A free parameter with a separate value for each recording."),
     ] = None,
     compare: Annotated[
         list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Compare only this; may be repeated.", show_default="all")
     ] = None,
     mapping: Annotated[
-        list[str] | None, typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recordings is.")
+        list[str] | None, typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="Meaning of a column of the recordings.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz, of recordings without time.")] = None,
-    variant: Annotated[str | None, typer.Option(help="Of the scenario.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate of recordings without time column, Hz.")] = None,
+    variant: Annotated[str | None, typer.Option(help="Variant of the scenario.")] = None,
     overrides: Overrides = None,
     hold_out: Annotated[
         float | None,
         typer.Option(
             min=0.0,
             max=0.9,
-            help="Share at the end of each recording that is only predicted.",
+            help="Fraction at the end of each recording used only for validation.",
             show_default="0.25",
         ),
     ] = None,
     starts: Annotated[
         int | None,
-        typer.Option(min=1, help="Starts that are tried, at most, until one fits.", show_default="6"),
+        typer.Option(min=1, help="Largest number of starts of the search.", show_default="6"),
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Only look: what the recordings can tell, and what to move more.")
+        bool, typer.Option("--check", help="Only check which parameters the recordings can identify, and how to improve them.")
     ] = False,
     everything: Annotated[
         bool, typer.Option("--all", help="Write all parameters back, not only those that are identified.")
@@ -89,7 +88,7 @@ def identify(
             metavar="SECONDS",
             min=0.0,
             show_default="no end",
-            help="After so long the search ends, and the best so far is reported as unfinished.",
+            help="Time limit of the search; the best result so far is reported as unfinished.",
         ),
     ] = None,
     plugin: Plugins = None,
@@ -197,6 +196,6 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
         say("to know more:", "bold")
     for text in (*(f"  {text}" for text in told), *said):
         say(text)
-    starts = f"{result.attempts} starts, {result.successes} ended alike" if result.attempts > 1 else "1 start"
+    starts = f"{result.attempts} starts, {result.successes} reached the same minimum" if result.attempts > 1 else "1 start"
     say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")
     say_written(files)

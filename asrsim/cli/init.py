@@ -1,4 +1,4 @@
-"""`asrsim init`: a starter scenario for a robot."""
+"""`asrsim init`: writes a starter scenario for a robot."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def init(
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace an existing file.")] = False,
     schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
     plugin: Plugins = None,
     argument: Arguments = None,
     package: Packages = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
 ) -> None:
     """Write a commented starter scenario for a robot, or one from a recording of it; or propose how a recording is read.
 
@@ -80,7 +80,7 @@ def init(
             _print(made, out, plugin)
         return
     if mapping or rate is not None:
-        raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
+        raise typer.BadParameter("requires --experiment", param_hint="--map" if mapping else "--rate")
     from asrsim.scenario.starter import write_starter
 
     written, notes = write_starter(
@@ -97,7 +97,7 @@ def init(
 def _propose(
     experiment: Path | None, out: Path | None, mapping: Sequence[str], rate: float | None, *, overwrite: bool, quiet: bool
 ) -> None:
-    """The document that says how a recording is read."""
+    """Document that describes how a recording is read."""
     if experiment is None:
         raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
     from asrsim.recordings.propose import propose

@@ -1,4 +1,4 @@
-"""Ctrl-C: once ends a run cleanly, twice ends the command. SIGTERM is a Ctrl-C; a reader of stdout that has gone is one too."""
+"""Ctrl-C: the first ends a run cleanly, the second ends the command. SIGTERM and a closed stdout pipe act like Ctrl-C."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from typing import Any
 from asrsim.cli.console import complain
 
 INTERRUPTED = 130
-"""Exit code of a command that SIGINT ended, as shells have it."""
+"""Exit code of a command ended by SIGINT, as in shells."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def like_an_interruption() -> Iterator[None]:
-    """SIGTERM raises KeyboardInterrupt, as SIGINT does: files are closed, processes of ours ended."""
+    """Context in which SIGTERM raises KeyboardInterrupt, as SIGINT does, so that files are closed and child processes ended."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -38,7 +38,7 @@ def like_an_interruption() -> Iterator[None]:
 
 
 def came_from_interruption(error: BaseException | None) -> bool:
-    """Whether it is an interruption, or an import that one ended: libraries in C then raise an error of their own."""
+    """Whether the error is an interruption, or an import error caused by one (C libraries raise errors of their own)."""
     if isinstance(error, KeyboardInterrupt):
         return True
     while error is not None:
@@ -49,14 +49,14 @@ def came_from_interruption(error: BaseException | None) -> bool:
 
 
 class Interruption:
-    """While it is entered, the first signal only sets `requested`; the second raises KeyboardInterrupt.
+    """Context in which the first signal only sets `requested`, and the second raises KeyboardInterrupt.
 
-    So does the first before anybody has asked :meth:`stop`: a loop that is being compiled, for half a minute on a busy machine,
-    asks nothing, and there is nothing to close yet.
+    Before the first call of `stop` the first signal raises KeyboardInterrupt too: compiling a loop may take half a minute and
+    does not call `stop`, and no files need closing yet.
     """
 
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
-        """message: what the first signal says; empty: it is how one ends the command, there is nothing to say."""
+        """message: text printed at the first signal; empty: the signal is the normal end of the command."""
         self.requested = False
         self._asked = False
         self._message = message
@@ -74,16 +74,16 @@ class Interruption:
         self._before = {}
 
     def stop(self) -> bool:
-        """For the simulation: whether to end the run."""
+        """Whether the simulation should end."""
         self._asked = True
         if self._pipe is not None and not self.requested:
-            # The reader of our output has gone (`| head -1`): the run ends, without a message.
+            # The reader of the output has ended (`| head -1`): end the run without a message.
             self.requested = any(event & (select.POLLERR | select.POLLNVAL) for _, event in self._pipe.poll(0))
         return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self.requested or not self._asked:
-            # A compiler that calls back may swallow the exception: then whoever asks first ends.
+            # A compiler callback may swallow the exception: then the next call of `stop` ends the run.
             self.requested = True
             raise KeyboardInterrupt
         self.requested = True
@@ -92,7 +92,7 @@ class Interruption:
 
 
 def _piped_stdout() -> Any:
-    """What tells whether a pipe at stdout has lost its reader; None where stdout is no pipe, or the system cannot tell."""
+    """Poll object that detects a closed pipe at stdout; None if stdout is not a pipe or the system cannot detect it."""
     try:
         number = sys.stdout.fileno()
         kind = os.fstat(number).st_mode

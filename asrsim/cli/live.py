@@ -1,10 +1,10 @@
-"""`asrsim live`: a simulation in real time, with the toolbox's topics in ROS 2 or a browser."""
+"""`asrsim live`: simulates in real time, with the toolbox's topics in ROS 2 or a browser."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -15,7 +15,7 @@ from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugi
 def live(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
     variant: Annotated[
-        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
+        str | None, typer.Option(help="Variant to run.", show_default="the only one", autocompletion=variants)
     ] = None,
     on: Annotated[
         list[str] | None,
@@ -23,18 +23,21 @@ def live(
             "--on", metavar="NAME", help="Transport: ros, foxglove, none; may be repeated.", show_default="all installed"
         ),
     ] = None,
-    speed: Annotated[str, typer.Option(metavar="FACTOR", help="Simulated seconds a second, or max.")] = "1",
-    duration: Annotated[float | None, typer.Option(help="Simulated s.", show_default="until Ctrl-C")] = None,
-    rate: Annotated[float, typer.Option(help="Hz at which topics are published, at most.")] = 1000.0,
-    namespace: Annotated[str, typer.Option(help="Stands before the topics' names.")] = "",
+    speed: Annotated[str, typer.Option(metavar="FACTOR", help="Simulated seconds per second, or max.")] = "1",
+    duration: Annotated[float | None, typer.Option(help="Simulated time, s.", show_default="until Ctrl-C")] = None,
+    rate: Annotated[float, typer.Option(help="Highest publishing rate of the topics, Hz.")] = 1000.0,
+    namespace: Annotated[str, typer.Option(help="Prefix of the topics' names.")] = "",
     domain: Annotated[int | None, typer.Option(help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")] = None,
-    port: Annotated[int, typer.Option(help="Port of the WebSocket; 0: any that is free.")] = 8765,
-    network: Annotated[bool, typer.Option("--network", help="Let other machines listen and command, too.")] = False,
+    port: Annotated[int, typer.Option(help="Port of the WebSocket; 0: any free port.")] = 8765,
+    network: Annotated[bool, typer.Option("--network", help="Also accept other machines.")] = False,
     allow_origin: Annotated[
         list[str] | None,
         typer.Option("--allow-origin", metavar="URL", help="Web pages that may use the WebSocket; may be repeated."),
     ] = None,
-    paused: Annotated[bool, typer.Option("--paused", help="Begin paused; the service 'pause' lets it go.")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="Start paused; the service 'pause' resumes the run.")] = False,
+    twin: Annotated[
+        bool, typer.Option("--twin", help="Follow a robot: read its topics, publish external torques and alarms.")
+    ] = False,
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
@@ -47,7 +50,7 @@ def live(
 ) -> None:
     """Run a scenario in real time; references come from its signals until a topic overrides them.
 
-    Topics have the toolbox's names. The log holds every step and every command as it took effect: `asrsim rerun` repeats it.
+    Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
     Listens on this machine only. Ctrl-C ends the run. Exit code: 0, 1 if the run failed or diverged.
 
     Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
@@ -73,14 +76,20 @@ def live(
         names = [] if names == ["none"] else list(available(names))
         one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin or [])
         folder = out or Path("out") / one.name / f"{one.variant}_live"
+        access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
+        if twin:
+            _follow(one, names, access, namespace, duration, quiet=quiet)
+            return
         missing = not names and on is None
         settings = Settings(
             speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
-            access=Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ()))),
+            access=access,
         )  # fmt: skip
         with StatusLine(show=not quiet and not json) as line:
             if missing:
-                line.tell(f"no transport is installed, so nobody can listen ({install('ros')}, or with 'asrsim[foxglove]')")
+                line.tell(
+                    f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')"
+                )
             session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
             with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
@@ -92,6 +101,24 @@ def live(
         raise typer.Exit(1)
 
 
+def _follow(
+    scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, quiet: bool
+) -> None:  # fmt: skip
+    """Run a twin beside a robot."""
+    from asrsim.cli.console import say
+    from asrsim.cli.interrupt import Interruption
+    from asrsim.twin.live import LiveTwin
+
+    twin = LiveTwin(
+        scenario, transports=transports, access=access, namespace=namespace, duration=duration,
+        tell=(lambda text: None) if quiet else say,
+    )  # fmt: skip
+    with Interruption("") as interruption:
+        twin.run(stop=interruption.stop)
+    if not quiet:
+        say(f"{twin.time:.1f} s followed, {twin.alarms} alarms")
+
+
 def _speed(text: str) -> float:
     if text == "max":
         return math.inf
@@ -100,7 +127,7 @@ def _speed(text: str) -> float:
     except ValueError:
         speed = math.nan
     if not 1e-3 <= speed <= 1e3:
-        raise typer.BadParameter(f"'{text}' is no number from 0.001 to 1000, and not max", param_hint="--speed")
+        raise typer.BadParameter(f"'{text}' must be a number from 0.001 to 1000, or max", param_hint="--speed")
     return speed
 
 

@@ -1,4 +1,4 @@
-"""What `asrsim live` shows while it runs, and at its end."""
+"""Status line and final summary of `asrsim live`."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 class StatusLine:
-    """One line on stderr that is written anew, on a terminal; sentences go above it."""
+    """Status line on stderr, rewritten in place on a terminal; messages are printed above it."""
 
     def __init__(self, *, show: bool) -> None:
         self._talks = show
         self._shows = show and is_terminal(sys.stderr)
         self._before = (clock.perf_counter(), 0.0, 0.0)
-        """Wall time, busy and simulated s at the last line."""
+        """Wall-clock time, time spent working and simulated time at the last update, s."""
 
     def __enter__(self) -> Self:
         return self
@@ -33,13 +33,13 @@ class StatusLine:
         self._wipe()
 
     def tell(self, text: str) -> None:
-        """Write a sentence above the line."""
+        """Print a message above the line."""
         self._wipe()
         if self._talks:
             complain(text)
 
     def show(self, session: Session) -> None:
-        """Write the line anew."""
+        """Rewrite the line."""
         if not self._shows:
             return
         now, figures = clock.perf_counter(), session.figures()
@@ -62,7 +62,7 @@ class StatusLine:
 
 
 def commands(figures: Mapping[str, Any]) -> str:
-    """Commands in short: how many came, were clamped, dropped, lost."""
+    """Numbers of received, clamped, dropped and lost commands as text."""
     parts = [f"{figures['commands']} commands"]
     for name in ("clamped", "dropped"):
         count = sum(figures[name].values())
@@ -72,7 +72,7 @@ def commands(figures: Mapping[str, Any]) -> str:
 
 
 def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *, quiet: bool) -> None:
-    """Summary of the last episode, with lateness and commands."""
+    """Print the summary of the last episode with lateness and commands."""
     print_run(summary, quiet=quiet)
     if quiet:
         return
@@ -86,7 +86,7 @@ def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *
             f"{1e3 * figures['late_worst']:.1f} ms (worst); busy {100 * figures['busy'] / wall:.0f} % of the time"
         )
     if figures["slips"]:
-        say(f"fell behind {figures['slips']} times by {figures['slipped']:.2f} s in all: this machine was too slow", "yellow")
+        say(f"fell behind {figures['slips']} times, {figures['slipped']:.2f} s in total: this machine was too slow", "yellow")
     say(commands(figures) + f"; {figures['applied']} changed a reference")
     for reason, count in (*figures["dropped"].items(), *((f"{key}: clamped", n) for key, n in figures["clamped"].items())):
         say(f"  {count} x {reason}", "dim")

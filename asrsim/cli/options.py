@@ -1,4 +1,4 @@
-"""Options that several commands share, and what is made of them."""
+"""Options shared by several commands, and the conversion of their values."""
 
 from __future__ import annotations
 
@@ -20,52 +20,54 @@ Plugins = Annotated[
 ]
 Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
 Packages = Annotated[
-    list[str] | None, typer.Option("--package", metavar="NAME=FOLDER", help="Where a ROS package is; may be repeated.")
+    list[str] | None, typer.Option("--package", metavar="NAME=FOLDER", help="Folder of a ROS package; may be repeated.")
 ]
 Overrides = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Replace a key of the scenario; may be repeated.")
 ]
 ColumnMap = Annotated[
     list[str] | None,
-    typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="What a column of the recording is, or a YAML file of it."),
+    typer.Option(
+        "--map", metavar="COLUMN=JOINT.QUANTITY", help="Meaning of a column of the recording, or a YAML file with it."
+    ),
 ]
-Rate = Annotated[float | None, typer.Option(help="Hz, sampling rate of a recording without time.")]
+Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording without time column, Hz.")]
 Align = Annotated[
-    str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="How the recording's time is moved.")
+    str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="Alignment of the recording's time.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, and nothing else, on stdout.")]
-Start = Annotated[float | None, typer.Option(help="s, where the pictures begin.", show_default="the log's start")]
-End = Annotated[float | None, typer.Option(help="s, where they end.", show_default="the log's end")]
+Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
+Start = Annotated[float | None, typer.Option(help="Start of the pictures, s.", show_default="the log's start")]
+End = Annotated[float | None, typer.Option(help="End of the pictures, s.", show_default="the log's end")]
 
 
 _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf", ".svg", ".gif", ".mp4", ".urdf", ".parquet")
-"""How names of files end that our commands write or read."""
+"""Suffixes of files that asrsim reads or writes."""
 
 
 def into_folder(words: str, default: str | None = None) -> Any:
-    """`--out` of a command that writes several files; default: its folder, where that depends on the others."""
+    """Option `--out` of a command that writes several files; default: description of its default folder."""
 
     def check(given: Path | None) -> Path | None:
         if given is not None and given.suffix.lower() in _OF_FILES and not given.is_dir():
-            raise typer.BadParameter(f"is the name of a folder, and {given.name} reads like a file's")
+            raise typer.BadParameter(f"must be a folder, but {given.name} has the suffix of a file")
         return given
 
     return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
 
 
 def into_file(words: str, *endings: str, default: str | None = None) -> Any:
-    """`--out` of a command that writes one file, whose name ends so."""
+    """Option `--out` of a command that writes one file with one of these suffixes."""
 
     def check(given: Path | None) -> Path | None:
         if given is not None and given.suffix.lower() not in endings:
-            raise typer.BadParameter(f"is the name of a file that ends in {' or '.join(endings)}, not {given.name}")
+            raise typer.BadParameter(f"must end in {' or '.join(endings)}, not {given.name}")
         return given
 
     return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
 
 
 def check_window(start: float | None, end: float | None) -> None:
-    """A window of time that has an inside. Raises typer's BadParameter."""
+    """Check that a window of time is not empty. Raises typer's BadParameter."""
     for name, value in (("--start", start), ("--end", end)):
         if value is not None and not math.isfinite(value):
             raise typer.BadParameter("must be a number of seconds", param_hint=name)
@@ -83,10 +85,10 @@ def load_plugins(paths: Sequence[Path] | None) -> None:
 
 
 def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
-    """NAME=VALUE texts of `option` as a table. Raises typer's BadParameter."""
+    """Name -> value from the NAME=VALUE texts of `option`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
-        # `:=` is how ROS writes it.
+        # ROS uses `:=` instead of `=`.
         name, separator, value = text.replace(":=", "=", 1).partition("=")
         if not separator or not name:
             raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=option)
@@ -95,24 +97,22 @@ def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
 
 
 def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
-    """NAME=FOLDER texts of `option`, likewise."""
+    """Name -> folder from the NAME=FOLDER texts of `option`. Raises typer's BadParameter."""
     return {name: Path(folder) for name, folder in pairs(texts, option).items()}
 
 
 def mapping_of(texts: Sequence[str] | None) -> tuple[str, ...] | Path | None:
-    """What `--map` says: columns, or one YAML file of them."""
+    """Value of `--map`: columns, or the path of a YAML file with them."""
     if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
         return Path(texts[0])
     return tuple(texts) if texts else None
 
 
 def lag_of(text: str) -> LagChoice:
-    """What `--align` says. Raises typer's BadParameter."""
+    """Value of `--align`. Raises typer's BadParameter."""
     if text in ("auto", "off", "start"):
         return text  # type: ignore[return-value]
     try:
         return float(text)
     except ValueError:
-        raise typer.BadParameter(
-            f"'{text}' is none of auto, off, start and no number of seconds", param_hint="--align"
-        ) from None
+        raise typer.BadParameter(f"'{text}' must be auto, off, start or a number of seconds", param_hint="--align") from None

@@ -1,4 +1,4 @@
-"""`asrsim plot`: pictures of logs, alone or beside experiments; metrics and verdicts."""
+"""`asrsim plot`: draws logs, alone or beside experiments, with metrics and verdicts."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def plot(
         list[Path] | None,
         typer.Argument(
             metavar="[LOG]...",
-            help="Logs (MCAP) of runs, or folders of runs or variants; several are told apart by colour. None: Bode plots of "
+            help="Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. None: Bode plots of "
             "recordings alone.",
         ),
     ] = None,
@@ -43,7 +43,7 @@ def plot(
             "--experiment",
             "-e",
             metavar="[VARIANT=]FILE",
-            help="Recording to lay over (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
+            help="Recording to draw with it (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
         ),
     ] = None,
     mapping: ColumnMap = None,
@@ -51,20 +51,22 @@ def plot(
     quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
     align: Align = "auto",
     max_lag: Annotated[
-        float | None, typer.Option(help="s, largest lag that auto may find.", show_default="a quarter of the record")
+        float | None, typer.Option(help="Largest lag that auto may find, s.", show_default="a quarter of the record")
     ] = None,
     rate: Rate = None,
     bode: Annotated[bool, typer.Option("--bode", help="Draw frequency responses with coherence.")] = False,
     band: Annotated[
         tuple[float, float] | None,
-        typer.Option(metavar="LOW HIGH", help="Hz, of the Bode plot.", show_default="what is excited"),
+        typer.Option(metavar="LOW HIGH", help="Frequency band of the Bode plot, Hz.", show_default="what is excited"),
     ] = None,
     given: Annotated[
         str | None,
-        typer.Option("--input", metavar="[JOINT.]QUANTITY", help="Of the Bode plot.", show_default="the position's reference"),
+        typer.Option(
+            "--input", metavar="[JOINT.]QUANTITY", help="Input of the Bode plot.", show_default="the position's reference"
+        ),
     ] = None,
     output: Annotated[
-        str | None, typer.Option(metavar="[JOINT.]QUANTITY", help="Of the Bode plot.", show_default="link_position")
+        str | None, typer.Option(metavar="[JOINT.]QUANTITY", help="Output of the Bode plot.", show_default="link_position")
     ] = None,
     start: Start = None,
     end: End = None,
@@ -74,7 +76,7 @@ def plot(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,
     json: Json = False,
 ) -> None:
-    """Draw runs, alone or beside experiments, and judge them by what their scenario expects.
+    """Draw runs, alone or beside experiments, and check the claims of their scenario.
 
     Exit code: 0, or 1 if a claim of the scenario does not hold.
 
@@ -97,7 +99,7 @@ def plot(
         load_plugins(plugin)
         check_window(start, end)
         if (given or output) and not bode:
-            raise typer.BadParameter("goes with --bode", param_hint="--input" if given else "--output")
+            raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
         say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
         logs = [log for place in logs or () for log in find_logs(place)]
         job = PlotJob(
@@ -129,7 +131,7 @@ def plot(
 
 
 def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
-    """Where the pictures go by default: beside the one log, else in a folder of their own beside all; recordings' in `out`."""
+    """Default folder of the pictures: beside a single log, in a subfolder for several logs, in `out` for recordings alone."""
     if not logs:
         return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:
@@ -156,8 +158,8 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
             say(f"{styled('pass', 'green')} {who}{claim.text}")
     for run in result.runs:
         if run.status != "complete":
-            said = "" if run.status == "truncated" else "; its claims are not judged"
-            complain(f"{run.path}: the run is {run.status}, drawn as far as it goes{said}", "yellow")
+            said = "" if run.status == "truncated" else "; its claims are not evaluated"
+            complain(f"{run.path}: the run is {run.status}, drawn up to its last sample{said}", "yellow")
     if not quiet:
         say_written(result.files, f" ({result.replaced} replaced)" if result.replaced else "")
 

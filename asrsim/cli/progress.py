@@ -1,4 +1,4 @@
-"""Progress on the terminal: bars on stderr, only where somebody watches, and only in what takes a while."""
+"""Progress bars on stderr, only on a terminal and for work that takes a while."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from asrsim.sweeps.run import Progress as SweepProgress
 
 PATIENCE = 0.4
-"""s before a bar is shown: what is short ends without one, and without the import of rich."""
+"""Delay before a bar appears, s: short work needs neither a bar nor the import of rich."""
 
 
 class Bar:
-    """A context that takes its bar away at its end. The bar goes to stderr, so that stdout stays clean."""
+    """Context that removes its bar at the end. The bar goes to stderr, so that stdout contains only results."""
 
     def __init__(self, title: str = "", *, show: bool) -> None:
         self._title = shown(title)
@@ -37,11 +37,11 @@ class Bar:
             self._bar = None
 
     def _is_due(self) -> bool:
-        """Whether somebody watches, and has waited long enough."""
+        """Whether stderr is a terminal and the delay is over."""
         return self._show and (self._bar is not None or clock.perf_counter() - self._began >= PATIENCE)
 
     def _open(self, *columns: Any, total: float | None, **fields: str) -> None:
-        """Show the bar. columns: of rich, or texts with the task's fields; fields: their first values."""
+        """Show the bar. columns: columns of rich, or texts with the task's fields; fields: their first values."""
         from rich.console import Console
         from rich.progress import Progress, TextColumn
 
@@ -52,10 +52,10 @@ class Bar:
 
 
 class FractionBar(Bar):
-    """Of work whose fraction is known."""
+    """Progress bar of work whose completed fraction is known."""
 
     def update(self, what: str, fraction: float) -> None:
-        """`what` is done to `fraction`, 0 to 1."""
+        """Show that the task `what` is done to `fraction`, 0 to 1."""
         if not self._is_due():
             return
         if self._bar is None:
@@ -66,7 +66,7 @@ class FractionBar(Bar):
 
 
 class RunBar(Bar):
-    """Of a run: simulated time, speed, remaining time."""
+    """Progress bar of a run: simulated time, speed, remaining time."""
 
     def __init__(self, title: str, duration: float, *, show: bool) -> None:
         super().__init__(title, show=show)
@@ -74,11 +74,11 @@ class RunBar(Bar):
         self._part = ""
 
     def start(self, _info: object = None) -> None:
-        """The run is built; its loop begins."""
+        """Start the bar when the simulation loop begins."""
         self._began = clock.perf_counter()
 
     def update(self, simulated: float) -> None:
-        """The run has reached `simulated` s."""
+        """Show that the run has reached `simulated` s."""
         if not self._is_due():
             return
         if self._bar is None:
@@ -92,7 +92,7 @@ class RunBar(Bar):
         self._bar.update(self._task, completed=simulated, speed=f"{speed:.3g} x real time")
 
     def update_part(self, part: str, simulated: float) -> None:
-        """Another run of the same scenario, named `part`, has reached `simulated` s."""
+        """Show that another run of the scenario, named `part`, has reached `simulated` s."""
         if part != self._part:
             self._part = part
             self.start()
@@ -102,10 +102,10 @@ class RunBar(Bar):
 
 
 class FitBar(Bar):
-    """Of a fit: what it does, cost, evaluations, time."""
+    """Progress bar of a fit: task, cost, evaluations, time."""
 
     def update(self, progress: FitProgress) -> None:
-        """The search goes on."""
+        """Show the progress of the search."""
         if not self._is_due():
             return
         if self._bar is None:
@@ -121,10 +121,10 @@ class FitBar(Bar):
 
 
 class SweepBar(Bar):
-    """Of a study: runs done, rate, remaining time, and what did not end well."""
+    """Progress bar of a study: runs done, rate, remaining time, and number of failed runs."""
 
     def update(self, progress: SweepProgress) -> None:
-        """Rows have come."""
+        """Show the progress after new rows."""
         if not self._is_due():
             return
         if self._bar is None:

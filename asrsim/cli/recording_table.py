@@ -1,4 +1,4 @@
-"""A recording's columns in the terminal: what each was taken for, and why."""
+"""Prints a recording's columns: the quantity of each column, and the reason for the choice."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from asrsim.errors import listed
 from asrsim.recordings import Recording
 
 _MOST = 40
-"""Columns that are named; a file may have thousands."""
+"""Largest number of columns that are listed; a file may have thousands."""
 
 
 def say_columns(recording: Recording) -> None:
-    """The mapped columns as a table, and the names of the others."""
+    """Print the mapped columns as a table, and the names of the others."""
     used = [column for column in recording.channels.values() if column.quantity]
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")

@@ -1,4 +1,4 @@
-"""`asrsim render`: film strip, GIF and MP4 of a log's motion."""
+"""`asrsim render`: draws film strip, GIF and MP4 of a log's motion."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ import typer
 from asrsim.cli.options import End, Json, Start, check_window, into_folder
 
 SIZE = 360
-"""Pixels, root of the area of a picture."""
+"""Square root of a picture's area, pixels."""
 
 
 def render(
     log: Annotated[
         Path,
-        typer.Argument(
-            metavar="LOG", help="Log (MCAP) of a run, or its folder; of a folder of variants all.", show_default=False
-        ),
+        typer.Argument(metavar="LOG", help="Log (MCAP) of a run, its folder, or a folder of variants.", show_default=False),
     ],
     frames: Annotated[
-        int | None, typer.Option(help="Pictures of the film strip.", show_default="6, if no film is asked for")
+        int | None, typer.Option(help="Frames of the film strip.", show_default="6, if neither --gif nor --mp4 is given")
     ] = None,
     gif: Annotated[bool, typer.Option("--gif", help="Write an animated GIF.")] = False,
     mp4: Annotated[bool, typer.Option("--mp4", help="Write a video (needs the extra `video`).")] = False,
     size: Annotated[
         int,
-        typer.Option(help="Pixels, root of a picture's area; its shape follows from the motion.", min=32, max=4000),
+        typer.Option(
+            help="Square root of a picture's area, pixels; its aspect ratio follows from the motion.", min=32, max=4000
+        ),
     ] = SIZE,
-    speed: Annotated[float, typer.Option(help="2 shows the run twice as fast.")] = 1.0,
-    fps: Annotated[float | None, typer.Option(help="Pictures a second.", show_default="GIF 15, MP4 30")] = None,
+    speed: Annotated[float, typer.Option(help="Speed of the film; 2 is twice as fast as the run.")] = 1.0,
+    fps: Annotated[float | None, typer.Option(help="Frames per second.", show_default="GIF 15, MP4 30")] = None,
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Json = False,
 ) -> None:
-    """Draw the logged motion: a film strip, a GIF, a video. Needs no display, and nothing but the log.
+    """Draw the logged motion: a film strip, a GIF, a video. Needs only the log, and no display.
 
     Example: asrsim render out/step_2dof/soft --frames 8 --gif
     """

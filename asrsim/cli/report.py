@@ -1,4 +1,4 @@
-"""What `asrsim run` says of a run."""
+"""Terminal output of `asrsim run` about a run."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ DIFFERENCES = (
     ("torque\nmax", "torque_max"),
     ("torque\nRMS", "torque_rms"),
 )
-"""Columns of tables of errors and differences, and their keys."""
+"""Columns of the tables of errors and differences, with their keys."""
 
 
 def print_run(
     summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False, printed: set[str] | None = None
 ) -> None:
-    """Summary, claims, warnings and files of one run.
+    """Print summary, claims, warnings and files of a run.
 
-    quiet: failed claims and a divergence only; silent: nothing; verbose: every warning on a line of its own. printed: warnings
-    of earlier runs, which are only counted; those of this run are added.
+    quiet: print only failed claims and a divergence; silent: print nothing; verbose: print every warning on its own line.
+    printed: warnings of earlier runs, which are only counted; this run's warnings are added.
     """
     if silent:
         return
@@ -90,8 +90,8 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
     if not quiet:
         say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {_units(summary)})", "dim")
         _differences_table(joints, [*DIFFERENCES, ("order", "order")])
-        trust = "the estimate is of the step's error alone: it trusts the model"
-        say(f"  {trust}{', which the cross-check holds against another engine' if summary.cross_check else ''}", "dim")
+        trust = "the estimate covers the error of the time step only, not of the model"
+        say(f"  {trust}{'; the cross-check compares the model with another engine' if summary.cross_check else ''}", "dim")
     for warning in summary.certificate["warnings"]:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 

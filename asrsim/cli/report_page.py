@@ -1,4 +1,4 @@
-"""`asrsim report`: a page about the runs of a folder. (`asrsim.cli.report` is what `asrsim run` says on the terminal.)"""
+"""`asrsim report`: writes a page about the runs of a folder. (`asrsim.cli.report` prints the results of `asrsim run`.)"""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def report(
         typer.Argument(metavar="FOLDER", help="Folder of a run, or of a scenario's variants; or a log.", show_default=False),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
-    film: Annotated[bool, typer.Option("--film/--no-film", help="Draw film strips too.")] = True,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Also draw film strips.")] = True,
     plugin: Plugins = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
     json: Json = False,
 ) -> None:
-    """Write one HTML page about runs: interactive plots, measures, parameters with their sources. It needs no network.
+    """Write one HTML page about runs: interactive plots, measures, parameters with their sources. The page needs no network.
 
-    A comparison that `asrsim plot` left in the folder (metrics.json and its pictures) is shown too.
+    The page includes a comparison that `asrsim plot` wrote into the folder (metrics.json and its pictures).
 
     Example: asrsim report out/step_2dof
     """

@@ -1,4 +1,4 @@
-"""`asrsim reproduce`: the paper's figures run again, judged, on one page."""
+"""`asrsim reproduce`: repeats the paper's experiments, checks their claims, and writes one page."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 def reproduce(
     figures: Annotated[
-        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="8, 11, 12, 13, 14, 15; all by default.")
+        list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Figures 8, 11, 12, 13, 14, 15; all by default.")
     ] = None,
     out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
-    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Figures that run at once.")] = 2,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print claims that do not hold only.")] = False,
+    workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Number of figures computed in parallel.")] = 2,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only claims that do not hold.")] = False,
     json: Json = False,
 ) -> None:
-    """Run the paper's experiments again: every figure with its claims, measured numbers and verdicts on one page.
+    """Repeat the paper's experiments: every figure with its claims, measured numbers and verdicts on one page.
 
-    Writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs; what an earlier call left there
-    is replaced. Exit code: 0 if every claim holds, else 1; 130 after Ctrl-C.
+    Writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs; files of an earlier call
+    are replaced. Exit code: 0 if every claim holds, else 1; 130 after Ctrl-C.
 
     Example: asrsim reproduce
 

@@ -1,4 +1,4 @@
-"""`asrsim rerun`: repeats a run from its log alone and compares, bit for bit."""
+"""`asrsim rerun`: repeats a run from its log alone and compares all samples bit for bit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
 
 SHOWN = 10
-"""Differing series that are printed."""
+"""Number of differing series that are printed."""
 
 
 def rerun(
@@ -24,7 +24,7 @@ def rerun(
         typer.Option(metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."),
     ] = None,
     trust_plugins: Annotated[
-        bool, typer.Option("--trust-plugins", help="Run the Python code of actuators that the log carries.")
+        bool, typer.Option("--trust-plugins", help="Run the Python code of actuators stored in the log.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another run in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print differences only.")] = False,
@@ -32,7 +32,7 @@ def rerun(
 ) -> None:
     """Repeat a run from its log alone and compare every sample, bit for bit.
 
-    The log of an interrupted or killed run is compared as far as it goes. Exit code: 0 if all samples are the same, 1 if
+    The log of an interrupted or killed run is compared up to its last sample. Exit code: 0 if all samples are the same, 1 if
     some differ, 130 after Ctrl-C.
 
     Example: asrsim rerun out/step_2dof/soft/log.mcap

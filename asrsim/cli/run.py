@@ -1,4 +1,4 @@
-"""`asrsim run`: simulates a scenario's variants; log, summary, plots."""
+"""`asrsim run`: simulates a scenario's variants and writes log, summary and plots."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def run(
     overrides: Overrides = None,
     out: Annotated[
         Path | None,
-        into_folder("Folder for the results; of several variants each gets its own folder in it.", "out/<scenario>/<variant>"),
+        into_folder("Folder for the results; each of several variants gets a subfolder.", "out/<scenario>/<variant>"),
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the runs.")] = True,
@@ -33,18 +33,18 @@ def run(
         bool, typer.Option("--certify", help="Run again with half and a quarter of the step and report the numerical error.")
     ] = False,
     cross_check: Annotated[
-        bool, typer.Option("--cross-check", help="Run again in another engine and report what differs, joint by joint.")
+        bool, typer.Option("--cross-check", help="Run again in another engine and report the differences of each joint.")
     ] = False,
     engine: Annotated[
         str | None,
-        typer.Option(help="Physics engine: as --set engine=NAME.", show_default="the scenario's", autocompletion=engines),
+        typer.Option(help="Physics engine, like --set engine=NAME.", show_default="the scenario's", autocompletion=engines),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and failed claims only.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every warning on its own line.")] = False,
     json: Json = False,
 ) -> None:
-    """Simulate a scenario: a log, a summary and plots of every variant; checks what the scenario expects.
+    """Simulate a scenario: write a log, a summary and plots of every variant, and check the scenario's claims.
 
     Results of an earlier run of the same scenario are replaced, and the command says so; those of another one are kept
     unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
@@ -103,7 +103,7 @@ def _run(
                             started=progress.start, progress=progress.update, stop=interruption.stop,
                             certifying=progress.update_part,
                         )  # fmt: skip
-                    # Told and written at once, so that nothing is lost if drawing fails.
+                    # Print and write the results of each variant at once, so that none are lost if drawing fails.
                     done.append(executed)
                     done[-1] = write_summary(done[-1])
                     if plot and executed.run.status != "interrupted":
@@ -111,11 +111,11 @@ def _run(
                     if report and executed.run.status != "interrupted":
                         done[-1] = write_summary(_reported(done[-1]))
             except AsrsimError as error:
-                # Nothing of this variant could be built or written: the others would most likely fail alike.
+                # This variant could not be built or written: the others would probably fail in the same way.
                 failure = (title, error)
             if len(done) > before:
                 print_run(done[-1].summary, quiet=quiet, silent=json, verbose=verbose, printed=printed)
-                # A reader sees it now; that one has gone shows at the next line, not at the end.
+                # Flush now: a reader sees the line, and a closed pipe is noticed here.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:
                 break

@@ -1,4 +1,4 @@
-"""`asrsim sweep`: many runs of a varied scenario; rows, a table, pictures and a page."""
+"""`asrsim sweep`: runs a varied scenario many times, and writes rows, a table, pictures and a page."""
 
 from __future__ import annotations
 
@@ -33,29 +33,32 @@ def sweep(
     ] = None,
     variant: Annotated[list[str] | None, typer.Option(help="This variant only; may be repeated.", show_default="all")] = None,
     overrides: Overrides = None,
-    design: Annotated[str, typer.Option(help="How draws are placed: random, lhs, sobol, saltelli.")] = "random",
-    samples: Annotated[int | None, typer.Option(min=1, help="Draws.", show_default="100")] = None,
+    design: Annotated[str, typer.Option(help="Design of the draws: random, lhs, sobol, saltelli.")] = "random",
+    samples: Annotated[int | None, typer.Option(min=1, help="Number of draws.", show_default="100")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws.")] = 0,
     fit: Annotated[
-        Path | None, typer.Option(help="File with keys, mean and covariance: drawn together.", show_default=False)
+        Path | None,
+        typer.Option(help="File with keys, mean and covariance: joint distribution of these keys.", show_default=False),
     ] = None,
     signal: Annotated[
         list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
     ] = None,
     rate: Annotated[float, typer.Option(min=1e-6, help="Rate of kept signals, Hz.")] = 100.0,
-    workers: Annotated[int | None, typer.Option("--workers", "-j", min=1, help="Processes.", show_default="one a core")] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", "-j", min=1, help="Number of processes.", show_default="one per core")
+    ] = None,
     cluster: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, whose workers do the runs.", show_default="none")
     ] = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in the folder, and nothing else.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Begin anew in a folder that holds rows.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Do only the runs that are missing in the folder.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Start again in a folder that contains rows.")] = False,
     run: Annotated[
-        int | None, typer.Option(min=0, help="Do this run of a study's folder again, with a log.", show_default=False)
+        int | None, typer.Option(min=0, help="Repeat this run of a study's folder, with a log.", show_default=False)
     ] = None,
     result: Annotated[
         list[str] | None,
-        typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that differ"),
+        typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that vary"),
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
@@ -63,9 +66,9 @@ def sweep(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     json: Json = False,
 ) -> None:
-    """Vary anything of a scenario, run it on every core, and keep a row a run: which key changes which result, and how surely.
+    """Vary keys of a scenario, run it on all cores, and show how much each key influences each result.
 
-    Rows are in rows.parquet, written as runs end. Ctrl-C keeps the rows so far; --resume goes on. The same study gives the same
+    Rows are in rows.parquet, written as runs end. Ctrl-C keeps the rows so far; --resume continues. Equal studies give equal
     rows on one core, on many, and on a cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C; runs that
     diverge are rows, not failures of the command.
 
@@ -87,7 +90,7 @@ def sweep(
             code = 0
         else:
             if run is not None:
-                raise typer.BadParameter("goes with the folder of a study", param_hint="--run")
+                raise typer.BadParameter("requires the folder of a study", param_hint="--run")
             table, code = _swept(
                 study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet or json
             )

@@ -1,4 +1,4 @@
-"""Tables and lines that `asrsim check` and `asrsim actuators` print for people."""
+"""Tables and lines printed by `asrsim check` and `asrsim actuators`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
-    """Tables (unless quiet) and problems of every file; unless quiet, one closing line."""
+    """Print tables and a closing line (unless quiet), and the problems of every file."""
     for report in reports:
         if not quiet:
             _print_head(report)
@@ -57,7 +57,7 @@ def _print_head(report: FileReport) -> None:
 
 
 def _print_passive(robot: Robot) -> None:
-    """What moves or holds joints beside actuators."""
+    """Print passive springs and mimic joints."""
     springs: dict[str, list[str]] = {}
     for joint in robot.moving_joints:
         if joint.spring_stiffness:
@@ -77,8 +77,8 @@ def _undriven(robot: Robot) -> list[str]:
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:
-    """Blocks with equal actuator, mode and parameters together, so that a robot of many arms fits a screen; prismatic joints,
-    `slides`, have units of their own.
+    """Groups of blocks with equal actuator, mode and parameters, so that a robot with many arms fits on a screen. Prismatic
+    joints (`slides`) form separate groups because of their units.
     """
     groups: dict[tuple[object, ...], list[ActuatorBlock]] = {}
     for block in blocks:
@@ -177,7 +177,7 @@ def _figure(value: float) -> str:
 
 
 def print_check_report(report: CheckReport) -> None:
-    """Verdict of every check of an actuator's laws."""
+    """Print the verdict of every check of an actuator's laws."""
     say(f"{styled(report.title, 'bold')} ({report.actuator})")
     rows = []
     for check in report.checks:
@@ -185,7 +185,7 @@ def print_check_report(report: CheckReport) -> None:
         figure = f"{check.figure:.2g}" if check.figure is not None and limit else ""
         rows.append((check.name, "pass" if check.passed else "FAIL", figure, limit, check.doc))
     styles = ["" if check.passed else "bold red" for check in report.checks]
-    say_rows(("check", "verdict", "worst", "limit", "what is asked"), rows, right=(2, 3), styles=styles)
+    say_rows(("check", "verdict", "worst", "limit", "requirement"), rows, right=(2, 3), styles=styles)
     for check in report.checks:
         if not check.passed:
             say(f"{styled(check.name, 'bold red')}: {check.detail}")
@@ -195,7 +195,7 @@ def print_check_report(report: CheckReport) -> None:
 
 
 def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
-    """One line an actuator."""
+    """Print one line per actuator."""
     rows = [
         (one.name, f"lib{one.name}_plugin.so", f"{one.motors}{' + adjuster' if one.adjuster else ''}", one.title)
         for one in actuators
@@ -205,7 +205,7 @@ def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
 
 
 def print_actuator(actuator: type[Actuator]) -> None:
-    """Laws and parameters of one actuator."""
+    """Print laws and parameters of one actuator."""
     say(f"{styled(actuator.title, 'bold cyan')} ({actuator.name}, lib{actuator.name}_plugin.so)")
     say(f"source  {actuator.source}")
     for part in actuator.law.split("; ") if actuator.law else ():
@@ -213,7 +213,7 @@ def print_actuator(actuator: type[Actuator]) -> None:
     second = " + adjuster" if actuator.adjuster else ""
     say(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
     tags = parameter_tags(actuator)
-    # What a parameter is stands below it: beside it there is no room on a terminal of 80 columns.
+    # The note of a parameter is printed below it: a terminal of 80 columns has no room beside it.
     say()
     say(f"{'parameter':<26}{'default':>8}  {'unit':<13}tag", "bold")
     parameters = actuator.all_parameters()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,7 @@ def chirp(u: Array, time: Array, length: float) -> Array:
 
 
 FAMILIES: tuple[Callable[[Array, Array, float], Array], ...] = (levels, sines, chirp)
+LEVELS, CHIRP = 0, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +75,7 @@ class Segment:
         rows = [FAMILIES[f](u, time, length) for f, u in zip(self.families, self.numbers, strict=True)]
         return np.clip(self.scales[:, None] * np.array(rows), -1.0, 1.0)
 
-    def scaled(self, factors: Array) -> Segment:
+    def scaled(self, factors: Array | float) -> Segment:
         """Larger or smaller in each reference."""
         return replace(self, scales=np.minimum(self.scales * factors, 4.0))
 
@@ -99,7 +100,7 @@ def beside(segment: Segment, generator: np.random.Generator) -> Segment:
     )
 
 
-def joined(segments: list[Segment], step: float, rows: int) -> Array:
+def joined(segments: Sequence[Segment], step: float, rows: int) -> Array:
     """(references, rows) of segments of equal length, one after the other; the last row is at rest."""
     edges = np.round(np.linspace(0, rows - 1, len(segments) + 1)).astype(int)
     found = np.zeros((len(segments[0].scales), rows))

@@ -1,4 +1,4 @@
-"""The robot as an experiment meets it: motions in; whether they keep the limits, and what sensors would tell, out."""
+"""The robot in an experiment: a motion of its references goes in; the use of limits, and Fisher information, come out."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.design.limits import Limits, interval
 from asrsim.design.motion import Segment, joined
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identification.door import COMPARABLE, Door, Start, Substeps
+from asrsim.identification.door import COMPARABLE, Door, Drive, Start, Substeps
 from asrsim.identification.layout import Layout
 from asrsim.identification.problem import STEP
 from asrsim.identification.track import numbers_of
@@ -22,16 +22,12 @@ from asrsim.signals.sampled import Sampled
 POSITION_NOISE = 1e-3
 """rad (m), where no noise is given."""
 GROWTH = 20.0
-"""Times a channel's own motion per relative change of a number: beyond it a motion is near-chaotic, and nothing is believed."""
-FULL = 0.97
-"""Share of a limit that a motion may use."""
-PROBE = 0.2
-"""s in which the robot must stay within its limits at the references of the start."""
+"""Largest sensitivity of a channel to a relative change, as a multiple of its own motion; beyond it a motion is near chaos."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What the experiment commands."""
+    """A reference that the experiment commands."""
 
     joint: str
     name: str
@@ -42,12 +38,12 @@ class Reference:
     high: float
 
     @property
-    def column(self) -> str:
-        """Its heading."""
-        return f"{self.joint}.reference_{self.slot + 1}"
+    def heading(self) -> str:
+        """Of its column in a CSV file."""
+        return f"{self.joint}.reference_{self.slot + 1} [{self.unit}]"
 
     def values(self, share: Array) -> Array:
-        """In its unit, of -1 (low) to 1 (high)."""
+        """In its unit, for shares of its range from -1 (low) to 1 (high)."""
         return self.home + np.where(share > 0.0, share * (self.high - self.home), share * (self.home - self.low))
 
 
@@ -63,25 +59,25 @@ class Bound:
 
 @dataclass(frozen=True)
 class Channel:
-    """What is recorded, or could be."""
+    """A sensor of a joint."""
 
     joint: str
     quantity: str
     noise: float
     group: int
-    """0: it is recorded; others: numbers of the sensors that could be, from 1 on."""
+    """0: it is recorded; from 1 on: number of the sensor that could be added."""
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What a motion tells and uses."""
+class Outcome:
+    """What a motion uses and shows."""
 
     use: Array
-    """(joints,) largest share of a limit of each joint, over the draws; above 1: exceeded."""
+    """(bounds,) largest share of each limit over the robots; above 1: exceeded."""
     when: float
-    """s at which it is largest."""
+    """s at which the largest share is reached."""
     information: Array | None
-    """(draws, groups, n, n) Fisher matrices; None: not asked for, or not to be believed."""
+    """(robots, groups, n, n) Fisher matrices; None: not computed, or a robot is near chaos."""
 
 
 class Plant:
@@ -92,169 +88,150 @@ class Plant:
         self.door, self.layout = Door(self.scenario, robot), layout
         self.step, self.rows = scenario.step, round(seconds / scenario.step) + 1
         self.joints = self.door.joints
-        problems: list[Problem] = []
-        self.bounds = tuple(self._bounds(limits, problems))
-        self.references = tuple(self._references(limits, problems))
-        self.channels = tuple(self._channels(limits, problems))
-        if problems:
+        self._problems: list[Problem] = []
+        given = tuple(self._bounds(limits))
+        self.bounds = tuple(bound for bound in given if bound.quantity in COMPARABLE)
+        self.references = tuple(one for drive in self.door.drives for one in self._references(drive, given))
+        self.channels = tuple(self._channels(limits))
+        if not self.references and not self._problems:
+            self._fault("limits", "no joint with a reference has limits")
+        if self._problems:
             self.close()
-            raise InputError(problems)
+            raise InputError(self._problems)
         self.groups = 1 + len(limits.sensors)
         self.every = max(1, round(1.0 / (limits.rate * self.step)))
         """Steps between samples."""
-        self.driven = np.array([self.joints.index(one.joint) for one in self.references])
+        self.presets = np.array([one.slot == 1 for one in self.references])
+        self.own = np.array([[bound.joint == one.joint for bound in self.bounds] for one in self.references])
+        """(references, bounds) whether a limit is of the reference's joint."""
 
     def close(self) -> None:
         """Release the engines."""
         self.door.close()
 
-    # -- what the limits file names -------------------------------------------------------------------------------------
+    def _fault(self, key: str, message: str, hint: str | None = None, choices: tuple[str, ...] = ()) -> None:
+        self._problems.append(Problem(message, key=key, hint=hint, choices=choices, code="limits"))
 
-    def _bounds(self, limits: Limits, problems: list[Problem]) -> Iterator[Bound]:
+    def _bounds(self, limits: Limits) -> Iterator[Bound]:
         names = [name for drive in self.door.drives for name in (drive.mode.references if drive.mode else ())]
+        known = tuple(dict.fromkeys((*names, *COMPARABLE)))
         for joint, ranges in limits.limits.items():
             if joint not in (*self.joints, "*"):
-                hint = did_you_mean(joint, self.joints)
-                problems.append(Problem("the robot has no such joint", key=f"limits.{joint}", hint=hint, choices=self.joints))
+                self._fault(f"limits.{joint}", "the robot has no such joint", did_you_mean(joint, self.joints), self.joints)
                 continue
             for name, given in ranges.items():
-                motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
-                quantities = motors if motors[0] in COMPARABLE else [name]
-                if not {*quantities} <= {*COMPARABLE, *names}:
-                    known = tuple(dict.fromkeys((*names, *COMPARABLE)))
-                    hint = did_you_mean(name, known)
-                    problems.append(Problem("is no quantity", key=f"limits.{joint}.{name}", hint=hint, choices=known))
+                quantities = _by_motor(name)
+                if not {*quantities} <= {*known}:
+                    self._fault(f"limits.{joint}.{name}", "is no quantity", did_you_mean(name, known), known)
                     continue
                 for one in self.joints if joint == "*" else (joint,):
                     yield from (Bound(one, quantity, *interval(given)) for quantity in quantities)
 
-    def _references(self, limits: Limits, problems: list[Problem]) -> Iterator[Reference]:
-        for drive, position in zip(self.door.drives, self.door.positions, strict=True):
-            mode = drive.mode
-            own = {bound.quantity: bound for bound in self.bounds if bound.joint == drive.name}
-            if mode is None or not own:
+    def _references(self, drive: Drive, bounds: Sequence[Bound]) -> Iterator[Reference]:
+        mode, own = drive.mode, {bound.quantity: bound for bound in bounds if bound.joint == drive.name}
+        if mode is None or not own:
+            return
+        if mode.direct or not (mode.spring or mode.controller):
+            message = f"a joint in mode {mode.number} ({mode.name}) does not return to rest by itself"
+            self._fault(f"limits.{drive.name}", message, "Drive it by a controller: modes 1, 5 and 6")
+            return
+        position = self.door.positions[self.joints.index(drive.name)]
+        for slot, name in enumerate(mode.references):
+            preset = mode.mapped and slot == 1
+            bound = own.get(name) or (None if preset else own.get("link_position"))
+            if (slot and drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2) or (
+                preset and bound is None
+            ):
                 continue
-            if mode.direct or not (mode.spring or mode.controller):
-                message = (
-                    f"a joint in mode {mode.number} ({mode.name}) does not come back to rest by itself: it cannot be designed"
-                )
-                hint = "Drive it by a controller: modes 1, 5 and 6"
-                problems.append(Problem(message, key=f"limits.{drive.name}", hint=hint, code="mode"))
-                continue
-            signals = self.scenario.references_of(drive.name)
-            for slot, name in enumerate(mode.references):
-                preset = mode.mapped and slot == 1
-                bound = own.get(name) or (None if preset else own.get("link_position"))
-                if slot and drive.actuator is not None and drive.actuator.motors + drive.actuator.adjuster < 2:
-                    continue
-                signal = signals.get(name)
-                home = float(signal.values(np.zeros(1))[0]) if signal is not None else 0.0 if preset else position
-                if preset and bound is None:
-                    continue
-                if bound is None:
-                    message = f"the range of {name} is missing: give a limit of it, or of link_position"
-                    problems.append(Problem(message, key=f"limits.{drive.name}.{name}", code="limits"))
-                elif not bound.low <= home <= bound.high:
-                    message = f"the scenario begins beyond it, at {home:g}"
-                    problems.append(Problem(message, key=f"limits.{drive.name}.{bound.quantity}", code="start-limit"))
-                else:
-                    yield Reference(drive.name, name, slot, mode.units[slot], home, bound.low, bound.high)
+            signal = self.scenario.references_of(drive.name).get(name)
+            home = float(signal.values(np.zeros(1))[0]) if signal is not None else 0.0 if preset else position
+            if bound is None:
+                message = f"the range of {name} is missing: give a limit of it, or of link_position"
+                self._fault(f"limits.{drive.name}.{name}", message)
+            elif not bound.low <= home <= bound.high:
+                self._fault(f"limits.{drive.name}.{bound.quantity}", f"the scenario begins beyond it, at {home:g}")
+            else:
+                yield Reference(drive.name, name, slot, mode.units[slot], home, bound.low, bound.high)
 
-    def _channels(self, limits: Limits, problems: list[Problem]) -> Iterator[Channel]:
-        recorded = {drive.name: drive for drive in self.door.drives}
+    def _channels(self, limits: Limits) -> Iterator[Channel]:
         noise = limits.noise or dict.fromkeys(("link_position", "motor_1_position", "motor_2_position"), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")
             quantities = [f"{quantity}_1", f"{quantity}_2"] if f"{quantity}_1" in COMPARABLE else [quantity]
             if not {*quantities} <= {*COMPARABLE} or owner not in ("", *self.joints):
-                hint = did_you_mean(name, COMPARABLE)
-                problems.append(
-                    Problem("is nothing that a sensor measures", key=f"noise.{name}", hint=hint, choices=COMPARABLE)
-                )
+                self._fault(f"noise.{name}", "is nothing that a sensor measures", did_you_mean(name, COMPARABLE), COMPARABLE)
                 continue
             group = limits.sensors.index(name) + 1 if name in limits.sensors else 0
-            for joint, drive in recorded.items():
-                if owner in ("", joint) and not (quantity.startswith("motor") and (drive.mode is None or not drive.mode.motor)):
-                    yield from (Channel(joint, one, size, group) for one in quantities)
+            for drive in self.door.drives:
+                if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
+                    yield from (Channel(drive.name, one, size, group) for one in quantities)
 
-    # -- runs -----------------------------------------------------------------------------------------------------------
-
-    def substeps_of(self, gains: Mapping[str, float], draws: Sequence[Array]) -> Substeps:
+    def substeps_of(self, gains: Mapping[str, float], robots: Sequence[Array]) -> Substeps:
         """Those that the stiffest of these robots needs."""
-        found = [self.door.substeps_of(self._numbers(gains, x)) for x in draws]
+        found = [self.door.substeps_of(self._numbers(gains, x)) for x in robots]
         return max(one[0] for one in found), max(one[1] for one in found)
 
     def _numbers(self, gains: Mapping[str, float], x: Array) -> Mapping[str, Mapping[str, float]]:
         return numbers_of({**self.layout.table(x, 0), **gains})
 
-    def motion(self, segments: list[Segment], rows: int) -> Array:
+    def motion(self, segments: Sequence[Segment], rows: int) -> Array:
         """(references, rows) in the references' units."""
         shares = joined(segments, self.step, rows)
         return np.array([one.values(share) for one, share in zip(self.references, shares, strict=True)])
 
-    def tell(
+    def play(
         self,
         motion: Array,
         gains: Mapping[str, float],
-        draws: Sequence[Array],
+        robots: Sequence[Array],
         substeps: Substeps,
         *,
         information: bool = False,
-    ) -> Told | None:
-        """Of references (n, rows) in their units; None where the motion is not sane on every draw."""
+    ) -> Outcome | None:
+        """Of references (n, rows) in their units; None where a robot's motion is not sane."""
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
         for one, values in zip(self.references, motion, strict=True):
             signals.setdefault(one.joint, {})[one.name] = Sampled(times=time, samples=values)
-        bounds = [bound for bound in self.bounds if bound.quantity in COMPARABLE]
-        names = [(self.joints.index(one.joint), one.quantity) for one in bounds]
-        names += [(self.joints.index(one.joint), one.quantity) for one in self.channels]
-        moved = [x + move for x in draws for move in self._moves(x)] if information else draws
-        starts = [Start(parameters=self._numbers(gains, x), references=signals) for x in moved]
-        found = list(self.door.rollout(names, starts, steps=motion.shape[1] - 1, substeps=substeps))
-        each = len(found) // len(draws)
-        bases = found[::each]
-        if any(one is None for one in bases):
+        names = [(self.joints.index(bound.joint), bound.quantity) for bound in self.bounds]
+        names += [(self.joints.index(channel.joint), channel.quantity) for channel in self.channels]
+        # A small step of each number, to the side that its bounds allow.
+        moves = [np.diag(np.where(x + STEP > self.layout.bounds[1], -STEP, STEP)) for x in robots] if information else []
+        all_x = [there for x, own in zip(robots, moves, strict=True) for there in (x, *(x + own))] if information else robots
+        starts = [Start(parameters=self._numbers(gains, x), references=signals) for x in all_x]
+        runs = list(self.door.rollout(names, starts, steps=motion.shape[1] - 1, substeps=substeps))
+        each = len(runs) // len(robots)
+        known = [run for run in runs[::each] if run is not None]
+        if len(known) < len(robots):
             return None
-        use, when = self._use(bounds, [one[: len(bounds)] for one in bases if one is not None])
-        fishers = [
-            self._fisher(found[i : i + each], len(bounds), x) for i, x in zip(range(0, len(found), each), draws, strict=True)
-        ]
-        believed = [one for one in fishers if one is not None] if information else []
-        return Told(use, when, np.array(believed) if len(believed) == len(draws) else None)
-
-    def _moves(self, x: Array) -> Array:
-        """(n + 1, n): none, and a small one of each number, to the side that the bounds allow."""
-        sign = np.where(x + STEP > self.layout.bounds[1], -1.0, 1.0)
-        return np.vstack([np.zeros(len(x)), np.diag(STEP * sign)])
-
-    def _use(self, bounds: Sequence[Bound], series: Sequence[Array]) -> tuple[Array, float]:
-        use, when, most = np.zeros(len(self.joints)), 0.0, 0.0
-        for i, bound in enumerate(bounds):
+        shares = np.zeros((len(self.bounds), motion.shape[1]))
+        for share, bound, *rows in zip(shares, self.bounds, *known, strict=False):
             middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
-            values = np.nan_to_num(np.abs(np.array([one[i] for one in series]) - middle) / half).max(axis=0)
-            j, peak = self.joints.index(bound.joint), float(values.max())
-            use[j] = max(use[j], peak)
-            if peak > most:
-                most, when = peak, float(self.step * np.argmax(values))
-        return use, when
+            share[:] = np.nan_to_num(np.abs(np.array(rows) - middle) / half).max(axis=0)[: len(share)]
+        when = self.step * float(np.argmax(shares.max(axis=0, initial=0.0)))
+        found = [self._fisher(runs[each * i : each * (i + 1)], np.diag(own)) for i, own in enumerate(moves)]
+        fishers = [one for one in found if one is not None]
+        whole = np.array(fishers) if information and len(fishers) == len(robots) else None
+        return Outcome(shares.max(axis=1, initial=0.0), when, whole)
 
-    def _fisher(self, series: Sequence[Array | None], first: int, x: Array) -> Array | None:
-        """(groups, n, n); None where a sensitivity is not to be believed."""
-        base, *others = series
-        if base is None or not others or any(one is None for one in others):
+    def _fisher(self, runs: Sequence[Array | None], steps: Array) -> Array | None:
+        """(groups, n, n) of a robot, and of it with each number changed; None where sensitivities grow too much."""
+        rows = [run[len(self.bounds) :] for run in runs if run is not None]
+        if len(rows) < len(runs):
             return None
-        steps = np.diag(self._moves(x)[1:])
-        base, slopes = (
-            base[first:],
-            np.array([(one - base)[first:] / h for one, h in zip(others, steps, strict=True) if one is not None]),
-        )
+        base, slopes = rows[0], np.array([(one - rows[0]) / h for one, h in zip(rows[1:], steps, strict=True)])
         own = np.ptp(base, axis=1)
         measured = np.isfinite(base).all(axis=1) & np.isfinite(slopes).all(axis=(0, 2))
         if np.any((np.abs(slopes).max(axis=2) > GROWTH * np.maximum(own, 1e-9))[:, measured & (own > 0.0)]):
             return None
-        found = np.zeros((self.groups, len(x), len(x)))
+        found = np.zeros((self.groups, len(steps), len(steps)))
         for i in np.flatnonzero(measured):
-            rows = slopes[:, i, :: self.every] / self.channels[i].noise
-            found[self.channels[i].group] += rows @ rows.T
+            slope = slopes[:, i, :: self.every] / self.channels[i].noise
+            found[self.channels[i].group] += slope @ slope.T
         return found
+
+
+def _by_motor(name: str) -> list[str]:
+    """Quantities that a limit is about: `motor_torque` is that of each motor."""
+    motors = [name.replace("motor_", f"motor_{i}_") for i in (1, 2)]
+    return motors if name.startswith("motor_") and motors[0] in COMPARABLE else [name]

@@ -1,8 +1,8 @@
-"""A design from beginning to end: files read, the information of earlier recordings, gains tried, the motion found and told."""
+"""A design from beginning to end: files are read, earlier recordings counted, gains tried, and the motion is found."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import product
@@ -12,32 +12,32 @@ from typing import Any
 import numpy as np
 
 from asrsim.design.limits import Limits, located, read_limits
-from asrsim.design.plant import PROBE, Plant, Reference
-from asrsim.design.search import PRIOR, Found, Search
+from asrsim.design.plant import Plant, Reference
+from asrsim.design.search import FIRST, PRIOR, Found, Search
 from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
-from asrsim.identification.layout import Layout, make_layout
+from asrsim.identification.layout import Entry, Layout, make_layout
+from asrsim.identification.problem import Problem as Fit
 from asrsim.identification.problem import jacobian
 from asrsim.identification.setup import set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.identification.track import NOT_THE_ROBOTS
+from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
 ROUNDS = 30
 """Rounds of the search; a fifth of them for each choice of gains."""
-SHORTEST = 0.5
-"""s of an experiment."""
-CHECKS = 24
-"""Further robots on which a robust design keeps its limits."""
-FACTOR = 2.0
-"""By which numbers may be off that a robust design knows about."""
+SHORTEST, PROBE = 0.5, 0.2
+"""s of an experiment, at least; s in which a robot must keep the limits while its references stand still."""
+CHECKS, FACTOR = 24, 2.0
+"""Further robots on which a robust design keeps its limits; factor by which their numbers are off at most."""
 MANY = 27
-"""Choices of gains that are tried."""
+"""Choices of gains that are tried, at most."""
 WANTED = 0.05
-"""Interval for which the needed time is told."""
+"""Half-width of the interval for which the needed time is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,23 +48,22 @@ class Design:
     scenario: Scenario
     references: tuple[Reference, ...]
     step: float
-    seconds: float
     gains: Mapping[str, float]
     keys: tuple[str, ...]
     found: Found
-    plain: tuple[Found, ...]
-    """The best step and chirp within the same limits."""
     intervals: Mapping[str, Array]
-    """`design`, plain motions, sensors: half of the 95 % interval of each key, as a share of its value or typical size."""
-    choices: tuple[tuple[Mapping[str, float], float], ...]
-    """Gains, and the geometric mean of the intervals that a short search found with them."""
-    untold: tuple[str, ...]
+    """`design`, plain motions, further sensors -> half-width of each key's 95 % interval, over its value or typical size."""
     remarks: tuple[str, ...]
     interrupted: bool
 
     @property
+    def seconds(self) -> float:
+        """Length of the motion."""
+        return float(self.found.motion.shape[1] - 1) * self.step
+
+    @property
     def needed(self) -> Array:
-        """s after which each interval is :data:`WANTED`, if the motion is repeated."""
+        """s after which each half-width is :data:`WANTED`, if the motion is repeated."""
         return np.asarray(self.seconds * (self.intervals["design"] / WANTED) ** 2)
 
 
@@ -81,48 +80,67 @@ def design(
     stop: Callable[[], bool] = lambda: False,
     **options: Any,
 ) -> Design:
-    """The motion of the references that tells most of the free numbers, within limits.
+    """The motion of the references, within limits, after which the free numbers are known best.
 
     Args:
         scenario: Scenario, with `free` among the options, or a fit file, whose recordings count as made.
         limits: File with `limits:`, and `noise:` and `choose:`.
         seconds: Length of the experiment.
-        after: Recordings that there are.
-        robust: Further draws of the free numbers, each within a factor of 2, on which the motion is to tell much and keep its
-            limits.
+        after: Recordings that exist.
+        robust: Number of further robots, each number off by up to a factor of 2, for which the motion is designed too.
         rounds, seed: Of the search.
-        progress: Told the share that is done. stop: asked; True ends the search with the best so far.
+        progress: Receives the fraction that is done. stop: is called often; True ends the search with the best so far.
         options: As :func:`asrsim.identification.task_of` takes them.
 
     Raises:
-        InputError: What is wrong with the files; nothing that is free moves anything; no motion keeps the limits.
+        InputError: What is wrong with the files; a free number changes nothing that is recorded; no motion keeps the limits.
     """
-    read = read_limits(Path(limits))
+    path, read = Path(limits), read_limits(Path(limits))
     task = _task(Path(scenario), after, options)
     with one_thread(), ExitStack() as stack:
-        layout, known, remarks, ready, given = _prepared(task, read, stack)
+        ready, robot, layout, remarks = _read(task, read)
+        known = np.zeros((len(layout), len(layout)))
+        if task.experiments:
+            known = _of_recordings(set_up(task, stack).problem, layout)
+            remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
         if not seconds >= SHORTEST:
             message = f"is too short for any segment: a motion that begins and ends at rest takes {SHORTEST:g} s"
             raise InputError(message, key="seconds", value=seconds, code="seconds")
         try:
-            plant = Plant(ready, given, layout, read, seconds)
+            plant = Plant(ready, robot, layout, read, seconds)
+            stack.callback(plant.close)
+            generator = np.random.default_rng(seed)
+            robots = [np.zeros(len(layout)), *(off(layout, generator) for _ in range(robust))]
+            checks = [off(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
+            searches = []
+            for gains in _choices(read):
+                substeps = plant.substeps_of(gains, robots + checks)
+                searches.append(Search(plant, gains, robots, checks, substeps, known, np.random.default_rng(seed), stop))
+            _probe(searches[0])
         except InputError as error:
-            raise InputError(located(error.problems, Path(limits))) from None
-        stack.callback(plant.close)
-        if not plant.references:
-            raise InputError("no joint with a reference has limits", file=Path(limits), key="limits", code="nothing-driven")
-        generator = np.random.default_rng(seed)
-        draws = [np.zeros(len(layout)), *(_draw(layout, generator) for _ in range(robust))]
-        checks = [_draw(layout, generator, corner=i % 2 == 0) for i in range(CHECKS if robust else 0)]
-        table = [dict(zip(read.gains, values, strict=True)) for values in product(*read.gains.values())]
-        if len(table) > MANY:
-            message = f"{len(table)} choices of gains are more than {MANY}"
-            raise InputError(message, file=Path(limits), key="choose", code="choose")
-        searches = [
-            Search(plant, gains, draws, checks, plant.substeps_of(gains, draws + checks), known, stop) for gains in table
-        ]
-        _probe(searches[0], Path(limits))
-        return _designed(task, ready, read, searches, layout, remarks, rounds, seed, progress)
+            raise InputError(located(error.problems, path)) from None
+        search, best, plain, tried = _searched(searches, rounds, progress)
+        sizes = np.array([_size(entry) for entry in layout.entries])
+
+        def interval(matrix: Array) -> Array:
+            variance = np.diagonal(np.linalg.inv(matrix + known + PRIOR * np.eye(len(layout))))
+            return np.asarray(1.96 * np.sqrt(variance) * sizes)
+
+        intervals = {"design": interval(best.information[0, 0])}
+        intervals |= {one.name: interval(one.information[0, 0]) for one in plain}
+        for group, sensor in enumerate(read.sensors, start=1):
+            intervals[f"with {sensor}"] = interval(best.information[0, 0] + best.information[0, group])
+        keys = tuple(entry.name for entry in layout.entries)
+        remarks += tried
+        unknown = [key for key, half in zip(keys, intervals["design"], strict=True) if half > 1.0]
+        if unknown:
+            remarks.append(f"this motion does not show by itself: {', '.join(unknown)}")
+        if best.name != "design":
+            remarks.append(f"nothing better was found than {best.name}")
+        return Design(
+            task=task, scenario=ready, references=plant.references, step=plant.step, gains=search.gains, keys=keys, found=best,
+            intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
+        )  # fmt: skip
 
 
 def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
@@ -130,11 +148,12 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)
-    # A task needs a recording; that there is none yet is what a design is for.
+    # A task needs a recording, and a design may come before the first one: the scenario stands in its place.
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
-def _prepared(task: Task, limits: Limits, stack: ExitStack) -> tuple[Layout, Array, list[str], Scenario, Any]:
+def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
+    """Scenario, robot as its file says, what is free, remarks. Raises InputError."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
@@ -150,21 +169,16 @@ def _prepared(task: Task, limits: Limits, stack: ExitStack) -> tuple[Layout, Arr
     free = [one for one in free if one.key not in own]
     if not free:
         raise InputError("nothing of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free")
-    remarks = [f"{key} is of a recording, and not designed for" for key in own]
-    layout = make_layout(free, ties, ["design"], [{}])
-    found = np.zeros((len(layout), len(layout)))
-    if task.experiments:
-        found = _of_recordings(set_up(task, stack).problem, layout)
-        remarks.append(f"designed as what follows after {', '.join(one.file.name for one in task.experiments)}")
     wrong = [key for key in limits.gains if key not in known]
     if wrong:
         raise InputError([Problem("is no parameter of the robot", key=f"choose.{key}", code="choose") for key in wrong])
-    return layout, found, remarks, scenario, given
+    remarks = [f"{key} belongs to a recording: no motion is designed for it" for key in own]
+    return scenario, given, make_layout(free, ties, ["design"], [{}]), remarks
 
 
-def _of_recordings(problem: Any, layout: Layout) -> Array:
-    """(n, n) Fisher matrix of recordings, without what is to be estimated of the recordings themselves."""
-    whole = problem.whole
+def _of_recordings(fit: Fit, layout: Layout) -> Array:
+    """(n, n) Fisher matrix of recordings, after what belongs to the recordings themselves is estimated too."""
+    whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)), central=True)
     matrix = slopes.T @ slopes
     keys = [entry.parameter.key for entry in layout.entries]
@@ -174,76 +188,68 @@ def _of_recordings(problem: Any, layout: Layout) -> Array:
     return np.asarray(matrix[np.ix_(mine, mine)] - cross @ np.linalg.pinv(matrix[np.ix_(others, others)]) @ cross.T)
 
 
-def _draw(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """Numbers each off by a factor of :data:`FACTOR` at most; corner: all of them by it."""
+def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
+    """A robot whose numbers are each off by a factor of :data:`FACTOR` at most; corner: each by all of it."""
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]
     return np.clip(places, *layout.bounds)
 
 
-def _probe(search: Search, limits: Path) -> None:
-    """Raises InputError where the start breaks limits, or a number moves nothing."""
-    plant, layout = search.plant, search.plant.layout
+def _choices(limits: Limits) -> Iterator[dict[str, float]]:
+    table = list(product(*limits.gains.values()))
+    if len(table) > MANY:
+        raise InputError(f"{len(table)} choices of gains are more than {MANY}", key="choose", code="choose")
+    return (dict(zip(limits.gains, values, strict=True)) for values in table)
+
+
+def _probe(search: Search) -> None:
+    """Raises InputError where the start breaks limits, no segment keeps them, or a number changes nothing."""
+    plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
-    resting = search.told(home, information=False, everywhere=True)
-    if resting is None or resting.use.max() > 1.0:
-        joint = "" if resting is None else plant.joints[int(np.argmax(resting.use))]
-        message = (
-            "the robot breaks it at the start, at rest at its references" if joint else "the motion at the start is not sane"
-        )
-        raise InputError(located([Problem(message, key=f"limits.{joint}", code="start-limit")], limits))
-    found = search.run(0, 0)
-    if found is None:
-        raise InputError("no motion keeps them", file=limits, key="limits", code="limits")
-    seen = np.diagonal((found.information.sum(axis=1) + search.known)[0])
-    none = [entry.name for entry, told in zip(layout.entries, seen, strict=True) if told < 1e-8]
+    resting = search.play(home, checked=True)
+    if resting is None:
+        raise InputError("the motion at the start is not sane", key="limits", code="start-limit")
+    if resting.use.max(initial=0.0) > 1.0:
+        bound = plant.bounds[int(np.argmax(resting.use))]
+        message = f"the robot exceeds it at {resting.when:.3g} s while its references stand still: {bound.quantity} reaches "
+        message += f"{resting.use.max():.3g} times its limit"
+        hint = None if plant.scenario.initial_equilibrium else "Let it begin at rest: `initial: equilibrium` in the scenario"
+        raise InputError(message, key=f"limits.{bound.joint}.{bound.quantity}", hint=hint, code="start-limit")
+    search.extend(FIRST)
+    if not search.library:
+        raise InputError("no motion keeps them", key="limits", code="limits")
+    seen = np.diagonal(sum(one.information[0].sum(axis=0) for one in search.library) + search.known)
+    none = [entry.name for entry, shown in zip(plant.layout.entries, seen, strict=True) if shown < 1e-8]
     if none:
         message = "no motion shows it: nothing that is recorded depends on it"
         raise InputError([Problem(message, key=key, hint="Do not free it, or record more", code="no-effect") for key in none])
 
 
-def _designed(
-    task: Task, scenario: Scenario, limits: Limits, searches: Sequence[Search], layout: Layout, remarks: list[str], rounds: int,
-    seed: int, progress: Callable[[float], None],
-) -> Design:  # fmt: skip
+def _searched(
+    searches: Sequence[Search], rounds: int, progress: Callable[[float], None]
+) -> tuple[Search, Found, list[Found], list[str]]:
+    """The search with the best gains, its best motion, plain motions, and a remark about each choice of gains."""
     tried: list[tuple[Search, Found]] = []
-    if len(searches) > 1:
-        for i, one in enumerate(searches):
-            if (short := one.run(rounds // 5, seed)) is not None:
-                tried.append((one, short))
-            progress(0.5 * (i + 1) / len(searches))
+    several = len(searches) > 1
+    for i, one in enumerate(searches if several else []):
+        if (short := one.run(rounds // 5)) is not None:
+            tried.append((one, short))
+        progress(0.5 * (i + 1) / len(searches))
     search = min(tried, key=lambda pair: pair[1].score)[0] if tried else searches[0]
-    ran = [found for one, found in tried if one is search]
-    longest = search.run(rounds, seed, lambda share: progress(0.5 + 0.5 * share if tried else share))
-    plain: dict[str, Found] = {}
-    for motion in search.plain():
-        if motion.name not in plain or motion.score < plain[motion.name].score:
-            plain[motion.name] = motion
-    everything = [*ran, *([longest] if longest else []), *plain.values()]
-    if not everything:
-        raise InputError("no motion keeps the limits that was tried", key="limits", code="limits")
-    # What people record is a design, too, where nothing better was found.
-    best = min(everything, key=lambda one: one.score)
-    sizes = np.array([_relative(entry) for entry in layout.entries])
-
-    def interval(matrix: Array) -> Array:
-        variance = np.diagonal(np.linalg.inv(matrix + search.known + PRIOR * np.eye(len(layout))))
-        return np.asarray(1.96 * np.sqrt(variance) * sizes)
-
-    intervals = {"design": interval(best.information[0, 0])}
-    intervals |= {name: interval(one.information[0, 0]) for name, one in plain.items()}
-    for group, sensor in enumerate(limits.sensors, start=1):
-        intervals[f"with {sensor}"] = interval(best.information[0, 0] + best.information[0, group])
-    untold = [entry.name for entry, half in zip(layout.entries, intervals["design"], strict=True) if half > 1.0]
-    return Design(
-        task=task, scenario=scenario, references=search.plant.references, step=search.plant.step,
-        seconds=(search.plant.rows - 1) * search.plant.step, gains=search.gains,
-        keys=tuple(entry.name for entry in layout.entries), found=best, plain=tuple(plain.values()), intervals=intervals,
-        choices=tuple((one.gains, float(1.96 * np.exp(found.score))) for one, found in tried), untold=tuple(untold),
-        remarks=tuple(remarks), interrupted=search.stop(),
-    )  # fmt: skip
+    longest = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
+    plain = search.plain()
+    candidates = [*(found for one, found in tried if one is search), *([longest] if longest else []), *plain]
+    if not candidates:
+        raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
+    remarks = [f"gains: {_named(search.gains)}"] if several else []
+    remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(found.score):.2g} % in the mean" for one, found in tried]
+    return search, min(candidates, key=lambda one: one.score), plain, remarks
 
 
-def _relative(entry: Any) -> float:
-    """Share of the value, or of its typical size where it is none, by which a step of the vector changes it."""
+def _named(gains: Mapping[str, float]) -> str:
+    return ", ".join(f"{key} = {value:g}" for key, value in gains.items())
+
+
+def _size(entry: Entry) -> float:
+    """Change by a step of the vector, over the value, or over its typical size where the value is zero."""
     return float(entry.slope(0.0) / (abs(entry.value(0.0)) or entry.parameter.size))

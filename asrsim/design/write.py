@@ -1,8 +1,7 @@
-"""What a design leaves: the motion as CSV, a scenario that plays it, a picture, and the table of what it promises."""
+"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of what it promises."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
     import yaml
 
     time = found.step * np.arange(found.found.motion.shape[1])
-    headings = ["time [s]", *(f"{one.column} [{one.unit}]" for one in found.references)]
+    headings = ["time [s]", *(one.heading for one in found.references)]
     text = f"{MARK}\n{csv_text(headings, np.column_stack([time, found.found.motion.T]))}"
     write_text(path, text, "designed motion")
     scenario = path.with_suffix(".yaml")
@@ -44,8 +43,7 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
         data.pop(key, None)
     references = {joint: dict(signals) for joint, signals in (data.get("references") or {}).items()}
     for one in found.references:
-        heading = f"{one.column} [{one.unit}]"
-        references.setdefault(one.joint, {})[one.name] = {"playback": {"file": motion.name, "column": heading}}
+        references.setdefault(one.joint, {})[one.name] = {"playback": {"file": motion.name, "column": one.heading}}
     parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
     for key, value in found.gains.items():
         joint, _, name = key.rpartition(".")
@@ -54,26 +52,11 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
 
 
 def columns(found: Design) -> list[tuple[str, list[str], bool]]:
-    """Of the table: heading, cells (a row a key), whether they stand to the right."""
+    """Columns of the table: heading, a cell for each key, whether cells are right-aligned."""
     cells = [("parameter", list(found.keys), False)]
     for name, halves in found.intervals.items():
         cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
     return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
-
-
-def remarks(found: Design) -> Iterator[str]:
-    """What is said beside the table."""
-    yield from found.remarks
-    if found.gains:
-        yield "gains: " + ", ".join(f"{key} = {value:g}" for key, value in found.gains.items())
-    for gains, mean in found.choices:
-        yield f"with {', '.join(f'{key} = {value:g}' for key, value in gains.items())}: ± {100.0 * mean:.2g} % in the mean"
-    if found.untold:
-        yield f"not told by this motion, alone at least: {', '.join(found.untold)}"
-    if found.found.name != "design":
-        yield f"nothing better was found than {found.found.name}"
-    if found.interrupted:
-        yield "interrupted: this is the best so far"
 
 
 def _draw(found: Design, time: Any, path: Path) -> list[Path]:

@@ -97,7 +97,7 @@ class Track:
             known = [at_rest(channel) for channel in channels if channel is not None and channel.time[0] <= SOON]
             if not known or len(known) < len(channels) or any(c is not None and c.key in trusted for c in channels):
                 continue
-            rest = drive.motor_positions or (positions[j],) * len(known)
+            rest = (drive.motor_positions or (positions[j],) * len(known))[: len(known)]
             if any(abs(place - was) > STILL * error for (place, error), was in zip(known, rest, strict=True)):
                 motors[drive.name] = [place for place, _ in known]
                 if self._channel(drive.name, "link_position") is None:

@@ -1,14 +1,12 @@
-"""Pictures of learning: like the paper's figure 15, and of the transfer to other plants."""
+"""The picture of learning, like the paper's figure 15."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.learning.transfer import TransferReport
 from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
 from asrsim.scenario.learning_keys import Learning
@@ -95,8 +93,8 @@ def _draw_joint(
         linewidth=0,
         label="tolerance",
     )
-    for trial in (*(trial for trial in result.trials if trial is not result.best_trial), result.best_trial):
-        last = trial is result.best_trial
+    for trial in (*(trial for trial in result.trials if trial is not result.best), result.best):
+        last = trial is result.best
         strength = 1.0 if last else 0.15 + 0.5 * (trial.number + 1) / len(result.trials)
         for ax, values, shade, label in (
             (trajectory, trial.outputs, style.VERMILION, "$q$, best of all iterations"),
@@ -108,50 +106,10 @@ def _draw_joint(
         ax.plot(time, wanted, "--", color=style.BLACK, linewidth=1.0, label="desired $q$")
 
 
-def transfer_figure(report: TransferReport) -> Figure:
-    """How the largest error is distributed over the plants, of all joints and of each."""
-    from asrsim.plots import style
-    from asrsim.plots.figures import new_figure
-
-    figure = new_figure(5.5, 3.4)
-    ax = figure.subplots()
-    shares = np.arange(len(report.draws) + 1) / len(report.draws)
-    curves = [("all joints", report.worst, style.BLACK, "-")]
-    for column, joint in enumerate(report.joints):
-        curves.append((style.plain(joint), report.largest[:, column], style.variant_colour(column), "--"))
-    for label, errors, colour, line in curves:
-        finite = np.sort(errors[np.isfinite(errors)])
-        ax.step(
-            [*finite[:1], *finite],
-            shares[: len(finite) + bool(len(finite))],
-            where="post",
-            color=colour,
-            linestyle=line,
-            label=label,
-        )
-    ax.axvline(report.tolerance, color=style.GREEN, label="tolerance")
-    ax.set(xlabel=f"largest error ({report.unit})", ylabel="share of plants within", ylim=(0.0, 1.02))
-    ax.set_xlim(0.0, 1.1 * max([report.tolerance, *report.worst[np.isfinite(report.worst)]]))
-    ax.legend(loc="lower right")
-    low, high = (f"{100 * value:.0f}" for value in report.within_interval)
-    share = f"{100 * report.within:.0f} % ({low} to {high}) of {len(report.draws)} plants"
-    ax.set_title(f"{share} stay within {report.tolerance:g} {report.unit}", loc="left")
-    return figure
-
-
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
     """Write the picture of the learning; the suffix says the format. Raises OutputError where it cannot be written."""
-    _write(path, lambda: learning_figure(problem, result, settings, title))
-
-
-def write_transfer_figure(path: Path, report: TransferReport) -> None:
-    """Write the picture of the transfer. Raises OutputError where it cannot be written."""
-    _write(path, lambda: transfer_figure(report))
-
-
-def _write(path: Path, draw: Callable[[], Figure]) -> None:
     from asrsim.plots.output import save_figure, styled
 
     make_folder(path.parent)
     with styled():
-        save_figure(draw(), path.parent, path.stem, [path.suffix[1:]])
+        save_figure(learning_figure(problem, result, settings, title), path.parent, path.stem, [path.suffix[1:]])

@@ -16,19 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.learning.arm import learning_model
-from asrsim.learning.folder import INPUTS
-from asrsim.learning.identify import Twin, identify
-from asrsim.learning.iterate import best_of, verdict
+from asrsim.learning.model import learning_model
 from asrsim.learning.optimal import Lifted, NormOptimal, rehearsed, standing
 from asrsim.learning.plant import Plant
-from asrsim.learning.playback import write_playback
+from asrsim.learning.playback import write_inputs, write_playback
 from asrsim.learning.prepared import Prepared, prepare_learning
 from asrsim.learning.recorded import recorded
-from asrsim.learning.report import trial_data
-from asrsim.learning.state import fingerprint, load_state, save_state
-from asrsim.learning.table import write_inputs
-from asrsim.learning.trial import Trial, trial_of
+from asrsim.learning.session import INPUTS, trial_data
+from asrsim.learning.state import load_state, save_state
+from asrsim.learning.trial import Trial, best_of, verdict
+from asrsim.learning.twin import Twin, fit_twin
 from asrsim.outfile import write_json
 from asrsim.recordings.align import LagChoice
 from asrsim.recordings.data import Recording
@@ -101,9 +98,8 @@ def next_input(
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
         with learning_model(plant) as model:
             prepared = prepare_learning(plant, model)
-            plant = prepared.plant
-            problem_digest = fingerprint(prepared.problem, prepared.settings)
-            trials = load_state(folder / STATE, problem_digest) if (folder / STATE).exists() else []
+            problem, settings = prepared.problem, prepared.settings
+            trials = load_state(folder / STATE, problem, settings) if (folder / STATE).exists() else []
             if len(trials) != len(digests):
                 message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
                 raise InputError(message, file=folder / STATE, hint=hint, code="state")
@@ -111,19 +107,17 @@ def next_input(
                 digests.pop()
             played = trials.pop().inputs if again else _pending(folder, prepared, trials)
             found = recorded(recording, plant, lag)
-            outputs = smoothed(found.outputs, prepared.problem.step)
-            trials.append(trial_of(prepared.problem, played, outputs, before=trials[-1] if trials else None))
-            ended = verdict(prepared.problem, trials, prepared.settings, prepared.law)
+            trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))
+            ended = verdict(problem, trials, settings, prepared.law)
             twin, ratio = None, 0.0
             if ended is None:
-                inputs, twin, ratio = _proposed(prepared, trials, _identified(folder))
+                inputs, twin, ratio = _proposed(prepared, trials, _changes(folder))
             else:
-                inputs = trials[best_of(trials)].inputs
-        headings, values = plant.table(inputs)
+                inputs = best_of(trials).inputs
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
-        write_inputs(folder / NEXT, plant.time, headings, values, comment=f"asrsim ilc --next: {what}")
+        write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --next: {what}")
         write_playback(folder / PLAYBACK, plant, folder / NEXT)
-        save_state(folder / STATE, problem_digest, trials, origin=prepared.problem.origin)
+        save_state(folder / STATE, problem, settings, trials)
         _write_numbers(folder, trials, [*digests, digest], plant.joints, twin)
         return HardwareStep(
             prepared=prepared,
@@ -142,19 +136,19 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
     """The next inputs (n, joints), the twin, and the largest error that it foretells over that of the best trial."""
     problem = prepared.problem
     best, rho, _ = standing(trials)
-    twin = identify(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
-    answers = twin.answers(best)
+    twin = fit_twin(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
+    forecasts = twin.forecasts(best)
 
     def foretold(inputs: Array) -> float:
-        worst = np.array([np.abs(problem.reference - answer(inputs)).max() for answer in answers])
+        worst = np.array([np.abs(problem.reference - forecast(inputs)).max() for forecast in forecasts])
         return float(worst.max()) / best.worst if np.isfinite(worst).all() else np.inf
 
     if not isinstance(prepared.law, NormOptimal):
         inputs = prepared.law.propose(trials)
         return inputs, twin, foretold(inputs)
     with learning_model(twin.plant) as model:
-        lifted = Lifted(problem.time, model.linear(model.inverse(problem.reference)), model.delays)
-    change = rehearsed(problem, lifted, best, rho, answers[0]) - best.inputs
+        lifted = Lifted(problem.time, model.linear, model.delays)
+    change = rehearsed(problem, lifted, best, rho, forecasts[0]) - best.inputs
     for share in SHARES:
         inputs = best.inputs + share * change
         ratio = foretold(inputs)
@@ -196,8 +190,8 @@ def _digests(folder: Path) -> list[str]:
         raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
-def _identified(folder: Path) -> dict[str, float] | None:
-    """The twin of the trial before, if there was one."""
+def _changes(folder: Path) -> dict[str, float] | None:
+    """How the twin of the trial before differs from the plant, if there was one."""
     try:
         data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
         return {str(name): float(value) for name, value in data["identified"]["changes"].items()}
@@ -215,8 +209,8 @@ def smoothed(outputs: Array, step: float) -> Array:
 def _write_numbers(
     folder: Path, trials: Sequence[Trial], digests: Sequence[str], joints: Sequence[str], twin: Twin | None
 ) -> None:
-    rows = [{**trial_data(trial, tuple(joints)), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
-    data: dict[str, object] = {"trials": rows, "best": best_of(list(trials))}
+    rows = [{**trial_data(trial, joints), "recording": digest} for trial, digest in zip(trials, digests, strict=True)]
+    data: dict[str, object] = {"trials": rows, "best": best_of(trials).number}
     if twin is not None:
-        data["identified"] = {"changes": dict(twin.draw), "residual": twin.residual, "residual_before": twin.before}
+        data["identified"] = {"changes": dict(twin.changes), "residual": twin.residual, "residual_before": twin.before}
     write_json(folder / NUMBERS, data)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from math import exp
 
 import numpy as np
 
-from asrsim.learning.settings import gains_at
-from asrsim.learning.trial import LearningProblem, Outcome, Trial, worst, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Trial
 from asrsim.samples import Array
 from asrsim.scenario.learning_keys import Learning
 
@@ -16,17 +17,22 @@ CREEP = 1.1
 """Growth of the error over the trials of `patience` below which learning goes on."""
 
 
+@dataclass(frozen=True)
 class FixedGain:
     """Equation 13 and what the settings add to it."""
 
-    def __init__(self, problem: LearningProblem, settings: Learning) -> None:
-        self.problem = problem
-        self.settings = settings
+    problem: LearningProblem
+    settings: Learning
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """The last trial's input, corrected by its error."""
-        last = trials[-1]
-        return updated(self.problem, last.inputs, self.problem.reference - last.outputs, last.number, self.settings)
+        """u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the last trial's input, corrected by its error."""
+        last, settings = trials[-1], self.settings
+        fading = 1.0 if settings.gain_decay is None else exp(-last.number / settings.gain_decay)
+        gains = [settings.joint_gains.get(joint, settings.gain) * fading for joint in self.problem.joints]
+        learned = last.inputs + np.array(gains) * last.error
+        if settings.filter is not None:
+            learned = zero_phase(learned, settings.filter.cutoff, settings.filter.order, self.problem.step)
+        return learned
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Gives up when a trial diverged, or the error has grown `patience` times in a row, by more than a creep."""
@@ -36,31 +42,17 @@ class FixedGain:
         run = [trial.worst for trial in trials[-patience - 1 :]]
         if len(run) <= patience or run[-1] < CREEP * run[0] or any(later <= earlier for earlier, later in pairwise(run)):
             return None
-        helps = "law: auto goes on from the best trial"
-        if self.settings.filter is None:
-            helps += "; law: filtered learns only in the band in which errors shrink"
         return "growing", (
             f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to "
-            f"{worst(self.problem, last)} (now {worst_place(self.problem, last)}); {helps}"
+            f"{self.problem.worst(last)} (now {self.problem.worst_place(last)}); law: auto goes on from the best trial"
         )
-
-
-def updated(problem: LearningProblem, inputs: Array, error: Array, update: int, settings: Learning) -> Array:
-    """Inputs of the next trial, (n, joints): u(n) = Q[u(n-1) + K exp(-n / decay) e(n-1)], n = `update` from 0.
-
-    inputs, error: (n, joints) in rad.
-    """
-    learned = inputs + np.array(gains_at(settings, problem.joints, update)) * error
-    if settings.filter is not None:
-        learned = zero_phase(learned, settings.filter.cutoff, settings.filter.order, problem.step)
-    return learned
 
 
 def zero_phase(values: Array, cutoff: float, order: int, step: float) -> Array:
     """`values` (n, joints) low-passed forwards and backwards, so without delay.
 
     cutoff: Hz, where the whole filter has half the amplitude (each pass -3 dB); order: of the Butterworth filter.
-    A cutoff beyond the sampling's half filters nothing.
+    A cutoff beyond half the sampling rate filters nothing.
     """
     from scipy.signal import butter, sosfiltfilt
 

@@ -126,18 +126,6 @@ class Linearised:
             for motor in range(len(drive.motor_inertia))
         ]  # fmt: skip
 
-    def released(self, positions: Array, velocities: Array, motors: Array, rates: Array) -> Array:
-        """(n, m) positions after a start that is off by so much: (m,) of the links, (m, 2) of the motors."""
-        states, _ = self.steps
-        m, moving = len(self.drives), tuple(np.array(self._moving, dtype=int).reshape(-1, 2).T)
-        start = np.zeros(states.shape[1])
-        moved = np.concatenate([positions, motors[moving], velocities, rates[moving]])
-        start[: len(moved)] = moved
-        found = [start]
-        for step in states:
-            found.append(step @ found[-1])
-        return np.array(found)[:, :m]
-
 
 def _rho(drive: Drive) -> Array:
     return reference_map(drive, np.zeros(1))[0]

@@ -1,7 +1,8 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-With lifted models G_i of masses and springs that are nominal, heavier and softer, lighter and stiffer, the change du = B c
-of the best trial's input follows from its error e over the whole time,
+The joints' response is lifted: a matrix G from the coefficients of the whole input, cubic B-splines whose knots bound the
+band of what is learned, to samples of the whole motion. With models G_i of masses and springs that are nominal, heavier and
+softer, lighter and stiffer, the change du = B c of the best trial's input follows from its error e over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
@@ -13,15 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.kinematics.desired import knot_distance
-from asrsim.learning.lifted import EVERY, Band, lift
 from asrsim.learning.linear import Linearised
-from asrsim.learning.trial import LearningProblem, Outcome, Trial, worst, worst_place
+from asrsim.learning.trial import LearningProblem, Outcome, Trial
 from asrsim.samples import Array
 
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+EVERY = 2
+"""Samples of the motion for each row of a lifted matrix."""
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
 """Factors of mass and stiffness."""
 RHO = 0.1
@@ -35,8 +41,59 @@ REHEARSALS = 4
 PROGRESS = 0.99
 """Share of the best error below which a trial counts as progress."""
 
-Answer = Callable[[Array], Array]
-"""Inputs (n, joints) -> the outputs (n, joints) that a model expects of them."""
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """Cubic B-splines on a motion's time: the changes of the input that are learned."""
+
+    knots: Array
+    """With the repeated ends."""
+
+    @classmethod
+    def over(cls, duration: float, tail: float) -> Band:
+        """For a motion of `duration` s, and `tail` s behind it."""
+        pieces = max(round((duration + tail) / knot_distance(duration)), 4)
+        inner = np.linspace(0.0, duration + tail, pieces + 1)
+        return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
+
+    @property
+    def count(self) -> int:
+        """Splines."""
+        return len(self.knots) - 4
+
+    def at(self, time: Array) -> csr_array:
+        """(n, count) values of the splines at `time` (n,)."""
+        from scipy.interpolate import BSpline
+
+        return BSpline.design_matrix(np.clip(time, self.knots[0], self.knots[-1]), self.knots, 3)
+
+
+def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
+    """(rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
+
+    delays: s by which each of the first m joints' commands arrives late; the others' do not change.
+    """
+    states, inputs = linear.steps
+    n, m = len(linear.time), len(delays)
+    middle = 0.5 * (linear.time[1:] + linear.time[:-1])
+    # Before a command arrives its first value stands, as it does in a run.
+    values = [band.at(middle - delay).toarray() for delay in delays]
+    columns = band.count * m
+    state = np.zeros((states.shape[1], columns))
+    found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
+    latest = 0
+    for index in range(n - 1):
+        # Splines of later times have not acted yet.
+        latest = max([latest, *(int(np.flatnonzero(value[index])[-1]) + 1 for value in values if value[index].any())])
+        active = latest * m
+        part = states[index] @ state[:, :active]
+        for joint, value in enumerate(values):
+            near = np.flatnonzero(value[index])
+            part[:, near * m + joint] += np.outer(inputs[index][:, joint], value[index, near])
+        state[:, :active] = part
+        if (index + 1) % EVERY == 0:
+            found[(index + 1) // EVERY - 1, :, :active] = part[:m]
+    return found
 
 
 class Lifted:
@@ -79,7 +136,7 @@ class NormOptimal:
     def propose(self, trials: Sequence[Trial]) -> Array:
         """The best trial's input, corrected by its error."""
         best, rho, _ = standing(trials)
-        return best.inputs + self.lifted.change(self.problem.reference - best.outputs, rho)
+        return best.inputs + self.lifted.change(best.error, rho)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
         """Gives up when more than `patience` trials in a row brought no progress."""
@@ -90,17 +147,17 @@ class NormOptimal:
             return None
         return "stalled", (
             f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is "
-            f"{worst(self.problem, best)} off ({worst_place(self.problem, best)})"
+            f"{self.problem.worst(best)} off ({self.problem.worst_place(best)})"
         )
 
 
-def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, answer: Answer) -> Array:
+def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, forecast: Callable[[Array], Array]) -> Array:
     """The best trial's input after some updates in a model that knows more than the lifted ones, such as friction."""
     found, seen = best.inputs, best.outputs
     for number in range(1 + REHEARSALS):
         left = problem.reference - seen
         inputs = found + lifted.change(left, rho)
-        outputs = answer(inputs)
+        outputs = forecast(inputs)
         if number and not np.sum((problem.reference - outputs) ** 2) < np.sum(left**2):
             break
         found, seen = inputs, outputs

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.actuators.drive import Drive
 from asrsim.errors import DivergenceError, Problem, ScenarioError
 from asrsim.kinematics.inverse import INVERTED_MODES
-from asrsim.robot import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import Learning, Scenario, for_joint
 from asrsim.signals.pieces import Constant
@@ -21,11 +18,9 @@ from asrsim.signals.sampled import Sampled
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
-    from asrsim.signals.base import Signal
+    from asrsim.simulation.drives import SteppedJoint
     from asrsim.simulation.prepared import Prepared
-    from asrsim.simulation.recording import Sink
     from asrsim.simulation.run import Run
-
 
 TRIALS = 10
 """Runs of a plant that learning takes, about."""
@@ -37,113 +32,67 @@ class Plant:
 
     scenario: Scenario
     robot: Robot = field(repr=False)
-    """As its file says; the scenario's modes and parameters are applied at each run."""
+    """As its file says."""
     learning: Learning = field(repr=False)
     """The scenario's block `ilc`."""
+    prepared: Prepared = field(repr=False)
+    """The robot with the scenario's modes and parameters, under the desired motion: all trials begin with it."""
     joints: tuple[str, ...]
     time: Array = field(repr=False)
     """(n,) s, the steps of the simulation."""
     reference: Array = field(repr=False)
     """(n, joints) rad."""
-    drives: tuple[Drive, ...] = field(repr=False)
-    presets: Mapping[str, float] = field(default_factory=dict, repr=False)
-    """Joint -> second reference that was chosen before learning; it stands in `scenario` too."""
+    delay: float = 0.0
+    """s by which commands arrive later than the scenario says."""
 
-    def with_presets(self, presets: Mapping[str, float]) -> Plant:
-        """The plant with other second references, by joint."""
-        references = dict(self.scenario.references)
-        for joint, drive in zip(self.joints, self.drives, strict=True):
-            if joint in presets:
-                signal = Constant(value=presets[joint])
-                references[joint] = {**self.scenario.references_of(joint), drive.mode.references[1]: signal}
-        return replace(self, scenario=replace(self.scenario, references=references), presets=presets)
+    @property
+    def drives(self) -> tuple[SteppedJoint, ...]:
+        """Of the learned joints."""
+        drives = {drive.name: drive for drive in self.prepared.drives}
+        return tuple(drives[joint] for joint in self.joints)
 
-    def table(self, inputs: Array) -> tuple[tuple[str, ...], Array]:
-        """Headings and values (n, columns) of all that is to be played: inputs (n, joints), and presets if they were chosen."""
-        headings = [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
-        for joint in self.presets:
-            drive = self.drives[self.joints.index(joint)]
-            headings.append(f"{joint}.{drive.mode.references[1]} [{drive.actuator.reference_2_unit}]")
-        return tuple(headings), np.column_stack([inputs, *(np.full(len(inputs), preset) for preset in self.presets.values())])
+    def names(self) -> tuple[str, ...]:
+        """Of each joint's first reference, which is learned."""
+        return tuple(drive.mode.references[0] for drive in self.drives if drive.mode)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Without the preparation, whose engine stays in its process."""
-        return {name: value for name, value in self.__dict__.items() if name != "prepared"}
+    def headings(self) -> list[str]:
+        """Of the joints' columns in files of inputs."""
+        return [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
 
     def unit(self, joint: str) -> str:
         """Of a joint's position."""
         return "m" if self.robot.joint(joint).kind == "prismatic" else "rad"
 
-    def _played(self, inputs: Array) -> dict[str, dict[str, Signal]]:
-        """First references that play `inputs` (n, joints), by joint."""
-        return {
-            joint: {drive.mode.references[0]: Sampled(times=self.time, samples=np.ascontiguousarray(column))}
-            for joint, drive, column in zip(self.joints, self.drives, inputs.T, strict=True)
-        }
+    def varied(self, numbers: Mapping[str, Mapping[str, float]], delay: float) -> Plant:
+        """The plant with other numbers, as :meth:`asrsim.Prepared.vary` takes them, and later commands."""
+        return replace(self, prepared=self.prepared.vary(numbers), delay=delay)
 
-    @cached_property
-    def prepared(self) -> Prepared:
-        """What all trials share: the robot under the desired motion, ready to run."""
-        from asrsim.simulation.prepare import prepare
-
-        return prepare(self._scenario(self.reference), self.robot)
-
-    def with_inputs(self, inputs: Array) -> Scenario:
-        """The scenario that plays `inputs` (n, joints), with the substeps of all trials."""
-        scenario = self._scenario(inputs)
-        if self.prepared.stepping.released:
-            return scenario
-        resolution = self.prepared.resolution
-        return replace(scenario, substeps=resolution.substeps, motor_substeps=resolution.motor_substeps)
-
-    def _scenario(self, inputs: Array) -> Scenario:
-        references = dict(self.scenario.references)
-        for joint, signals in self._played(inputs).items():
-            references[joint] = {**self.scenario.references_of(joint), **signals}
-        computed = {**self.scenario.inverse_dynamics, **dict.fromkeys(self.joints, False)}
-        # The scenario's claims are about its own references, not about learned inputs.
-        return replace(
-            self.scenario, references=references, inverse_dynamics=computed, desired=self.learning.trajectory, expect=(),
-            log_every=1,
-        )  # fmt: skip
-
-    def run(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Run:
-        """One run with these inputs; every sample kept."""
+    def run(self, inputs: Array) -> Run:
+        """One run with inputs (n, joints); every sample kept."""
         from asrsim.simulation.run import simulate
 
+        prepared = self.prepared.with_references(
+            {
+                joint: {name: Sampled(times=self.time + self.delay, samples=np.ascontiguousarray(column))}
+                for joint, name, column in zip(self.joints, self.names(), inputs.T, strict=True)
+            }
+        )
         if self.scenario.initial_equilibrium:
             # Where it starts depends on the first references.
-            return simulate(self.with_inputs(inputs), self.robot, sinks=sinks, alike=TRIALS)
-        return simulate(self.prepared.with_references(self._played(inputs)), sinks=sinks, alike=TRIALS)
+            prepared = prepared.vary({})
+        return simulate(prepared, alike=TRIALS)
 
-    def outputs(self, inputs: Array, sinks: Sequence[Sink] | Callable[[Any], Sequence[Sink]] = ()) -> Array:
+    def outputs(self, inputs: Array) -> Array:
         """(n, joints) rad, link positions with these inputs; NaN after a divergence."""
         found = np.full_like(self.reference, np.nan)
         try:
-            run = self.run(inputs, sinks)
+            run = self.run(inputs)
         except DivergenceError:
             return found
         if run.samples is not None:
-            columns = [run.samples.joints.index(joint) for joint in self.joints]
-            positions = run.samples.values["link_position"][:, columns]
+            positions = run.samples.values["link_position"][:, [run.samples.joints.index(joint) for joint in self.joints]]
             found[: len(positions)] = positions
         return found
-
-
-def trajectories(scenario: Scenario) -> dict[str, Scenario]:
-    """The scenario for each of its trajectories by name, ready for :func:`make_plant`; one without a name under ""."""
-    learning = scenario.learning
-    if learning is None or not learning.trajectories:
-        return {"": scenario}
-    found = {}
-    for name, one in learning.trajectories.items():
-        plain = {key: value for key, value in scenario.resolved["ilc"].items() if key != "trajectories"}
-        plain["trajectory"] = scenario.resolved["ilc"]["trajectories"][name]
-        found[name] = replace(
-            scenario, name=f"{scenario.name}_{name}", learning=replace(learning, trajectory=one, trajectories={}),
-            resolved={**scenario.resolved, "ilc": plain},
-        )  # fmt: skip
-    return found
 
 
 def make_plant(scenario: Scenario) -> Plant:
@@ -152,6 +101,7 @@ def make_plant(scenario: Scenario) -> Plant:
     Raises ScenarioError where there is none, or a joint's mode takes no position.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
+    from asrsim.simulation.prepare import prepare
 
     learning = scenario.learning
     if learning is None:
@@ -159,34 +109,41 @@ def make_plant(scenario: Scenario) -> Plant:
         message = "the scenario has no block `ilc`: nothing says what to learn"
         raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
     robot, _ = checked_robot(scenario)
-    applied = apply_to_robot(scenario, robot)
-    trajectory = learning.trajectory
-    if not trajectory:
-        names = tuple(learning.trajectories)
-        message = "has several trajectories: one is learned at a time"
-        raise ScenarioError(message, file=scenario.path, key="ilc.trajectories", choices=names, code="trajectories")
-    blocks = [block for block in applied.actuators if block.joint in trajectory or "*" in trajectory]
-    unfit = [block for block in blocks if block.mode not in INVERTED_MODES]
-    if unfit:
-        raise ScenarioError(
-            [
-                Problem(
-                    f"mode {block.mode} has no position as its first reference to learn",
-                    key=f"ilc.trajectory.{block.joint}",
-                    choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
-                    code="mode-not-learned",
-                )
-                for block in unfit
-            ]
+    trajectory, driven = learning.trajectory, apply_to_robot(scenario, robot).actuators
+    blocks = [block for block in driven if block.joint in trajectory or "*" in trajectory]
+    choices = tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES)
+    problems = [
+        Problem(
+            f"mode {block.mode} has no position as its first reference to learn", key=f"ilc.trajectory.{block.joint}",
+            choices=choices, code="mode-not-learned",
         )
+        for block in blocks if block.mode not in INVERTED_MODES
+    ]  # fmt: skip
+    joints = tuple(block.joint for block in blocks)
+    unknown = [joint for joint in learning.joint_gains if joint not in joints]
+    problems += [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=joints) for joint in unknown]
+    if not blocks:
+        problems.append(Problem("names no joint that is driven", key="ilc.trajectory", code="no-trajectory"))
+    if problems:
+        raise ScenarioError(problems)
     time = scenario.step_times()
-    signals = [for_joint(trajectory, block.joint, Constant(value=0.0)) for block in blocks]
+    reference = np.column_stack([for_joint(trajectory, joint, Constant(value=0.0)).values(time) for joint in joints])
+    # The scenario's claims are about its own references, not about learned inputs.
+    played = replace(
+        scenario, expect=(), log_every=1, desired=trajectory,
+        inverse_dynamics={**scenario.inverse_dynamics, **dict.fromkeys(joints, False)},
+        references={
+            **scenario.references,
+            **{
+                block.joint: {
+                    **scenario.references_of(block.joint),
+                    MODES[block.mode].references[0]: Sampled(times=time, samples=np.ascontiguousarray(column)),
+                }
+                for block, column in zip(blocks, reference.T, strict=True)
+            },
+        },
+    )  # fmt: skip
     return Plant(
-        scenario=scenario,
-        robot=robot,
-        learning=learning,
-        joints=tuple(block.joint for block in blocks),
-        time=time,
-        reference=np.column_stack([signal.values(time) for signal in signals]),
-        drives=tuple(drive_of(block) for block in blocks),
-    )
+        scenario=scenario, robot=robot, learning=learning, prepared=prepare(played, robot), joints=joints, time=time,
+        reference=reference,
+    )  # fmt: skip

@@ -1,147 +1,89 @@
-"""The learning problem that a scenario states, its law, and what the model says beforehand."""
+"""The learning problem that a scenario states, its law, and what the motion needs of the joints."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
-from asrsim.kinematics.inverse import Demand, InverseDynamics
-from asrsim.learning.arm import ArmModel
-from asrsim.learning.contraction import choose_gains, learnable
-from asrsim.learning.identity import identity_of
-from asrsim.learning.iterate import learn
+from asrsim.kinematics.inverse import Demand
 from asrsim.learning.law import FixedGain
-from asrsim.learning.linear import Linearised
+from asrsim.learning.model import ArmModel
 from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
-from asrsim.learning.presets import ChosenPreset, choose_presets
-from asrsim.learning.settings import OF_FIXED_GAIN, decided, gains_at
-from asrsim.learning.trial import Law, LearningProblem
+from asrsim.learning.state import identity_of
+from asrsim.learning.trial import Law, LearningProblem, LearningResult
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
 from asrsim.scenario.learning_keys import Learning
 
-REACH_TRIALS = 12
-"""Simulated trials, at most, that decide whether a motion that exceeds a limit can be followed."""
+FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
+"""Keys without effect under `law: auto`."""
+MOST_DEMANDS = 5
+"""Demands beyond their limits that are listed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """Everything that `learn` needs, and what the model says beforehand."""
+    """Everything that `learn` needs."""
 
     plant: Plant
-    model: ArmModel = field(repr=False)
     problem: LearningProblem
     settings: Learning
-    """The scenario's, with the gains, the filter and the first guess decided."""
+    """The scenario's, with the first guess chosen."""
     law: Law = field(repr=False)
-    inverse: InverseDynamics = field(repr=False)
-    """Of the desired motion."""
-    linear: Linearised = field(repr=False)
-    """The joints along the desired motion."""
     demands: tuple[Demand, ...]
-    """What the motion asks of the joints, highest score first."""
-    notes: tuple[str, ...] = ()
-    """For people: presets that were chosen, settings without effect."""
+    """What the motion needs of the joints, highest score first."""
 
     @property
-    def exceeding(self) -> tuple[Demand, ...]:
-        """Demands beyond their limits. A short one may leave no error."""
-        return tuple(demand for demand in self.demands if demand.score > 1.0)
+    def before(self) -> list[str]:
+        """What to know before the first trial, a line each."""
+        lines = ["law auto: norm-optimal over three models"]
+        raw = self.plant.scenario.resolved.get("ilc") or {}
+        idle = [key for key in FIXED_GAIN_KEYS if key in raw]
+        if self.settings.law != "auto":
+            gains = ", ".join(
+                f"{self.settings.joint_gains.get(joint, self.settings.gain):.3g}" for joint in self.problem.joints
+            )
+            cutoff = "no filter" if self.settings.filter is None else f"filter {self.settings.filter.cutoff:.3g} Hz"
+            lines = [f"law paper: gains {gains}, {cutoff}"]
+        elif idle:
+            lines.append(f"{', '.join(idle)}: no effect with law auto")
+        beyond = [f"beyond its limit: {demand}" for demand in self.demands[:MOST_DEMANDS] if demand.score > 1.0]
+        most = [f"the largest demand is {100 * one.score:.0f} % of its limit: {one}" for one in self.demands[:1]]
+        return [*lines, *(beyond or most)]
 
-    @cached_property
-    def followed(self) -> float:
-        """rad: the largest error of the best simulated trial, all limits in force."""
-        guess = self.inverse.inputs_at(self.plant.time, self.model.delays)
-        problem = replace(self.problem, first_guess=guess)
-        settings = replace(self.settings, max_iterations=REACH_TRIALS)
-        law = NormOptimal(problem, Lifted(problem.time, self.linear, self.model.delays))
-        return learn(problem, self.plant.outputs, settings, law=law).best_trial.worst
-
-    @property
-    def out_of_reach(self) -> tuple[Demand, ...]:
-        """Demands beyond their limits, where simulated learning does not come within the tolerance."""
-        return self.exceeding if self.exceeding and self.followed > self.settings.tolerance else ()
-
-    def gain_advice(self) -> tuple[float, ...]:
-        """Gains that the model would choose."""
-        return choose_gains(self.linear)[: len(self.plant.joints)]
-
-    @cached_property
-    def reach(self) -> float:
-        """Hz below which errors shrink with the first gains, at the worst posture."""
-        return learnable(self.linear, gains_at(self.settings, self.problem.joints))
+    def reach(self, result: LearningResult) -> str:
+        """Whether the motion is within reach, by trials simulated under all limits; empty with other laws than `auto`."""
+        if self.settings.law != "auto":
+            return ""
+        error = f"the best simulated trial is {self.problem.worst(result.best)} off"
+        beyond = [str(demand) for demand in self.demands[:MOST_DEMANDS] if demand.score > 1.0]
+        if result.converged:
+            return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
+        if not beyond:
+            # No limit stands in the way: friction that holds the joints, or the start, which more trials may overcome.
+            return f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may"
+        return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
-def prepare_learning(plant: Plant, model: ArmModel, *, lawless: bool = False) -> Prepared:
-    """The learning problem of a plant; `model` (see `learning_model`) must stay open while it is solved.
-
-    Presets are chosen first, if the scenario asks for it: the plant of the result has them. lawless: nothing will be learned.
-    Raises ScenarioError for gains of unknown joints.
-    """
+def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
+    """The learning problem of a plant; `model` is its :func:`asrsim.learning.model.learning_model`."""
     learning = plant.learning
-    inverse = model.inverse(plant.reference)
-    notes: list[str] = []
-    if learning.presets != "given":
-        chosen = choose_presets(model, inverse, learning.tolerance)
-        plant = plant.with_presets({item.joint: item.value for item in chosen})
-        model = model.of(plant)
-        inverse = model.inverse(plant.reference)
-        notes += [_preset_note(item) for item in chosen]
-    linear = model.linear(inverse)
-    settings = decided(learning, plant.joints, linear)
+    settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
     guesses: dict[str, Callable[[], Array]] = {
         "zero": lambda: np.zeros_like(plant.reference),
-        "reference": lambda: plant.reference.copy(),
-        "inverse_dynamics": lambda: inverse.inputs_at(plant.time, model.delays),
+        "reference": plant.reference.copy,
+        "inverse_dynamics": lambda: model.guess,
     }
     problem = LearningProblem(
-        joints=plant.joints,
-        units=tuple(map(plant.unit, plant.joints)),
-        time=plant.time,
-        reference=plant.reference,
-        first_guess=guesses[settings.first_guess or "zero"](),
-        identity=identity_of(plant),
+        joints=plant.joints, units=tuple(map(plant.unit, plant.joints)), time=plant.time, reference=plant.reference,
+        first_guess=guesses[settings.first_guess or "zero"](), identity=identity_of(plant),
         origin=(origin_of(plant.scenario), plant.scenario.variant),
-    )
+    )  # fmt: skip
     law: Law = FixedGain(problem, settings)
-    missed = model.start_error(inverse, linear)
-    if settings.law == "auto" and not lawless:
-        law = NormOptimal(problem, Lifted(problem.time, linear, model.delays))
-    raw = plant.scenario.resolved.get("ilc") or {}
-    idle = [key for key in OF_FIXED_GAIN if settings.law == "auto" and key in raw]
-    if idle:
-        notes.append(f"{', '.join(idle)}: of no effect with law auto")
-    return Prepared(
-        plant=plant,
-        model=model,
-        problem=problem,
-        settings=settings,
-        law=law,
-        inverse=inverse,
-        linear=linear,
-        demands=tuple(sorted([*inverse.demands, *_start(plant, missed, settings.tolerance)], key=lambda one: -one.score)),
-        notes=tuple(notes),
-    )
-
-
-def _start(plant: Plant, missed: Array, tolerance: float) -> list[Demand]:
-    """The errors that the start leaves in each joint."""
-    found = []
-    for joint, column in zip(plant.joints, missed.T, strict=True):
-        worst = int(np.argmax(np.abs(column)))
-        found.append(
-            Demand(
-                joint=joint, what="error from the start", needed=float(column[worst]), limit=tolerance, unit=plant.unit(joint),
-                time=float(plant.time[worst]),
-            )
-        )  # fmt: skip
-    return found
-
-
-def _preset_note(item: ChosenPreset) -> str:
-    unheld = "" if item.score <= 1.0 else f", the best there is, but it exceeds limits or tolerance {item.score:.2g} times"
-    return f"preset of {item.joint}: {item.value:.3g}{unheld}"
+    if settings.law == "auto":
+        law = NormOptimal(problem, Lifted(problem.time, model.linear, model.delays))
+    demands = tuple(sorted(model.inverse.demands, key=lambda one: -one.score))
+    return Prepared(plant=plant, problem=problem, settings=settings, law=law, demands=demands)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,18 +15,45 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from asrsim.actuators import ACTUATORS
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
+    from asrsim.learning.plant import Plant
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.scenario.learning_keys import Learning
 
-FORMAT = "asrsim learning state 3"
-DECIDING = ("law", "joint_gains", "gain_decay", "filter", "first_guess")
+FORMAT = "asrsim learning state 4"
+DECIDING = ("law", "gain", "joint_gains", "gain_decay", "filter", "first_guess")
 """Keys of `ilc:` that decide how trials follow each other; one may go on with a tighter tolerance or more iterations."""
+NOT_OF_THE_PLANT = ("ilc", "expect", "log_rate")
+"""Keys of a scenario that may change between resumptions."""
+
+
+def identity_of(plant: Plant) -> str:
+    """A hash of everything that the plant depends on: robot and scenario, their files' contents, the laws of the actuators."""
+    kept = {key: value for key, value in plant.scenario.resolved.items() if key not in NOT_OF_THE_PLANT}
+    digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode())
+    digest.update(plant.robot.text.encode())
+    laws = [inspect.getsourcefile(ACTUATORS.get(drive.actuator.name)) for drive in plant.drives if drive.actuator]
+    for path in (*sorted(_files(plant)), *(Path(law) for law in dict.fromkeys(laws) if law)):
+        digest.update(hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b"missing")
+    return digest.hexdigest()
+
+
+def _files(plant: Plant) -> Iterator[Path]:
+    """Playbacks and the like, objects' meshes, and the robot's meshes that collide."""
+    from asrsim.robot import engine_urdf
+
+    scenario = plant.scenario
+    text, _ = engine_urdf(plant.robot, package_paths=scenario.package_paths)
+    meshes = [item.mesh for item in scenario.world.objects if item.mesh]
+    for path in (*scenario.attachments.values(), *meshes, *map(Path, re.findall(r'filename="([^"]*)"', text))):
+        # A ROS 2 bag is a folder.
+        yield from path.rglob("*") if path.is_dir() else [path]
 
 
 def fingerprint(problem: LearningProblem, settings: Learning) -> str:
@@ -36,29 +66,18 @@ def fingerprint(problem: LearningProblem, settings: Learning) -> str:
     return digest.hexdigest()
 
 
-def save_state(path: Path, digest: str, trials: list[Trial], *, origin: tuple[str, str]) -> None:
-    """Write all trials to `path` (NumPy's npz), whole or not at all. digest: :func:`fingerprint` of their problem; origin: its
-    scenario file and variant."""
-    head = {"format": FORMAT, "fingerprint": digest, "scenario_path": origin[0], "variant": origin[1]}
-    scalars = [
-        {
-            "number": trial.number,
-            "largest": trial.largest,
-            "norm": trial.norm,
-            "rms": trial.rms,
-            "seconds": trial.seconds,
-            "ratio": trial.ratio,
-        }
-        for trial in trials
-    ]
+def save_state(path: Path, problem: LearningProblem, settings: Learning, trials: Sequence[Trial]) -> None:
+    """Write all trials to `path` (NumPy's npz), whole or not at all."""
+    head = {
+        "format": FORMAT, "fingerprint": fingerprint(problem, settings), "scenario_path": problem.origin[0],
+        "variant": problem.origin[1], "seconds": [trial.seconds for trial in trials],
+    }  # fmt: skip
     make_folder(path.parent)
     with written(path, "learning state") as file:
         np.savez(
-            file,
-            head=np.array(json.dumps({**head, "trials": scalars})),
-            inputs=np.array([trial.inputs for trial in trials]),
+            file, head=np.array(json.dumps(head)), inputs=np.array([trial.inputs for trial in trials]),
             outputs=np.array([trial.outputs for trial in trials]),
-        )
+        )  # fmt: skip
         file.flush()
         os.fsync(file.fileno())
 
@@ -66,19 +85,35 @@ def save_state(path: Path, digest: str, trials: list[Trial], *, origin: tuple[st
 def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
     """Scenario file and variant that a state comes from, and how many trials it holds; None if it is no readable state."""
     try:
-        head, _, _ = _stored(path)
+        head, inputs, _ = _stored(path)
     except InputError:
         return None
-    return (head["scenario_path"], head["variant"]), len(head["trials"])
+    return (head["scenario_path"], head["variant"]), len(inputs)
+
+
+def load_state(path: Path, problem: LearningProblem, settings: Learning) -> list[Trial]:
+    """The trials of a state file. Raises InputError if it is unreadable or belongs to another problem."""
+    head, inputs, outputs = _stored(path)
+    if head["fingerprint"] != fingerprint(problem, settings) or inputs.shape[1:] != problem.reference.shape:
+        message = "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed"
+        hint = "Delete it, or leave out --resume, to begin anew"
+        raise InputError(message, file=path, hint=hint, code="state-of-another-run")
+    rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
+    return [problem.trial(number, *row) for number, row in rows]
 
 
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
-    """What a state holds, checked: its head, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
+    """The checked contents of a state: its head, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
+
+    def fault(why: str) -> InputError:
+        message = f"is no state of a learning run, or is damaged ({why})"
+        return InputError(message, file=path, hint="Delete it to begin anew", code="state")
+
     try:
         with ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
         if size > path.stat().st_size:
-            raise _no_state(path, f"it would unpack to {size / 2**20:.3g} MiB, and states are not compressed")
+            raise fault(f"it would unpack to {size / 2**20:.3g} MiB, and states are not compressed")
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
@@ -86,53 +121,14 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     except InputError:
         raise
     except Exception as error:
-        raise _no_state(path, str(error) or type(error).__name__) from error
-    if wrong := misfit(head, {"scenario_path": str, "variant": str, "trials": [object], "*": object}):
-        raise _no_state(path, wrong)
-    count = len(head["trials"])
+        raise fault(str(error) or type(error).__name__) from error
+    shape = {"format": str, "fingerprint": str, "scenario_path": str, "variant": str, "seconds": [float], "*": object}
+    if wrong := misfit(head, shape):
+        raise fault(wrong)
+    if head["format"] != FORMAT:
+        raise fault(f"its format is {head['format']}")
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
-        raise _no_state(path, "its arrays are not those of trials")
-    if len(inputs) != count or not all(_whole(trial, inputs.shape[2]) for trial in head["trials"]):
-        raise _no_state(path, "its trials are not whole")
+        raise fault("its arrays are not those of trials")
+    if not 0 < len(inputs) == len(head["seconds"]):
+        raise fault("its trials are not whole")
     return head, inputs, outputs
-
-
-def _whole(trial: Any, joints: int) -> bool:
-    """Whether a trial has a number for each joint where it has several, and numbers or nothing elsewhere."""
-    if not isinstance(trial, dict):
-        return False
-    lists = {name: value if isinstance(value, list) else [value] for name, value in trial.items()}
-    if any(len(lists.get(name, ())) != joints for name in ("largest", "rms")):
-        return False
-    items = [item for part in lists.values() for item in part]
-    return all(item is None or (isinstance(item, int | float) and not isinstance(item, bool)) for item in items)
-
-
-def _no_state(path: Path, why: str) -> InputError:
-    message = f"is no state of a learning run, or is damaged ({why})"
-    return InputError(message, file=path, hint="Delete it to begin anew", code="state")
-
-
-def load_state(path: Path, digest: str) -> list[Trial]:
-    """The trials of a state file. Raises InputError if it is unreadable or of another problem."""
-    from asrsim.learning.trial import Trial
-
-    head, inputs, outputs = _stored(path)
-    if head.get("format") != FORMAT or head.get("fingerprint") != digest:
-        raise InputError(
-            "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed",
-            file=path,
-            hint="Delete it, or leave out --resume, to begin anew",
-            code="state-of-another-run",
-        )
-    try:
-        return [
-            Trial(
-                **{**scalars, "largest": tuple(scalars["largest"]), "rms": tuple(scalars["rms"])},
-                inputs=inputs[index],
-                outputs=outputs[index],
-            )
-            for index, scalars in enumerate(head["trials"])
-        ]
-    except (TypeError, KeyError) as error:
-        raise _no_state(path, f"its trials are not whole: {error}") from error

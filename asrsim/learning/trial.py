@@ -1,14 +1,19 @@
-"""What learning is about, as data: the problem, a trial, the result, and a law."""
+"""The problem of iterative learning control, its trials, and the loop: try, compare, correct, until the error is tolerated."""
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
 
+from asrsim.learning.state import load_state, save_state
 from asrsim.samples import Array
+from asrsim.scenario.learning_keys import Learning
 
 Simulate = Callable[[Array], Array]
 """Inputs (n, joints) -> link positions (n, joints)."""
@@ -29,9 +34,9 @@ class LearningProblem:
     units: tuple[str, ...] = ()
     """Of each joint's position, `rad` or `m`; none: all `rad`. Elsewhere here `rad` stands for both."""
     identity: str = ""
-    """Text that tells one plant from another: a resumed state of another plant is refused."""
+    """Text that distinguishes plants: a saved state of another plant is refused."""
     origin: tuple[str, str] = ("", "")
-    """Scenario file and variant that it comes from: kept in the state."""
+    """Scenario file and variant, kept in the state."""
 
     @property
     def step(self) -> float:
@@ -43,31 +48,54 @@ class LearningProblem:
         """Of errors over all joints, for people."""
         return " or ".join(dict.fromkeys(self.units)) or "rad"
 
+    def trial(self, number: int, inputs: Array, outputs: Array, seconds: float = 0.0) -> Trial:
+        """The trial in which `inputs` gave `outputs`, (n, joints) each."""
+        return Trial(number=number, inputs=inputs, outputs=outputs, error=self.reference - outputs, seconds=seconds)
+
+    def worst(self, trial: Trial) -> str:
+        """The largest error with its unit."""
+        unit = self.units[int(np.argmax(trial.largest))] if self.units else "rad"
+        return f"{trial.worst:.4g} {unit}"
+
+    def worst_place(self, trial: Trial) -> str:
+        """Joint and time of the largest error."""
+        column = int(np.argmax(trial.largest))
+        return f"{self.joints[column]} at {int(np.argmax(np.abs(trial.error[:, column]))) * self.step:.3g} s"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
     """One trial: number 0 is the first guess, number i follows i updates."""
 
     number: int
-    largest: tuple[float, ...]
-    """rad, largest absolute error of each joint."""
-    norm: float
-    """rad, largest 2-norm of the joints' error over time (paper figure 15)."""
-    rms: tuple[float, ...]
-    """rad, root mean square error of each joint."""
-    seconds: float
-    """Wall-clock time of the simulation."""
-    ratio: float | None = None
-    """Measured: `norm` over the trial's before; None for the first."""
     inputs: Array = field(repr=False)
     """(n, joints) rad."""
     outputs: Array = field(repr=False)
     """(n, joints) rad."""
+    error: Array = field(repr=False)
+    """(n, joints) rad, desired less measured."""
+    seconds: float = 0.0
+    """Wall-clock time of the simulation."""
+
+    @cached_property
+    def largest(self) -> tuple[float, ...]:
+        """rad, largest absolute error of each joint."""
+        return tuple(np.abs(self.error).max(axis=0).tolist())
+
+    @cached_property
+    def rms(self) -> tuple[float, ...]:
+        """rad, root mean square error of each joint."""
+        return tuple(np.sqrt(np.mean(self.error**2, axis=0)).tolist())
+
+    @cached_property
+    def norm(self) -> float:
+        """rad, largest 2-norm of the joints' error over time (paper figure 15)."""
+        return float(np.linalg.norm(self.error, axis=1).max())
 
     @property
     def total(self) -> float:
         """rad, root mean square error over all joints and the whole time."""
-        return float(np.sqrt(np.mean(np.square(self.rms))))
+        return float(np.sqrt(np.mean(self.error**2)))
 
     @property
     def worst(self) -> float:
@@ -93,8 +121,6 @@ class LearningResult:
     reason: str
     """Why it ended, a sentence for people."""
     trials: tuple[Trial, ...]
-    best: int
-    """Number of the trial whose inputs are the result: the one with the least error."""
 
     @property
     def converged(self) -> bool:
@@ -107,47 +133,69 @@ class LearningResult:
         return self.trials[-1].number
 
     @property
-    def inputs(self) -> Array:
-        """(n, joints) rad, the learned inputs."""
-        return self.trials[self.best].inputs
+    def best(self) -> Trial:
+        """The trial whose inputs are the result."""
+        return best_of(self.trials)
 
     @property
-    def best_trial(self) -> Trial:
-        """The trial whose inputs are the result."""
-        return self.trials[self.best]
+    def inputs(self) -> Array:
+        """(n, joints) rad, the learned inputs."""
+        return self.best.inputs
 
 
-def trial_of(
+def learn(
     problem: LearningProblem,
-    inputs: Array,
-    outputs: Array,
+    simulate: Simulate,
+    settings: Learning,
+    on_trial: Callable[[Trial], None] | None = None,
     *,
-    before: Trial | None,
-    seconds: float = 0.0,
-) -> Trial:
-    """The trial in which `inputs` gave `outputs`, (n, joints) each."""
-    error = problem.reference - outputs
-    norm = float(np.linalg.norm(error, axis=1).max())
-    return Trial(
-        number=0 if before is None else before.number + 1,
-        largest=tuple(float(value) for value in np.abs(error).max(axis=0)),
-        norm=norm,
-        rms=tuple(float(value) for value in np.sqrt(np.mean(error**2, axis=0))),
-        seconds=seconds,
-        ratio=None if before is None or before.norm == 0.0 else norm / before.norm,
-        inputs=inputs,
-        outputs=outputs,
-    )
+    law: Law,
+    state: Path | None = None,
+    resume: bool = False,
+) -> LearningResult:
+    """Learn inputs whose outputs follow the reference.
+
+    on_trial: receives each new trial as it ends. state: file that is replaced after each trial, in one move; with `resume` the
+    learning goes on from it exactly, or begins if there is no file. Raises InputError if the state belongs to another problem,
+    OutputError if it cannot be written.
+    """
+    trials: list[Trial] = []
+    if resume and state is not None and state.exists():
+        trials = load_state(state, problem, settings)
+    outcome = verdict(problem, trials, settings, law) if trials else None
+    while outcome is None:
+        inputs = law.propose(trials) if trials else problem.first_guess
+        started = clock.perf_counter()
+        outputs = np.asarray(simulate(inputs), dtype=float)
+        trials.append(problem.trial(len(trials), inputs, outputs, clock.perf_counter() - started))
+        if state is not None:
+            save_state(state, problem, settings, trials)
+        if on_trial is not None:
+            on_trial(trials[-1])
+        outcome = verdict(problem, trials, settings, law)
+    return LearningResult(outcome=outcome[0], reason=outcome[1], trials=tuple(trials))
 
 
-def worst(problem: LearningProblem, trial: Trial) -> str:
-    """The largest error with its unit."""
-    unit = problem.units[int(np.argmax(trial.largest))] if problem.units else "rad"
-    return f"{trial.worst:.4g} {unit}"
+def best_of(trials: Sequence[Trial]) -> Trial:
+    """The trial with the least largest error; of equal ones the first."""
+    return min(trials, key=lambda trial: trial.worst if np.isfinite(trial.worst) else np.inf)
 
 
-def worst_place(problem: LearningProblem, trial: Trial) -> str:
-    """Joint and time of the largest error."""
-    column = int(np.argmax(trial.largest))
-    error = np.abs(problem.reference - trial.outputs)[:, column]
-    return f"{problem.joints[column]} at {int(np.argmax(error)) * problem.step:.3g} s"
+def verdict(problem: LearningProblem, trials: Sequence[Trial], settings: Learning, law: Law) -> tuple[Outcome, str] | None:
+    """Why to stop after the last trial, or None to go on."""
+    last = trials[-1]
+    if last.worst <= settings.tolerance:
+        return "converged", (
+            f"converged after {last.number} iterations: the largest error, {problem.worst(last)}, is within "
+            f"{settings.tolerance:g} {problem.unit} in every joint"
+        )
+    given_up = law.verdict(trials, settings.patience)
+    if given_up is not None:
+        return given_up
+    if last.number >= settings.max_iterations:
+        best = best_of(trials)
+        return "exhausted", (
+            f"not converged after {last.number} iterations: {problem.worst_place(best)} is still {problem.worst(best)} off "
+            f"in the best trial, number {best.number}; tolerance {settings.tolerance:g} {problem.unit}"
+        )
+    return None

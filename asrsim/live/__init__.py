@@ -1,4 +1,4 @@
-"""Live runs: a simulation in real time with real topics, whose commands are recorded so that it can be repeated."""
+"""Live runs: simulation in real time with ROS or WebSocket topics. Commands are recorded, so the run can be repeated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands from outside, checked: known joints, finite numbers and right lengths get through; everything else is counted."""
+"""Checks of commands from outside: only finite numbers of the right count for known joints pass; others are counted."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from asrsim.simulation.ranges import Range
 Target = tuple[str, str]
 """Joint and reference."""
 MOST_NOTICES = 100
-"""Different refusals that are told and counted by themselves."""
+"""Largest number of distinct refusals that are reported and counted separately."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Values of a reference over time, from the arrival of a trajectory on."""
+    """Trajectory of a reference, starting at the arrival of its message."""
 
     times: Sequence[float]
     values: Sequence[float]
     velocities: Sequence[float]
-    """Empty: the values are joined by straight lines."""
+    """Velocities at the points; empty: linear interpolation between the points."""
 
     def curve(self, start: float) -> Callable[[float], float]:
-        """Value at a time in s; start: the value before the first point."""
+        """Function time (s) -> value; start: value before the first point."""
         times, values, velocities = self.times, self.values, self.velocities
         if times[0] > 0.0:
             times, values, velocities = [0.0, *times], [start, *values], [0.0, *velocities] if velocities else ()
@@ -47,7 +47,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Input:
-    """An inlet, and where its values go: by place, or by name."""
+    """Input topic and the references that its values set, assigned by position or by name."""
 
     inlet: Inlet
     places: tuple[Target | None, ...] = ()
@@ -55,24 +55,24 @@ class _Input:
 
 
 class CommandInput:
-    """The inlets of a robot, and the checks of their messages."""
+    """Input topics of a robot and the checks of their messages."""
 
     def __init__(self, joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], *, prefix: str = "") -> None:
-        """ranges: joint -> reference -> range of what may be set; others may not be set."""
+        """ranges: joint -> reference -> permitted range; other references cannot be set."""
         self._ranges = ranges
         self._inputs = tuple(_inputs(joints, ranges, prefix))
         self.inlets = tuple(one.inlet for one in self._inputs)
         self.taken = 0
-        """Values that got through."""
+        """Number of accepted values."""
         self.refused: Counter[str] = Counter()
-        """Reason -> dropped messages or values."""
+        """Reason -> number of dropped messages or values."""
         self.clamped: Counter[str] = Counter()
-        """joint.reference -> values that were beyond their range."""
+        """joint.reference -> number of values clamped to their range."""
         self.notices: list[str] = []
-        """Sentences for the user, each kind once; the reader takes them away."""
+        """Sentences for the user, one per kind; the reader removes them."""
 
     def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
-        """The values of a message that may be set, clamped to their ranges, or the motions of a trajectory."""
+        """Accepted values of a message, clamped to their ranges, or the motions of a trajectory."""
         one, names, fault = self._inputs[received.inlet], received.names, received.fault
         points = received.points or [(0.0, received.values, ())]
         times = [time for time, _, _ in points]
@@ -89,7 +89,7 @@ class CommandInput:
         for j, target in enumerate(one.places if names is None else [self._named(one, name) for name in names]):
             values = [row[j] for _, row, _ in points]
             velocities = [row[j] for *_, row in points if len(row) == width]
-            # A controller leaves joints that it does not command as NaN.
+            # Controllers send NaN for joints that they do not command.
             if target is None or (names is not None and not received.points and math.isnan(values[0])):
                 continue
             if not all(map(math.isfinite, (*values, *velocities))):
@@ -101,13 +101,15 @@ class CommandInput:
         return found
 
     def clamp(self, target: Target, value: float) -> float:
-        """The value within its range; values beyond are counted."""
+        """Value clamped to its range; clamped values are counted."""
         low, high = self._ranges[target[0]][target[1]]
         if not low <= value <= high:
             key = ".".join(target)
             self.clamped[key] += 1
             if self.clamped[key] == 1:
-                self.notices.append(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped, as all that follow")
+                self.notices.append(
+                    f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later ones are only counted"
+                )
         return min(max(value, low), high)
 
     def _named(self, one: _Input, name: str) -> Target | None:
@@ -117,12 +119,12 @@ class CommandInput:
 
     def _refuse(self, topic: str, why: str) -> None:
         text = f"{topic}: {why}"
-        # Foreign messages must not fill our memory.
+        # Limit the memory that messages from other programs may take.
         if text not in self.refused and len(self.refused) >= MOST_NOTICES:
             text = "others"
         self.refused[text] += 1
         if self.refused[text] == 1:
-            self.notices.append(f"{text}: dropped; more of the kind are counted only")
+            self.notices.append(f"{text}: dropped; further ones are only counted")
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], prefix: str) -> Iterator[_Input]:
@@ -132,7 +134,7 @@ def _inputs(joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range
         references = own[joint.name]
         topics = dict(zip(reference_names(joint), references, strict=False))
         if joint.mode == 4:
-            # The released code's names, beside the paper's.
+            # Names of the released toolbox code, in addition to the paper's.
             topics |= {f"torque_m{number}_command": reference for number, reference in enumerate(references, start=1)}
         if EXTERNAL_TORQUE in ranges.get(joint.name, {}):
             topics[EXTERNAL_TORQUE] = EXTERNAL_TORQUE

@@ -1,4 +1,4 @@
-"""The log and the summary of a live run, from one start to the next reset or the end."""
+"""Log and summary of a live run, from a start to the next reset or the end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from asrsim.summary import Collector, RunSummary, make_summary
 
 
 class Episode:
-    """A sink of the simulation, whose samples and commands go to the open log."""
+    """Sink of the simulation that writes samples and commands to the open log."""
 
     def __init__(self, scenario: Scenario, info: RunInfo) -> None:
         described = as_run(info, scenario)
@@ -33,7 +33,7 @@ class Episode:
         self._files = ExitStack()
 
     def open(self, folder: Path, *, overwrite: bool) -> None:
-        """Begin a log in `folder`. Raises OutputError."""
+        """Start a log in `folder`. Raises OutputError."""
         self.folder = folder
         with ExitStack() as files:
             files.enter_context(owned(folder))
@@ -43,7 +43,7 @@ class Episode:
             self._files = files.pop_all()
 
     def write(self, samples: Samples) -> None:
-        """Samples of the simulation, and the commands since the last ones. Raises DivergenceError and OutputError."""
+        """Write samples of the simulation, and the commands since the last samples. Raises DivergenceError and OutputError."""
         if self._writer is not None:
             for command, time in self._commands:
                 self._writer.aside(command_topic(), time, encoded(command, time))
@@ -52,13 +52,13 @@ class Episode:
             self._writer.flush()
 
     def command(self, command: Command, time: float) -> None:
-        """A reference that was set from outside at `time` s; written with the samples."""
+        """Record a reference that was set from outside at `time` s; it is written with the next samples."""
         self._commands.append((command, time))
 
     def close(
         self, simulation: Simulation, wall: float, time: float, error: DivergenceError | None, figures: dict[str, Any]
     ) -> RunSummary:
-        """End the log and write the summary beside it. wall: s of the run; time: s simulated. Raises OutputError."""
+        """Summary, after closing the log; also written beside it. wall: duration, s; time: simulated, s. Raises OutputError."""
         writer = self._writer
         if writer is None:
             raise RuntimeError("no log is open")
@@ -79,7 +79,7 @@ class Episode:
         return summary
 
     def abandon(self) -> None:
-        """Close an open log after an error; what is in it stays readable."""
+        """Close an open log after an error; its content stays readable."""
         if self._writer is not None:
             self._writer.close({"status": "failed"})
             self._writer = None

@@ -1,4 +1,4 @@
-"""A WebSocket for Foxglove, Lichtblick and their clients: channels in CDR, services, client publish."""
+"""WebSocket server for Foxglove, Lichtblick and similar clients: channels in CDR, services, messages from clients."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from asrsim.live.transport import Access, Interface, Received, received
 from asrsim.log.topics import schema_name, schema_text
 
 WAITING = 5000
-"""Messages from outside that wait for the simulation; the oldest beyond are lost."""
+"""Largest number of received messages that wait for the simulation; beyond it the oldest are dropped."""
 MOST = 1000
-"""Messages taken at once, and channels that clients may advertise."""
+"""Largest number of messages taken at once, and of channels that clients may advertise."""
 PATIENCE = 5.0
-"""s that a client waits for an answer."""
+"""Time that a client waits for an answer, s."""
 
 
 class FoxgloveTransport:
-    """A server; its threads only fill queues, which the simulation's thread empties."""
+    """WebSocket server. Its threads only fill queues, which the simulation's thread empties."""
 
     def __init__(self, interface: Interface, access: Access) -> None:
         import foxglove
@@ -36,7 +36,7 @@ class FoxgloveTransport:
         from foxglove.websocket import Capability
 
         self._interface = interface
-        # Channels are closed when their context goes.
+        # The channels exist as long as their context.
         self._context = context = Context()
         self._messages: deque[tuple[str, str, bytes]] = deque()
         self._requests: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
@@ -64,11 +64,11 @@ class FoxgloveTransport:
             "capabilities": [Capability.ClientPublish, Capability.Services, Capability.Time],
             "supported_encodings": ["cdr", "json"], "services": [self._service(name) for name in interface.services],
         }  # fmt: skip
-        # No web page finds the server itself: it listens at a random address of this machine.
+        # The server listens at a random local address, so that web pages cannot find it directly.
         behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
         try:
             self._server = foxglove.start_server(host=behind, **options)
-        except Exception:  # foxglove's own kinds; some systems have only this address
+        except Exception:  # foxglove raises errors of many kinds; some systems have only 127.0.0.1
             behind = "127.0.0.1"
             self._server = foxglove.start_server(host=behind, **options)
         self._proxy.start(behind, self._server.port)
@@ -97,7 +97,7 @@ class FoxgloveTransport:
     # -- called by the server's threads -----------------------------------------------------------------------------
 
     def _ask(self, request: Callable[[], Any]) -> Any:
-        """The result of a request in the simulation's thread; None where nobody answers in time."""
+        """Result of a request to the simulation's thread; None without an answer in time."""
         answer: Future[Any] = Future()
         self._requests.append((request, answer))
         if not self._closed:
@@ -107,18 +107,18 @@ class FoxgloveTransport:
         return None
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Send a latched topic again."""
+        """Send the message of a latched topic again."""
         topic = channel.topic
         if topic in self._latched:
             self._requests.append((lambda: self._latched[topic].log(self._interface.latched[topic]), Future()))
 
     def on_client_advertise(self, client: Any, channel: Any) -> None:
-        """Note a client's channel."""
+        """Register a client's channel."""
         if len(self._advertised) < MOST:
             self._advertised[client.id, channel.id] = channel.topic, channel.encoding
 
     def on_client_unadvertise(self, client: Any, client_channel_id: int) -> None:
-        """Forget a client's channel."""
+        """Remove a client's channel."""
         self._advertised.pop((client.id, client_channel_id), None)
 
     def on_message_data(self, client: Any, client_channel_id: int, data: bytes) -> None:
@@ -136,13 +136,13 @@ class FoxgloveTransport:
     # -- called by the simulation's thread --------------------------------------------------------------------------
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """See :class:`asrsim.live.transport.Transport`."""
+        """See `asrsim.live.transport.Transport`."""
         for channel, message in zip(self._channels, messages, strict=True):
             if message:
                 channel.log(message, log_time=time)
 
     def poll(self) -> Iterator[Received]:
-        """See :class:`asrsim.live.transport.Transport`."""
+        """See `asrsim.live.transport.Transport`."""
         for _ in range(min(MOST, len(self._requests))):
             request, answer = self._requests.popleft()
             if answer.set_running_or_notify_cancel():
@@ -154,8 +154,8 @@ class FoxgloveTransport:
                 yield received(number, decoded, message, encoding, data)
 
     def close(self) -> None:
-        """See :class:`asrsim.live.transport.Transport`."""
-        # Requests that wait are given up first, since the server answers all of them before it stops.
+        """See `asrsim.live.transport.Transport`."""
+        # Cancel waiting requests first: the server answers all of them before it stops.
         self._closed = True
         while self._requests:
             self._requests.popleft()[1].cancel()
@@ -171,7 +171,7 @@ def _types() -> Any:
 
 
 def decoded(message: str, encoding: str, data: bytes) -> Any:
-    """A client's message of a type as an object, from CDR or JSON. Raises whatever a decoder raises."""
+    """Object from a client's message, in CDR or JSON. Raises the errors of the decoders."""
     if encoding == "json":
         missing = {"position": (), "effort": (), "velocities": ()}
         return json.loads(data, object_hook=lambda fields: SimpleNamespace(**{**missing, **fields}))

@@ -1,7 +1,7 @@
-"""A proxy before a WebSocket server: web pages may connect only from this machine, or from origins that the user names.
+"""Proxy for a WebSocket server: only web pages of this machine, or of origins that the user names, may connect.
 
-A browser lets every web page open a WebSocket to this machine, and names the page in the header `Origin`. foxglove-sdk's server
-does not read that header, so this module reads the head of each request and passes allowed connections on to the server.
+A browser allows every web page to open a WebSocket to this machine, and names the page in the header `Origin`. The server
+of foxglove-sdk ignores that header, so this module reads the head of each request and forwards permitted connections.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from threading import Thread
 from asrsim.errors import InputError
 
 LONGEST_HEAD = 16384
-"""Bytes of a request's head."""
+"""Largest size of a request's head, bytes."""
 PATIENCE = 5.0
-"""s in which a client must have sent the head."""
+"""Time in which a client must send the head, s."""
 MOST_CLIENTS = 64
-"""Connections at a time."""
+"""Largest number of simultaneous connections."""
 MOST_NOTICES = 20
-"""Refused origins that are named."""
+"""Largest number of refused origins that are reported."""
 _OWN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?|(file|app|foxglove|lichtblick)://.*")
-"""Pages of this machine's own servers, and desktop applications (Electron's send `file://`)."""
+"""Origins of this machine's servers, and of desktop applications (Electron's send `file://`)."""
 _REFUSAL = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
 
 def origin_of(text: str) -> str:
-    """An origin as browsers write it. Raises InputError for other texts."""
+    """Origin in the form that browsers send. Raises InputError for other texts."""
     origin = text.strip().rstrip("/").lower()
     if not re.fullmatch(r"[a-z][a-z0-9+.-]*://[^/\s]+", origin):
         hint = "An origin is a page's address without its path, such as https://app.foxglove.dev"
-        raise InputError(f"'{text}' is no origin", key="--allow-origin", hint=hint, code="bad-origin")
+        raise InputError(f"'{text}' is not an origin", key="--allow-origin", hint=hint, code="bad-origin")
     return origin
 
 
 class OriginProxy:
-    """Listens at an address and passes allowed connections on to a server; its thread ends with :meth:`close`."""
+    """Listens at an address and forwards permitted connections to a server; `close` ends its thread."""
 
     def __init__(self, address: tuple[str, int], allowed: Collection[str], notices: list[str]) -> None:
-        """allowed: origins beside this machine's own; notices: takes a sentence for each refused origin. Raises OSError where
-        the address is taken.
+        """allowed: permitted origins besides this machine's; notices: receives a sentence per refused origin. Raises OSError if
+        the address is in use.
         """
         self._allowed, self._notices, self._clients = frozenset(allowed), notices, 0
         self._refused: set[str] = set()
@@ -52,7 +52,7 @@ class OriginProxy:
         self._thread = Thread(target=self._run, daemon=True)
 
     def start(self, host: str, port: int) -> None:
-        """Pass connections on to the server at this address from now on."""
+        """Forward connections to the server at this address from now on."""
         self._server = host, port
         self._thread.start()
 

@@ -1,4 +1,4 @@
-"""Real time: when the next tick is due, how late ticks come, and how much of their time is work."""
+"""Pace of a real-time run: due time of the next tick, lateness of ticks, and share of time spent working."""
 
 from __future__ import annotations
 
@@ -11,52 +11,52 @@ from collections.abc import Callable
 import numpy as np
 
 SLIP = 0.25
-"""s behind at which a run stops catching up and goes on from now."""
+"""Delay in s from which a run stops catching up and continues from the current time."""
 NAP = 0.1
-"""Longest sleep in s, so that commands are taken and a run can be stopped."""
+"""Longest sleep, s, so that commands are received and a run can be stopped."""
 RECENT = 10_000
-"""Ticks whose lateness is kept."""
+"""Number of ticks whose lateness is kept."""
 
 
 def take_priority() -> bool:
-    """Take real-time priority for this thread and those that it starts, where the system grants it.
+    """Set real-time priority for this thread and the threads it starts, if the system permits it; return whether it was set.
 
-    The ordinary scheduler leaves two busy threads on one processor for up to 90 ms while the other has little to do. A process
-    with another policy, or with a positive niceness, keeps that.
+    The ordinary scheduler may leave two busy threads on one processor for up to 90 ms while another is idle. A process with
+    another scheduling policy, or with positive niceness, is left unchanged.
     """
     try:
         if os.sched_getscheduler(0) == os.SCHED_OTHER and os.nice(0) <= 0:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
             return True
-    except (AttributeError, OSError):  # not on this system, or not permitted
+    except (AttributeError, OSError):  # not available or not permitted
         pass
     return False
 
 
 def leave_priority() -> None:
-    """Take ordinary priority again."""
+    """Restore ordinary priority."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 class Pace:
-    """Ticks of a simulation against the wall clock."""
+    """Synchronises the ticks of a simulation with the wall clock."""
 
     def __init__(
         self, speed: float, *, now: Callable[[], float] = time.perf_counter, sleep: Callable[[float], None] = time.sleep
     ) -> None:
-        """speed: simulated s a second; infinite: as fast as it goes."""
+        """speed: simulated seconds per second; infinite: without waiting."""
         self._now, self._sleep = now, sleep
         self._late: deque[float] = deque(maxlen=RECENT)
         self.ticks, self.worst = 0, 0.0
         self.slips, self.slipped = 0, 0.0
-        """How often the run stopped catching up, and the s that it lost."""
+        """Number of times that the run stopped catching up, and total time lost, s."""
         self.busy = 0.0
-        """s of work."""
+        """Time spent working, s."""
         self.speed = speed
         self.start()
 
     def start(self) -> None:
-        """Time counts from now: at the beginning, after a pause."""
+        """Restart the clock: at the beginning and after a pause."""
         self._due = self._awake = self._now()
 
     def lateness(self) -> tuple[float, float]:
@@ -65,9 +65,9 @@ class Pace:
         return median, high
 
     def wait(self, simulated: float) -> float | None:
-        """Sleep until `simulated` s after the last tick are due; returns the lateness in s.
+        """Lateness in s, after sleeping until the tick is due, `simulated` s after the last one.
 
-        None: the tick is not due yet after a nap; call again.
+        None: the longest sleep ended before the tick is due; call again.
         """
         now = self._now()
         self.busy += now - self._awake

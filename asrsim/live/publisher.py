@@ -1,4 +1,4 @@
-"""The topics of a live run, and their messages at a whole step, with the numbers that the log holds."""
+"""Topics of a live run and their messages after each step, with the numbers of the log."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from asrsim.samples import JointInfo, RunInfo, Samples
 from asrsim.simulation.simulation import Simulation
 
 APPLIED = "applied"
-"""Part of the names of topics with the references in force; the toolbox's own names are those of commands."""
+"""Part of the names of topics that publish the references in effect; the toolbox's own topic names are for commands."""
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
-"""Ending of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
+"""Suffix of the pseudo-joint whose position is the stiffness preset, for ros2_control."""
 
 
 class Publisher:
-    """Messages of all topics from the simulation's last step."""
+    """Makes the messages of all topics from the simulation's last step."""
 
     def __init__(self, simulation: Simulation, info: RunInfo, *, namespace: str = "") -> None:
-        """info: description of the run; namespace: stands before all names but `/clock` and `/tf`."""
+        """info: description of the run; namespace: prefix of all topic names except `/clock` and `/tf`."""
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
         self.prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
         topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
-        # Answers to commands go first: each message takes some microseconds.
+        # Publish the answers to commands first: each message takes some microseconds.
         topics.sort(key=lambda topic: f"/{APPLIED}/" not in topic.name)
         self._frames = FrameMessages(info.frames, info.frame_rate) if info.frames and info.frame_rate else None
         outlets = [Outlet(topic.name, topic.message) for topic in topics]
@@ -50,12 +50,12 @@ class Publisher:
         self._lay_out(topics, {joint.name: joint.quantities for joint in info.joints})
 
     def _lay_out(self, topics: Sequence[Topic], known: dict[str, tuple[str, ...]]) -> None:
-        """All messages in one piece of memory, into which the numbers of a step are written at once."""
+        """Place all messages in one block of memory, so that the numbers of a step are written in a single operation."""
         data = bytearray()
         self._places: list[tuple[int, int]] = []
         floats, sources, stamps = [], [], []
         for topic in topics:
-            # Numbers are aligned behind the four bytes of CDR's header.
+            # CDR aligns numbers relative to the end of its four-byte header.
             data += bytes((4 - len(data)) % 8)
             start = len(data)
             data += topic.template.data
@@ -72,9 +72,9 @@ class Publisher:
         self._floats, self._sources, self._stamps = np.array(floats), np.array(sources), np.add.outer(stamps, (0, 1))
 
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
-        """Messages of the outlets that are not latched, in their order; empty where nobody subscribes, or none is due.
+        """Messages of the outlets that are not latched, in order; empty for an outlet without subscribers or not due.
 
-        time: of the last step in ns; wanted: of each transport, see :attr:`asrsim.live.transport.Transport.wanted`.
+        time: time of the last step, ns; wanted: for each transport, see `asrsim.live.transport.Transport.wanted`.
         """
         listened = [any(each) for each in zip(*wanted, strict=True)]
         if not any(listened):
@@ -93,13 +93,13 @@ class Publisher:
         return messages
 
     def begin_again(self) -> None:
-        """The simulation is back at its start."""
+        """Reset after the simulation has returned to its start."""
         if self._frames is not None:
             self._frames.rewind()
 
 
 def reference_names(joint: JointInfo) -> tuple[str, ...]:
-    """The toolbox's names of the topics of a joint's references."""
+    """Topic names of a joint's references, as in the toolbox."""
     return REFERENCE_TOPICS.get(joint.mode, ())[: 1 if joint.motors == 1 else None]
 
 
@@ -117,7 +117,7 @@ def _topics(joints: Sequence[JointInfo]) -> Iterator[Topic]:
         if "stiffness" in joint.quantities:
             template = CdrBuilder().float64(Column("value", "stiffness", joint.name)).build()
             yield Topic(name=f"{paths[joint.name]}/stiffness", message="std_msgs/Float64", template=template)
-    # The layout of JointStateTopicSystem: stiffness presets are positions of pseudo-joints.
+    # As in JointStateTopicSystem, stiffness presets are positions of pseudo-joints.
     driven = [joint for joint in joints if joint.mode is not None]
     preset = [joint for joint in driven if "stiffness_preset" in reference_names(joint)]
     builder = CdrBuilder().header().strings([*(j.name for j in driven), *(j.name + STIFFNESS_JOINT for j in preset)])

@@ -1,4 +1,6 @@
-"""ROS 2 by rclpy: CDR out, messages taken without an executor, so that only the simulation's thread works."""
+"""ROS 2 transport with rclpy. It publishes CDR and takes messages without an executor, so all work is done in the simulation's
+thread.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,15 @@ from asrsim.extras import install
 from asrsim.live.transport import Access, Interface, Received, received
 
 DEPTH = 300
-"""Messages that a publisher keeps for slow subscribers. It searches all of them for each message that it sends: with 1000 a
-reliable subscriber that takes none slows a run tenfold."""
+"""Number of messages that a publisher keeps for slow subscribers. It searches all of them for each message: with 1000, a
+reliable subscriber that takes no messages slows a run tenfold.
+"""
 MOST = 1000
-"""Messages that a subscription keeps for us, and that are taken at once."""
+"""Largest number of messages that a subscription keeps, and that are taken at once."""
 LOOK = 0.05
-"""s between looks at services, subscribers and publishers."""
+"""Time between checks of services, subscribers and publishers, s."""
 FLOAT64 = struct.Struct("<4xd")
-"""A little-endian std_msgs/Float64: most commands, read five times faster than by rclpy."""
+"""Layout of a little-endian std_msgs/Float64, the most frequent command; reading it is five times faster than with rclpy."""
 LOCAL = (
     "<interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>",
     (
@@ -34,7 +37,7 @@ LOCAL = (
         "<initialPeersList><locator><udpv4><address>127.0.0.1</address></udpv4></locator></initialPeersList>"
     ),
 )
-"""Settings of transport and discovery by which Fast DDS's sockets are bound to this machine."""
+"""Settings of transport and discovery that bind Fast DDS's sockets to this machine."""
 PROFILES = """\
 <?xml version="1.0" encoding="UTF-8" ?>
 <dds><profiles xmlns="http://www.eprosima.com">
@@ -54,13 +57,14 @@ PROFILES = """\
   </times></data_writer>
 </profiles></dds>
 """
-"""Settings of Fast DDS that ROS does not offer. UDP only: shared memory takes a quarter less time, but becomes slow for 20 s
-where a subscriber was killed. Publishers ask every 100 ms, not every 3 s, which messages have come; they wait 20 ms before they
-send again; a message that a subscriber holds up is given up after 1 ms, not after 100."""
+"""Settings of Fast DDS that ROS does not offer. Only UDP: shared memory is a quarter faster, but becomes slow for 20 s after a
+subscriber was killed. Publishers ask for acknowledgements every 100 ms instead of 3 s, and wait 20 ms before sending again. A
+message blocked by a subscriber is dropped after 1 ms instead of 100 ms.
+"""
 
 
 class RosTransport:
-    """A node with the run's topics, and services."""
+    """Node with the run's topics and services."""
 
     def __init__(self, interface: Interface, access: Access) -> None:
         self.lost = 0
@@ -80,7 +84,7 @@ class RosTransport:
                 rclpy.init(context=self._context, domain_id=access.domain, signal_handler_options=SignalHandlerOptions.NO)
                 options = {"namespace": namespace or None, "use_global_arguments": False, "enable_rosout": False}
                 self._node = rclpy.create_node(name, context=self._context, **options)
-        except Exception as error:  # rclpy's own kinds
+        except Exception as error:  # rclpy raises errors of many kinds
             self._context.try_shutdown()
             raise InputError(f"ROS 2 cannot be started: {type(error).__name__}: {error}", hint=_cure(), code="ros") from error
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -120,23 +124,23 @@ class RosTransport:
             self._node.create_service(SetBool if service.takes_flag else Trigger, f"~/{name}", answer)
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """See :class:`asrsim.live.transport.Transport`."""
+        """See `asrsim.live.transport.Transport`."""
         for publisher, message, wanted in zip(self._publishers, messages, self.wanted, strict=True):
             if wanted and message:
                 try:
                     publisher.handle.publish_raw(message)
-                except RuntimeError:  # rclpy's own: it waited for a subscriber that does not keep up
+                except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
                     self._unsent += 1
                     if self._unsent in (1, 1000):
-                        self.notices.append(f"{self._unsent} messages given up so far: a subscriber does not keep up")
+                        self.notices.append(f"{self._unsent} messages dropped so far: a subscriber does not keep up")
 
     def poll(self) -> Iterator[Received]:
-        """See :class:`asrsim.live.transport.Transport`."""
+        """See `asrsim.live.transport.Transport`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
         left = MOST
         for number, kind, subscription in self._spoken_to:
-            # Taken as bytes: an empty queue is found in half the time.
+            # Take raw bytes: this finds an empty queue in half the time.
             while left and (taken := subscription.handle.take_message(kind, True)) is not None:
                 left -= 1
                 data = taken[0]
@@ -146,7 +150,7 @@ class RosTransport:
                     yield received(number, self._deserialize, data, kind)
 
     def _look(self) -> None:
-        """Answer services, and find out which topics have subscribers and publishers."""
+        """Answer services, and find topics with subscribers and publishers."""
         self._looked = clock.monotonic()
         for service in self._node.services:
             with service.handle:
@@ -158,13 +162,13 @@ class RosTransport:
         self._spoken_to = [one for one in self._subscriptions if one[2].get_publisher_count()]
 
     def close(self) -> None:
-        """See :class:`asrsim.live.transport.Transport`."""
+        """See `asrsim.live.transport.Transport`."""
         self._node.destroy_node()
         self._context.try_shutdown()
 
 
 def message_type(name: str) -> Any:
-    """The class of a message such as `std_msgs/Float64`; None where its package is not installed."""
+    """Class of a message such as `std_msgs/Float64`; None if its package is not installed."""
     package, _, kind = name.partition("/")
     try:
         return getattr(import_module(f"{package}.msg"), kind, None)
@@ -174,12 +178,12 @@ def message_type(name: str) -> Any:
 
 @contextmanager
 def fast_dds(*, network: bool) -> Iterator[None]:
-    """Fast DDS's settings for the participant that is made within; settings of the user stand above them.
+    """Context with Fast DDS's settings for the participant created inside; the user's own settings have priority.
 
-    network: also other machines; else the sockets are bound to 127.0.0.1. With the user's settings ROS's own range `LOCALHOST`
-    is in force, which listens on all interfaces and takes nothing from other machines.
+    network: also reach other machines; otherwise the sockets are bound to 127.0.0.1. If the user has settings, ROS's range
+    `LOCALHOST` is used instead, which listens on all interfaces but accepts nothing from other machines.
     """
-    # Kilted's Fast DDS, the third version, has another name for library and variable.
+    # Fast DDS 3 (since ROS Kilted) has other names for library and variable.
     variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if _folders_with("libfastrtps.so") else "FASTDDS_DEFAULT_PROFILES_FILE"
     before = dict(os.environ)
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
@@ -197,30 +201,32 @@ def fast_dds(*, network: bool) -> Iterator[None]:
 
 
 def load_rclpy() -> Any:
-    """rclpy of our environment, or of a sourced ROS that fits this Python. Raises InputError where two of them conflict."""
-    # The wheels set the variable themselves, to folders of this environment.
+    """rclpy of this environment, or of a sourced ROS for this Python version. Raises InputError if two of them conflict."""
+    # The rclpy wheels set this variable themselves, to folders of this environment.
     foreign = [
         folder for folder in _folders_with("librcl.so") if not folder.resolve().is_relative_to(Path(sys.prefix).resolve())
     ]
     spec = find_spec("rclpy")
     origin = (spec and spec.origin) or ""
     if "site-packages" in origin and foreign:
-        message = f"a ROS environment is sourced: its libraries in {foreign[0]} stand before those of this Python's own rclpy"
+        message = (
+            f"a ROS environment is sourced: its libraries in {foreign[0]} take precedence over those of this Python's rclpy"
+        )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
-    # ROS would end the process over it.
+    # ROS would end the process if the middleware is missing.
     if wanted and _folders_with("librcl.so") and not _folders_with(f"lib{wanted}.so"):
-        message = f"RMW_IMPLEMENTATION asks for '{wanted}', which is not installed here"
+        message = f"RMW_IMPLEMENTATION names '{wanted}', which is not installed here"
         raise InputError(message, hint="Start with: env -u RMW_IMPLEMENTATION asrsim live ...", code="ros-rmw")
     try:
         return import_module("rclpy")
-    except Exception as error:  # a library of another build may fail on import in any way
+    except Exception as error:  # a library of another build may raise any error
         message = f"rclpy of {origin} cannot be loaded: {(str(error).strip().splitlines() or [type(error).__name__])[0]}"
         raise InputError(message, hint=_cure(), code="ros-sourced") from error
 
 
 def _folders_with(library: str) -> list[Path]:
-    """Folders of LD_LIBRARY_PATH that hold a library."""
+    """Folders of LD_LIBRARY_PATH that contain a library."""
     folders = os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep)
     return [Path(folder) for folder in folders if folder and (Path(folder) / library).exists()]
 

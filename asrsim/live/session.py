@@ -1,4 +1,4 @@
-"""A live run: ticks in real time, commands in and messages out at each tick, and the log beside it."""
+"""Live run: ticks in real time; every tick reads commands and publishes messages; the log is written alongside."""
 
 from __future__ import annotations
 
@@ -24,40 +24,40 @@ from asrsim.simulation.simulation import Simulation
 from asrsim.summary.data import RunSummary
 
 TICK = 1e-3
-"""s of wall time between ticks, or a step where that is longer."""
+"""Wall-clock time between ticks, s; a step if that is longer."""
 BATCH = 0.128
-"""s between samples that go to the log."""
+"""Interval at which samples are written to the log, s."""
 BREATH = 10.0
-"""s within which a run must fall behind twice before it publishes less: a single halt of the machine is no reason."""
+"""Time within which a run must fall behind twice before it publishes less, s; a single pause of the machine is ignored."""
 SPEECH = 0.25
-"""Share of topics in all work from which on fewer messages help."""
+"""Share of the topics in the work from which publishing less helps."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 FOREVER = 1e7
-"""s: longer than any run."""
+"""Duration of a run without end, s."""
 LOOK = 0.25
-"""s between looks at notices and status."""
+"""Time between updates of notices and status, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How a live run goes."""
+    """Settings of a live run."""
 
     speed: float = 1.0
-    """Simulated s a second; infinite: as fast as it goes."""
+    """Simulated seconds per second; infinite: without waiting."""
     duration: float | None = None
-    """Simulated s after which it ends; None: when it is stopped."""
+    """Simulated time after which the run ends, s; None: the run ends when stopped."""
     rate: float = 1000.0
-    """Highest rate of the topics, Hz (simulated)."""
+    """Highest rate of the topics, Hz of simulated time."""
     namespace: str = ""
     transports: Sequence[str] = ()
     access: Access = field(default_factory=Access)
     paused: bool = False
-    """It begins paused."""
+    """Whether the run starts paused."""
 
 
 class Session:
-    """One live run; :meth:`run` until it ends. `tell` takes sentences for the user."""
+    """Live run; `run` executes it. `tell` receives sentences for the user."""
 
     def __init__(
         self, scenario: Scenario, folder: Path, settings: Settings, *, overwrite: bool = False,
@@ -81,21 +81,21 @@ class Session:
         self.paused = settings.paused
         self.transports: list[Transport] = []
         self.summaries: list[RunSummary] = []
-        """Of the episodes that have ended."""
+        """Summaries of the finished episodes."""
         self._held: dict[Target, float] = {}
         self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
-        """Curve of a trajectory, the time when it came, and its duration."""
+        """Function of a trajectory, its arrival time, and its duration."""
         self._applied = self._steps_done = 0
         self._last_slip, self._publishing = -math.inf, 0.0
         self._work = 0.0, 0.0
-        """s of all work, and of topics, until the run last fell behind."""
+        """Time for all work and for topics until the run last fell behind, s."""
         self._reset = self._told_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
 
     @property
     def interface(self) -> Interface:
-        """Topics and services."""
+        """Topics and services of the run."""
         return Interface(
             node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
             latched=self.publisher.latched,
@@ -124,15 +124,15 @@ class Session:
     # -- the run -----------------------------------------------------------------------------------------------------
 
     def run(self, *, stop: Callable[[], bool], status: Callable[[], None] = lambda: None) -> RunSummary:
-        """Run until `stop` returns True, the duration ends, or the motion diverges; returns the last episode's summary.
-        status: called some times a second. Raises AsrsimError; what was written stays readable.
+        """Summary of the last episode, after the run: it ends when `stop` returns True, the duration is over, or the motion
+        diverges. status: called a few times per second. Raises AsrsimError; files written so far stay readable.
         """
         began = clock.perf_counter()
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
             self._urgent = math.isfinite(self.settings.speed) and take_priority()
             stack.callback(self._leave_priority)
-            # Transports may fail; an earlier run's log is replaced only after that.
+            # Open the transports first: if one fails, the log of an earlier run is not replaced.
             for name in self.settings.transports:
                 transport = TRANSPORTS.get(name).make(self.interface, self.settings.access)
                 stack.callback(transport.close)
@@ -140,7 +140,7 @@ class Session:
                 self._tell(f"{name}: {transport.where}")
             self.episode.open(self._folder, overwrite=self._overwrite)
             stack.callback(self.episode.abandon)
-            # The garbage collector does not search what exists already.
+            # Exclude existing objects from garbage collection.
             gc.collect()
             gc.freeze()
             stack.callback(gc.unfreeze)
@@ -162,16 +162,16 @@ class Session:
 
     @property
     def time(self) -> float:
-        """s that are simulated."""
+        """Simulated time, s."""
         return self._steps_done * self._step
 
     @property
     def rate(self) -> float:
-        """Rate of the topics, Hz (simulated)."""
+        """Rate of the topics, Hz of simulated time."""
         return 1.0 / (self._publish_steps * self._step)
 
     def _turn(self) -> bool:
-        """A tick: take commands, simulate, publish. False at the end of the duration."""
+        """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
         if self._reset:
             self._begin_again()
         if self.paused:
@@ -191,24 +191,24 @@ class Session:
         return late is None or steps < left
 
     def _ease(self) -> None:
-        """Leave real-time priority where the run falls behind, and publish half as often where it does so again."""
+        """Give up real-time priority when the run falls behind; halve the publishing rate when it falls behind again."""
         now = clock.perf_counter()
         before, self._last_slip = self._last_slip, now
         busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
         self._work = self.pace.busy, self._publishing
         if self._urgent:
             self._leave_priority()
-            self._tell("this machine is too slow for ticks at real-time priority: other programs come first again")
+            self._tell("this machine is too slow for ticks at real-time priority: real-time priority is given up")
             return
         if now - before > BREATH:
             return
         if publishing >= SPEECH * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
-            self._tell(f"this machine is too slow for the topics: they come at {self.rate:g} Hz from here on")
+            self._tell(f"this machine is too slow for the topics: from now on their rate is {self.rate:g} Hz")
         elif not self._told_slow:
             self._told_slow = True
             substeps = self.simulation.substeps
-            self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or take --speed")
+            self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or lower --speed")
 
     def _leave_priority(self) -> None:
         if self._urgent:
@@ -216,7 +216,7 @@ class Session:
         self._urgent = False
 
     def _advance(self, steps: int) -> None:
-        """Simulate whole steps, and one substep more: it completes the record of the last step."""
+        """Simulate whole steps and one further substep, which completes the record of the last step."""
         end = self._steps_done + steps
         while self._steps_done < end or self.simulation.substep == 0:
             due = (self._steps_done // self._publish_steps + 1) * self._publish_steps
@@ -231,7 +231,7 @@ class Session:
                 self._publishing += clock.perf_counter() - began
 
     def _listen(self) -> None:
-        """Set the last value that came for each reference, or the value of its trajectory now."""
+        """Set each reference to its last received value, or to the current value of its trajectory."""
         wanted: dict[Target, float | Motion] = {}
         for transport in self.transports:
             for received in transport.poll():
@@ -243,14 +243,14 @@ class Session:
             else:
                 self._set(target, value)
         for target, (curve, began, duration) in list(self._motions.items()):
-            # The value at the end of the coming tick, so that the log has the trajectory's values.
+            # Use the value at the end of the coming tick, so that the log contains the trajectory's values.
             elapsed = self.time + self._tick_steps * self._step - began
             self._set(target, self.commands.clamp(target, curve(elapsed)))
             if elapsed >= duration:
                 del self._motions[target]
 
     def _reference(self, target: Target) -> float:
-        """A reference now."""
+        """Current value of a reference."""
         j, column = self.simulation.prepared.slot_of(*target)
         name = f"reference_{column}"
         return float(self.simulation.read([name])[name][j])
@@ -275,7 +275,7 @@ class Session:
         self._steps_done = 0
         self.publisher.begin_again()
         self.episode.open(self._folder / f"reset_{len(self.summaries)}", overwrite=self._overwrite)
-        self._tell(f"reset: the log goes on in {self.episode.folder}")
+        self._tell(f"reset: the log continues in {self.episode.folder}")
         self._advance(0)
         self.pace.start()
 
@@ -295,7 +295,7 @@ class Session:
                 self._tell(notices.pop(0))
 
     def figures(self) -> dict[str, Any]:
-        """Lateness, load and commands so far, as plain values."""
+        """Lateness, load and command counts so far, as plain data."""
         pace, commands = self.pace, self.commands
         median, high = pace.lateness()
         return {

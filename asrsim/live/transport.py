@@ -1,4 +1,4 @@
-"""The interface between a live run and its transports, which carry messages to the outside and back."""
+"""Interface between a live run and its transports, which exchange messages with other programs."""
 
 from __future__ import annotations
 
@@ -16,42 +16,44 @@ from asrsim.registry import Registry
 
 @dataclass(frozen=True)
 class Outlet:
-    """A topic that a run publishes."""
+    """Topic that a run publishes."""
 
     name: str
     message: str
-    """Short type, such as `sensor_msgs/JointState`."""
+    """Message type, such as `sensor_msgs/JointState`."""
     latched: bool = False
-    """Published once; later subscribers get it too."""
+    """Whether the topic is published once and its message is sent to later subscribers too."""
 
 
 @dataclass(frozen=True)
 class Inlet:
-    """A topic that a run subscribes to."""
+    """Topic that a run subscribes to."""
 
     name: str
     message: str
-    """`std_msgs/Float64`, `std_msgs/Float64MultiArray`, `sensor_msgs/JointState` or `trajectory_msgs/JointTrajectory`."""
+    """Message type: `std_msgs/Float64`, `std_msgs/Float64MultiArray`, `sensor_msgs/JointState` or
+    `trajectory_msgs/JointTrajectory`.
+    """
 
 
 @dataclass(frozen=True)
 class Received:
-    """A message from outside, not checked yet."""
+    """Message received from outside, before its checks."""
 
     inlet: int
-    """Number in :attr:`Interface.inlets`."""
+    """Index in `Interface.inlets`."""
     values: Sequence[float] = ()
-    """Values of a Float64 or an array; of a JointState its positions, or its efforts where it has no positions."""
+    """Values of a Float64 or an array; for a JointState its positions, or its efforts if it has no positions."""
     names: Sequence[str] | None = None
     """Joints of the values, or of the points."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
-    """Of a JointTrajectory: s from now on, positions, velocities (or none)."""
+    """Points of a JointTrajectory: time from now, s; positions; velocities (may be empty)."""
     fault: str = ""
-    """Why the message cannot be read."""
+    """Reason why the message cannot be read."""
 
 
 def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
-    """The content of a message object of any library, `decode(*data)`. An error becomes the fault of the message."""
+    """Content of a message object of any library, `decode(*data)`. An error becomes the fault of the message."""
     try:
         message = decode(*data)
         if hasattr(message, "points"):
@@ -64,30 +66,30 @@ def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
             values = message.position if len(message.position) else message.effort
             return Received(inlet, _numbers(values), list(map(str, message.name)))
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]))
-    except Exception as error:  # foreign bytes make decoders fail in any way
+    except Exception as error:  # decoders may raise any error for invalid bytes
         return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
 
 
 def _numbers(values: Iterable[Any]) -> list[float]:
-    # JSON writes NaN as null.
+    # JSON represents NaN by null.
     return [math.nan if value is None else float(value) for value in values]
 
 
 @dataclass(frozen=True)
 class Service:
-    """An action of a run that a client may ask for."""
+    """Action of a run that clients may call."""
 
     call: Callable[[bool], str]
-    """call(flag) -> the new state in words; the flag counts where `takes_flag`."""
+    """Function flag -> new state in words; the flag matters only if `takes_flag`."""
     takes_flag: bool = False
 
 
 @dataclass(frozen=True)
 class Interface:
-    """All that a run offers to the outside."""
+    """Topics and services of a run."""
 
     node: str
-    """Name of the node, with its namespace, under which services stand."""
+    """Name of the node, including its namespace, which prefixes the services."""
     outlets: tuple[Outlet, ...]
     inlets: tuple[Inlet, ...]
     latched: Mapping[str, bytes]
@@ -97,55 +99,57 @@ class Interface:
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """Who may connect, and where."""
+    """Address, and clients that may connect."""
 
     network: bool = False
-    """Other machines, too."""
+    """Whether other machines may connect."""
     port: int = 8765
-    """Port of a WebSocket; 0: any that is free."""
+    """Port of the WebSocket; 0: any free port."""
     origins: tuple[str, ...] = ()
-    """Origins of web pages that may use a WebSocket, beside those of this machine."""
+    """Origins of web pages that may use the WebSocket, besides those of this machine."""
     domain: int | None = None
     """ROS domain; None: ROS_DOMAIN_ID, else 0."""
 
 
 class Transport(Protocol):
-    """Carries messages. All calls come from the simulation's thread, and none of them may wait."""
+    """Exchanges messages with clients. All calls come from the simulation's thread and must not block."""
 
     where: str
-    """Where clients find it, for people."""
+    """Address for clients, for people."""
     wanted: Sequence[bool]
-    """Whether somebody subscribes to the outlets that are not latched, in their order; another sequence when that changes."""
+    """Whether each outlet that is not latched has a subscriber; a change replaces the sequence by a new object."""
     notices: list[str]
-    """Sentences for the user; the reader takes them away."""
+    """Sentences for the user; the reader removes them."""
     lost: int
-    """Commands that the transport dropped."""
+    """Number of commands that the transport dropped."""
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Messages (CDR) of the outlets that are not latched, in their order, empty where there is none; time in ns."""
+        """Publish messages (CDR) of the outlets that are not latched, in order, empty for an outlet without message; time in
+        ns.
+        """
 
     def poll(self) -> Iterable[Received]:
-        """Messages since the last call, some hundred at most. Services are answered on the way."""
+        """Messages since the last call, some hundred at most. Also answers services."""
 
     def close(self) -> None:
-        """End."""
+        """Close the transport."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransportEntry:
-    """A registered transport."""
+    """Registered transport."""
 
     make: Callable[[Interface, Access], Transport]
-    """Raises InputError where it cannot be had, with what to do."""
+    """Function that opens the transport; raises InputError with advice if it is unavailable."""
     doc: str
     module: str
     """Module that must be importable."""
     extra: str = ""
-    """asrsim's extra that brings it."""
+    """Extra of asrsim that installs the module."""
 
     @property
     def available(self) -> bool:
-        """Whether its module is installed."""
+        """Whether the transport's module is installed."""
         return find_spec(self.module) is not None
 
 
@@ -169,7 +173,7 @@ TRANSPORTS.add(
 
 
 def available(names: Sequence[str]) -> tuple[str, ...]:
-    """The transports of these names. Raises InputError where one is not installed, with how to get it."""
+    """Transports with these names. Raises InputError with the installation command if one is not installed."""
     for name in names:
         entry = TRANSPORTS.get(name)
         if not entry.available:

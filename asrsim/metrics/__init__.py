@@ -1,4 +1,4 @@
-"""Measures on arrays: differences, step responses, oscillations, frequency responses; claims about a run."""
+"""Measures of time series: differences, step responses, oscillations, frequency responses; claims about a run."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Measures of a difference: a series against a reference on the same time base.
 
-`values` is what is judged (the simulation), `reference` what it is judged by (the recording, the reference signal).
+`values` is the evaluated series (the simulation), `reference` its target (the recording, the reference signal).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from asrsim.samples import Array
 
 
 def rmse(time: Array, values: Array, reference: Array) -> float:
-    """Root of the mean squared difference over time."""
+    """Root mean square of the difference over time."""
     return rms(time, values - reference)
 
 
 def nrmse(time: Array, values: Array, reference: Array) -> float:
-    """RMSE divided by the range (maximum minus minimum) of the reference; undefined for a constant one."""
+    """RMSE divided by the range (maximum minus minimum) of the reference; undefined for a constant reference."""
     extent = float(np.ptp(reference))
     return rmse(time, values, reference) / extent if extent > 0 else math.nan
 
@@ -36,18 +36,18 @@ def bias(time: Array, values: Array, reference: Array) -> float:
 
 
 def r2(time: Array, values: Array, reference: Array) -> float:
-    """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time: 1 perfect, 0 as good as the mean,
-    negative worse.
+    """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time: 1 perfect, 0 as good as the mean of the
+    reference, negative worse.
     """
     total = mean(time, (reference - mean(time, reference)) ** 2)
     return 1.0 - mean(time, (reference - values) ** 2) / total if total > 0 else math.nan
 
 
 def delay(time: Array, values: Array, reference: Array, *, limit: float | None = None) -> float:
-    """Time by which the values come after the reference, at the peak of their normalised cross-correlation; undefined where
-    chance would correlate them as well, or where the peak lies at the limit of the search.
+    """Delay of the values behind the reference, at the peak of their normalised cross-correlation; undefined if unrelated
+    signals would correlate as well, or if the peak lies at the limit of the search.
 
-    limit: s, largest delay looked for either way; a quarter of the record by default.
+    limit: largest delay in either direction, s; a quarter of the record by default.
     """
     lag = estimate_lag(time, reference, time, values, limit=limit)
     return lag.seconds if lag is not None and lag.is_significant else math.nan

@@ -1,4 +1,4 @@
-"""What an excitation excites: its band, whether it stands in lines, and its period."""
+"""Properties of an excitation: its frequency band, whether its spectrum consists of lines, and its period."""
 
 from __future__ import annotations
 
@@ -9,29 +9,31 @@ from asrsim.errors import RecordingError
 from asrsim.samples import Array
 
 FLOOR = 1e-2
-"""Share of the strongest input power (-20 dB) above which a frequency counts as excited."""
+"""Fraction of the largest input power (-20 dB) above which a frequency counts as excited."""
 _FLANK = 0.35
-"""Share of the power further inside below which the band ends: a linear chirp has a quarter of it at its first frequency."""
+"""The band ends where the power falls below this fraction of the power further inside. A linear chirp has a quarter at its
+first frequency.
+"""
 _REACH = 16
-"""Bins further inside, whose median the flank is compared with."""
+"""Number of bins further inside whose median power is the comparison."""
 _OUTSIDE = 8
-"""Bins further outside, whose median must be as low: one weak bin of a noise is no edge."""
+"""Number of bins further outside whose median power must be low too: a single weak bin of noise is not an edge."""
 _SAME = 1e-2
-"""Difference of an input from itself one period later, as a share of its size, up to which it is periodic."""
+"""Largest relative difference of a periodic input from itself one period later."""
 _EXACT = 1e-6
-"""The same, below which nothing drifts: rounding."""
+"""Relative difference that is rounding; below it the period is exact."""
 _LINE = 1e-4
-"""Share of the strongest line's power (-40 dB) above which a line of a periodic input is used."""
+"""Fraction of the strongest line's power (-40 dB) above which a line of a periodic input is used."""
 
 
 def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
-    """Lowest and highest excited frequency in Hz, and whether the excitation is a set of lines. Raises RecordingError."""
+    """Lowest and highest excited frequency in Hz, and whether the excitation consists of lines. Raises RecordingError."""
     from scipy.ndimage import uniform_filter1d
     from scipy.signal.windows import tukey
 
     n = len(u)
-    # Without its trend: a slow drift has power at the lowest bins, which is no excitation. The window is flat but for its
-    # ends: a round one would hide the ends of a chirp, which are the ends of its band.
+    # Remove the trend: a slow drift has power in the lowest bins, which is not excitation. The window tapers only its ends: a
+    # smooth window would hide the first and last frequencies of a chirp.
     straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
     power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2
     f = np.fft.rfftfreq(n, step)
@@ -48,7 +50,7 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
         return float(f[lines[0]]), float(f[lines[1]]), True
     bins = np.flatnonzero(inside)
     smooth = uniform_filter1d(power, 5)
-    # A valley in the middle of the energy lies inside: the walk outwards begins at the strongest half.
+    # Start the search for the edges inside the strongest half of the energy, so that a gap in the middle does not end it.
     share = np.cumsum(power[bins]) / np.sum(power[bins])
     low, high = (int(bins[np.searchsorted(share, level)]) for level in (0.25, 0.75))
     enough = FLOOR * smooth[bins].max()
@@ -58,11 +60,11 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
 
 
 def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: float) -> int:
-    """The last excited bin from `start` towards `end` (way: -1 or 1)."""
+    """Last excited bin from `start` towards `end` (way: -1 or 1)."""
     narrow = np.convolve(power, (0.25, 0.5, 0.25), mode="same")
     found = start
     for i in range(start, end + way, way):
-        # Towards low frequencies an octave: the edge of a slow, long chirp is many bins wide.
+        # Towards low frequencies compare with a whole octave: the edge of a slow, long chirp is many bins wide.
         inner = np.median(power[i : i + 1 + max(i, _REACH)] if way < 0 else power[max(i - _REACH, 1) : i + 1])
         outer = np.median(power[max(i - (_OUTSIDE - 1) * (way < 0), 1) : i + 1 + (_OUTSIDE - 1) * (way > 0)])
         if smooth[i] < enough or (narrow[i] < _FLANK * inner and outer < _FLANK * inner):
@@ -72,7 +74,7 @@ def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: f
 
 
 def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
-    """First and last bin of an excitation whose power stands in lines (Hann: three or four bins), else None."""
+    """First and last bin of an excitation with a line spectrum (Hann window: three or four bins per line), else None."""
     strong = inside & (power > 1e-2 * power[inside].max())
     runs = int(np.sum(np.diff(strong.astype(int)) == 1))
     bins = np.flatnonzero(strong)
@@ -83,13 +85,13 @@ def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
 
 
 def period_of(u: Array) -> int | None:
-    """Samples after which an input (n,) repeats itself, at least twice in the record; None if it does not."""
+    """Period of an input (n,) in samples, if the record contains it at least twice; None for a non-periodic input."""
     from scipy.signal import correlate
 
     n, x = len(u), u - np.mean(u)
     shifts = np.arange(n // 2 + 1)
     total = np.concatenate([[0.0], np.cumsum(x * x)])
-    # Sum of (x[i + p] - x[i])^2 over the overlap, by its three products.
+    # Sum of (x[i + p] - x[i])^2 over the overlap, computed from its three products.
     product = correlate(x, x, mode="full", method="fft")[n - 1 : n - 1 + len(shifts)]
     apart = (total[n] - total[shifts]) + total[n - shifts] - 2 * product
     apart = np.sqrt(np.maximum(apart, 0.0) / (n - shifts) / (2 * np.var(x)))
@@ -97,16 +99,16 @@ def period_of(u: Array) -> int | None:
     if not len(away):
         return None
     later = shifts >= away[0]
-    # The transforms round at about 1e-8 of the squares.
+    # The transforms have rounding errors of about 1e-8 of the squares.
     best = max(float(apart[later].min()), 1e-7)
     found = int(shifts[later & (apart <= 2 * best)][0])
-    # Noise makes every period differ alike; periods that are no whole number of samples drift apart.
+    # With noise, every multiple of the period differs equally; a non-integer period drifts apart.
     drifts = apart[2 * found] > 1.5 * apart[found] if 2 * found < len(apart) else True
     return None if best > _SAME or (drifts and apart[found] > _EXACT) else found
 
 
 def lines_of(u: Array, period: int, step: float, band: tuple[float, float] | None) -> NDArray[np.intp]:
-    """Harmonics of the period that a periodic input (n,) excites, inside the band (Hz)."""
+    """Numbers of the harmonics that a periodic input (n,) excites inside the band (Hz)."""
     count = len(u) // period
     mean = u[-count * period :].reshape(count, period).mean(axis=0)
     power = np.abs(np.fft.rfft(mean - np.mean(mean))) ** 2

@@ -1,4 +1,4 @@
-"""Claims about a run, evaluated: measured number, comparison, verdict."""
+"""Evaluation of claims about a run: measured number, comparison, verdict."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ RECORDING_OPTIONS = {
     "map": "a list of COLUMN=JOINT.QUANTITY [unit]",
     "rate": "a positive number of Hz",
 }
-"""Options of a claim with `against` beside those of its measure, as `asrsim plot` has them: what each must be."""
+"""Options of a claim with `against` that concern the recording, as in `asrsim plot`, with their valid values."""
 BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
-"""What a claim about a body may name; `contact_force` is the magnitude in N, summed as a vector over its contacts.
+"""Quantities of a body in a claim; `contact_force` is the magnitude of the sum of its contact forces, N.
 
 `error` is the distance in m of a Cartesian task's `tip` from its path.
 
-`contact_force/<other>` is that of one contact: with `robot`, `ground` or another body. With `.x`, `.y` or `.z` behind it, the
-component along that axis of the world.
+`contact_force/<other>` is the force of one contact, with `robot`, `ground` or another body; with `.x`, `.y` or `.z`
+appended, its component along that axis of the world.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectationResult:
-    """A claim and what came of it."""
+    """Claim with its measured number and verdict."""
 
     expectation: Expectation
     holds: bool
     measured: float
-    """NaN where the measure is undefined; such a claim does not hold."""
+    """Measured number; NaN if the measure is undefined: the claim then does not hold."""
     unit: str
     reading: str = ""
-    """How the column of a recording was read with which it was compared, in words."""
+    """Description of the recording's column that the run was compared with."""
 
     @property
     def text(self) -> str:
-        """One line: what was claimed, measured, and the verdict."""
+        """Line with the claim, the measured number, and the verdict."""
         claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
@@ -73,19 +73,19 @@ def evaluate_expectation(
     prismatic: bool = False,
     checked: bool,
 ) -> ExpectationResult:
-    """Evaluates a claim on the quantities of its joint or body.
+    """Verdict on a claim, measured on the quantities of its joint or body.
 
     Args:
         expectation: The claim.
         time: (n,) s.
-        columns: Quantity -> (n,) (or (n, 7) for `position` of a body) of the joint or body.
-        reference: (n,) to compare with, for measures of a difference; without one the joint's own reference serves:
-            `position_error` + `link_position` where both are there and the claim is about the link position.
-        prismatic: The joint is one: its units are m and N.
-        checked: :func:`check_expectation` has passed it already.
+        columns: Quantity -> values (n,) (or (n, 7) for `position` of a body) of the joint or body.
+        reference: Reference (n,) for measures of a difference; by default the joint's own reference, computed as
+        `position_error` + `link_position` if both exist and the claim is about the link position.
+        prismatic: Whether the joint is prismatic: units m and N.
+        checked: Whether `check_expectation` accepted the claim already.
 
     Raises:
-        ScenarioError: For unknown quantities, measures or options, placed at the claim's line.
+        ScenarioError: For unknown quantities, measures or options, with the line of the claim.
     """
     if not checked:
         check_expectation(expectation)
@@ -112,23 +112,23 @@ def evaluate_expectation(
 
 
 def judged(expectation: Expectation, measured: float, unit: str) -> ExpectationResult:
-    """The verdict on a claim once its number is measured."""
+    """Verdict on a claim whose number was measured."""
     holds = compares(measured, expectation.comparison, expectation.value, expectation.tolerance)
     return ExpectationResult(expectation=expectation, holds=holds, measured=measured, unit=unit)
 
 
 def subject_of(expectation: Expectation) -> tuple[object, ...]:
-    """What a claim measures: claims of one subject differ in what they compare the number with, and share the number."""
+    """Key of the number that a claim measures: claims with equal keys share the number and differ in the comparison."""
     claim = expectation
     return claim.joint, claim.body, claim.quantity, claim.measure, claim.against, repr(sorted(claim.options.items(), key=repr))
 
 
 def compares(measured: float, comparison: str, value: float, tolerance: float) -> bool:
-    """Whether `measured comparison value` holds; `==` within the tolerance, which means nothing elsewhere; NaN never holds."""
+    """Whether `measured comparison value` holds. The tolerance applies to `==` only; NaN never satisfies a comparison."""
     if math.isnan(measured):
         return False
     if comparison == "==":
-        # The last digits of both numbers are no disagreement.
+        # Rounding errors of the two numbers are accepted.
         return abs(measured - value) <= tolerance + 4e-16 * max(abs(measured), abs(value))
     if comparison in ("<", "<="):
         return measured < value if comparison == "<" else measured <= value
@@ -136,9 +136,9 @@ def compares(measured: float, comparison: str, value: float, tolerance: float) -
 
 
 def check_expectation(expectation: Expectation, *, measurable: set[tuple[object, ...]] | None = None) -> None:
-    """Raises ScenarioError where the claim cannot be evaluated whatever the run gives; for use before the run.
+    """Check before the run that a claim can be evaluated; raises ScenarioError if not.
 
-    measurable: subjects that were found measurable and are not tried again; the claim's is added.
+    measurable: keys of claims found measurable before, which are not checked again; this claim's key is added.
     """
     problems: list[Problem] = []
     if expectation.measure not in MEASURES:
@@ -153,8 +153,8 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
     if expectation.tolerance and expectation.comparison != "==":
-        message = f"a tolerance goes with '==' only: '{expectation.comparison}' holds or it does not"
-        hint = "Put the margin into the value"
+        message = f"a tolerance is valid with '==' only, not with '{expectation.comparison}'"
+        hint = "Include the margin in the value"
         problems.append(Problem(message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
     subject = subject_of(expectation)
     if not problems and (measurable is None or subject not in measurable):
@@ -169,7 +169,7 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
 
 
 def _unmeasurable(expectation: Expectation) -> list[Problem]:
-    """Options that the measure does not take, found on a made-up series: before the run, not after it."""
+    """Invalid options of the measure, found before the run by applying it to an artificial series."""
     options = _of_measure(expectation)
     problems = []
     parameters = inspect.signature(MEASURES.get(expectation.measure).function).parameters
@@ -200,7 +200,7 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
 
 
 def _of_measure(expectation: Expectation) -> dict[str, Any]:
-    """The options that are not about the recording."""
+    """Options of the claim that belong to the measure, not to the recording."""
     if expectation.against is None:
         return dict(expectation.options)
     return {key: value for key, value in expectation.options.items() if key not in RECORDING_OPTIONS}
@@ -232,7 +232,7 @@ def _is_body_quantity(name: str) -> bool:
 
 
 def body_columns(samples: Samples, body: str) -> dict[str, Array]:
-    """Quantities of a body: `position` (n, 7), x, y, z, `contact_force` and `contact_force/<other>` (n,), 0 without contact."""
+    """Quantities of a body: `position` (n, 7), x, y, z, `contact_force` and `contact_force/<other>` (n,); 0 without contact."""
     columns: dict[str, Array] = {}
     poses = samples.bodies.get(body)
     if poses is not None:

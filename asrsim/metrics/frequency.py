@@ -1,14 +1,14 @@
-"""Frequency response from any excitation: gain, phase, coherence with confidence bands, resonance, bandwidth.
+"""Frequency response for any excitation: gain, phase, coherence with confidence bands, resonance, bandwidth.
 
-Three estimators, chosen by what the excitation is:
+The estimator depends on the excitation:
 
-- *periodic*, for one that repeats itself (multisine): the transform of whole periods, once the output has settled.
-- *local*, for one that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and Guerin
+- *periodic*, for a periodic excitation (multisine): the Fourier transform of whole periods after the output has settled.
+- *local*, for an excitation that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and Guerin
   (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
   Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike averaging over segments it has neither
-  leakage nor smoothing: a chirp passes each frequency once, and segments would cut it.
-- *welch*, for lines that do not repeat within the record: `scipy.signal.csd` with Hann windows, half overlapping, read at the
-  excited lines only.
+  leakage nor smoothing: a chirp passes each frequency once, and segments would split it.
+- *welch*, for lines without a period in the record: `scipy.signal.csd` with Hann windows, half overlapping, evaluated at
+  the excited lines only.
 """
 
 from __future__ import annotations
@@ -28,49 +28,50 @@ from asrsim.samples import Array
 
 METHODS = ("auto", "periodic", "local", "welch")
 _STILL, _NOTHING = 1e-7, 1e-12
-"""Share of the output's own size, and size in any SI unit, up to which it "does not move"."""
+"""Largest variation of an output that "does not move": relative to its size, and absolute in SI units."""
 _TRUSTED = 0.5
-"""Coherence below which a point says nothing."""
+"""Coherence below which a point is unreliable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrequencyResponse:
-    """Response of an output to an input at m frequencies inside the excited band."""
+    """Frequency response of an output to an input at m frequencies inside the excited band."""
 
     frequency: Array
-    """(m,) Hz, ascending."""
+    """Frequencies (m,), Hz, ascending."""
     gain: Array
-    """(m,) output unit / input unit."""
+    """Gain (m,), output unit / input unit."""
     phase: Array
-    """(m,) degrees, unwrapped; begins within -180 ... 180."""
+    """Phase (m,), degrees, unwrapped; the first value lies within -180 ... 180."""
     coherence: Array
-    """(m,) 0 to 1: share of the output that the input explains, corrected for the number of averages."""
+    """Coherence (m,), 0 to 1: fraction of the output that the input explains, corrected for the number of averages."""
     gain_low: Array
-    """(m,) lower edge of the gain's confidence band, not below 0."""
+    """Lower edge (m,) of the gain's confidence band, not below 0."""
     gain_high: Array
-    """(m,) upper edge."""
+    """Upper edge (m,) of the gain's confidence band."""
     phase_margin: Array
-    """(m,) degrees, half width of the phase's confidence band; 180 where the phase is unknown."""
+    """Half-width (m,) of the phase's confidence band, degrees; 180 if the phase is unknown."""
     confidence: float
-    """Probability of the bands, such as 0.95."""
+    """Confidence level of the bands, such as 0.95."""
     averages: float
-    """Periods (periodic), independent averages (welch) or degrees of freedom (local) behind each point."""
+    """Number of periods (periodic), independent averages (welch) or degrees of freedom (local) per point."""
     resolution: float
-    """Hz between independent points."""
+    """Distance between independent points, Hz."""
     method: str
-    """periodic, local or welch."""
+    """Estimator: periodic, local or welch."""
     band: tuple[float, float]
-    """Hz, the excited band."""
+    """Excited band, Hz."""
     resonance: tuple[float, float] | None
-    """Frequency (Hz) and gain of the largest peak inside the band; None if the gain has none."""
+    """Frequency (Hz) and gain of the largest peak inside the band; None if the gain has no peak."""
     bandwidth: float | None
-    """Hz at which the gain first falls 3 dB below its value at the low end of the band; None if it does not in the band."""
+    """Frequency at which the gain first falls 3 dB below its value at the low end of the band, Hz; None if not inside the band.
+    """
     moves: bool
-    """False: the output does not follow the input (held by friction, or not connected)."""
+    """Whether the output follows the input. False: friction holds it, or it is not connected."""
     findings: tuple[Problem, ...] = ()
 
     def at(self, frequencies: Array) -> NDArray[np.complex128]:
-        """Complex response at other frequencies (k,) Hz by linear interpolation; NaN outside of the band."""
+        """Complex response at the frequencies (k,) Hz by linear interpolation; NaN outside the band."""
         value = self.gain * np.exp(1j * np.radians(self.phase))
         real = np.interp(frequencies, self.frequency, value.real, left=math.nan, right=math.nan)
         imaginary = np.interp(frequencies, self.frequency, value.imag, left=math.nan, right=math.nan)
@@ -81,18 +82,18 @@ def frequency_response(
     time: Array, excitation: Array, output: Array, *, band: tuple[float, float] | None = None, method: str = "auto",
     confidence: float = 0.95,
 ) -> FrequencyResponse:  # fmt: skip
-    """Response of the output to the excitation, which may be a chirp, a multisine, noise or anything else that moves.
+    """Frequency response of the output to the excitation: a chirp, a multisine, noise or any other varying signal.
 
     Args:
-        time: (n,) s; uneven sampling is brought to its median step by linear interpolation.
-        excitation: (n,), input; NaN are left out at the ends and bridged inside only up to three samples.
-        output: (n,).
-        band: Hz, lowest and highest frequency; None: where the input has more than -20 dB of its largest power.
+        time: Times (n,), s; an uneven sampling is interpolated linearly to its median step.
+        excitation: Input (n,). NaN at the ends are removed; inside, gaps of up to three samples are interpolated.
+        output: Output (n,).
+        band: Lowest and highest frequency, Hz; None: the band with more than -20 dB of the input's largest power.
         method: auto, periodic, local or welch.
-        confidence: Probability of the bands.
+        confidence: Confidence level of the bands.
 
     Raises:
-        RecordingError: Too short, input constant, nothing excited in the band.
+        RecordingError: The record is too short, the input constant, or no frequency of the band excited.
     """
     if method not in METHODS:
         raise RecordingError(f"no method is called '{method}'", choices=METHODS)
@@ -104,12 +105,12 @@ def frequency_response(
             f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves", code="constant-excitation",
             hint="Expected a chirp, multisine or noise",
         )  # fmt: skip
-    # Each in its own units: micrometres are much of a stiff spring, however many newtons they took.
+    # Judge each signal on its own scale: a few micrometres may be a large motion of a stiff spring.
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
-            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; it is held "
-                    "(by friction?) or not connected", code="output-still")
+            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
+                    "may hold it, or it is not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
     spectra, chosen, (low, high) = _estimate(u, y, step, band, method)
@@ -117,7 +118,7 @@ def frequency_response(
     if moves and coherence < _TRUSTED:
         findings.append(
             Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
-                    "not to be believed", code="low-coherence", hint="Excite by a chirp, multisine or noise")
+                    "unreliable", code="low-coherence", hint="Excite by a chirp, multisine or noise")
         )  # fmt: skip
     if len(spectra.frequency) == 1:
         findings.append(
@@ -130,14 +131,14 @@ def frequency_response(
 def _estimate(
     u: Array, y: Array, step: float, band: tuple[float, float] | None, method: str
 ) -> tuple[Spectra, str, tuple[float, float]]:
-    """Spectra, the method's name and the band. Raises RecordingError."""
+    """Spectra, name of the estimator, and band. Raises RecordingError."""
     period = period_of(u) if method in ("auto", "periodic") else None
     if period is not None:
         found = by_periods(u, y, step, period, lines_of(u, period, step, band))
         if found is not None:
             return found, "periodic", (float(found.frequency[0]), float(found.frequency[-1]))
     if method == "periodic":
-        message = "the excitation has no period that the record holds twice, with the output settled"
+        message = "the excitation has no period that the record contains twice after the output has settled"
         raise RecordingError(message, code="not-periodic", hint="Expected a multisine over whole periods")
     low, high, sparse = excited_band(u, step, band)
     chosen = ("welch" if sparse else "local") if method == "auto" else method
@@ -152,8 +153,8 @@ def _response(
 
     gain = np.abs(spectra.response)
     phase = np.degrees(np.unwrap(np.angle(spectra.response)))
-    # The error is round in the complex plane; towards the gain and across to it it is Student's, from a variance that is
-    # itself estimated. A response that its own noise hides has no direction: there the whole disc counts.
+    # The error is circular in the complex plane. Along and across the gain it follows Student's distribution, as its variance
+    # is estimated too. If noise exceeds the response, its direction is unknown: use the whole disc.
     sigma = spectra.deviation / math.sqrt(2)
     disc = sigma * math.sqrt(2 * float(f.ppf(confidence, 2, 2 * spectra.freedom)))
     width = np.where(disc < 1, sigma * float(t.ppf(0.5 + confidence / 2, 2 * spectra.freedom)), disc)
@@ -168,10 +169,10 @@ def _response(
 
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
-    """The highest peak that is 5 % above the low end and inside the band, refined by a parabola through three points."""
+    """Frequency and gain of the highest peak inside the band, at least 5 % above the low end and refined by a parabola."""
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    # A gain that rises to an end of the band has no peak there; what lies within a fiftieth of it is the end.
+    # A gain that rises up to an end of the band has no peak there; the outermost 2 % of the points count as the end.
     edge = 1 + len(f) // 50
     if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_gain(gain):
         return None

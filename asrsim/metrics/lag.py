@@ -1,4 +1,4 @@
-"""The lag between two series, by cross-correlation."""
+"""Estimates the lag between two series by cross-correlation."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from asrsim.samples import Array
 
 _LONGEST = 200_000
-"""Samples of the correlation's grid; longer records are correlated on a coarser one."""
+"""Largest number of samples in the correlation; longer records are correlated on a coarser grid."""
 _NEAR = 0.02
-"""Summits whose correlation is this near to the best one's are as good: of a periodic signal, the one of least lag is taken."""
+"""Peaks whose correlation differs by less than this from the best one are equivalent; the smallest lag is chosen."""
 _VALLEY = 0.2
-"""Correlation lost between two summits."""
+"""Two peaks are distinct if the correlation between them falls by at least this amount."""
 _TOP = 0.1
-"""Share of a summit's height that its parabola reaches down."""
+"""Fraction of a peak's height over which its parabola is fitted."""
 _BLOCKS = 20
-"""Parts of the record whose slopes give the interval."""
+"""Number of parts of the record whose slopes give the confidence interval."""
 _CHANCE = 1e-3
-"""Probability up to which a correlation is no chance."""
+"""Largest probability of chance at which a correlation is significant."""
 _STRETCHES = (0.72, 0.76, 0.8, 0.84, 0.88, 0.92, 1.08, 1.13, 1.18, 1.24, 1.3, 1.36)
-"""Factors on the time of a record that make others of its kind of it: how these correlate is chance."""
+"""Time scalings that turn a record into an unrelated series of the same kind, whose correlation is due to chance."""
 _STRETCHED = 20_000
-"""Samples that stretched series are correlated with at most."""
+"""Largest number of samples in the correlations with stretched series."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,40 +32,39 @@ class Lag:
     """Result of a search for a lag."""
 
     seconds: float
-    """s by which the second series comes after the first."""
+    """Time by which the second series lags the first, s."""
     correlation: float
-    """Normalised cross-correlation there, -1 to 1."""
+    """Normalised cross-correlation at this lag, -1 to 1."""
     limit: float
-    """s, the largest lag looked for."""
+    """Largest lag of the search, s."""
     at_limit: bool
-    """The best correlation is at the edge of the search; the true lag may lie beyond."""
+    """Whether the best correlation is at the edge of the search; the true lag may lie beyond."""
     ambiguous: bool
-    """Other lags fit as well (a periodic signal); the smallest was taken."""
+    """Whether other lags fit equally well (periodic signal); `seconds` is the smallest."""
     margin: float
-    """s, half width of the 95 % confidence interval about `seconds`, of one summit: which one is no matter of noise."""
+    """Half-width of the 95 % confidence interval about `seconds`, s. It covers noise, not the choice among equivalent peaks."""
     chance: float
-    """Probability that unrelated series of the same kind correlate as well at some lag within the limit."""
+    """Probability that unrelated series of the same kind correlate equally well at some lag within the limit."""
 
     @property
     def is_significant(self) -> bool:
-        """Whether it is no product of chance, and a peak, not the edge of the search."""
+        """Whether the correlation is significant and its peak lies inside the search range."""
         return self.chance < _CHANCE and self.correlation > 0 and not self.at_limit
 
     @property
     def interval(self) -> tuple[float, float]:
-        """s, 95 % confidence interval."""
+        """Confidence interval (95 %), s."""
         return self.seconds - self.margin, self.seconds + self.margin
 
 
 def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array, *, limit: float | None = None) -> Lag | None:
-    """Lag of b behind a, from series of any sampling, (n,) and (m,); None where one of them does not move.
+    """Lag of b behind a, from series (n,) and (m,) of any sampling; None if one of them is constant.
 
-    Each is brought to a common even step by linear interpolation (NaN left out). The correlation is normalised over the
-    overlap at each lag (mean and size removed there), so that offsets and gains do not matter; lags that leave less than
-    half of the shorter series in the overlap are not looked at. The peak is refined by a parabola over its summit, as wide as
-    noise asks for.
+    Both series are interpolated linearly to a common even step (NaN omitted). The correlation at each lag is normalised over
+    the overlap (mean and size removed), so offsets and gains do not matter. Lags with an overlap of less than half of the
+    shorter series are excluded. The peak is refined by a parabola, which is wider for noisier correlations.
 
-    limit: s, largest lag either way; None: a quarter of the shorter series.
+    limit: largest lag in either direction, s; None: a quarter of the shorter series.
     """
     a, b = _finite(time_a, values_a), _finite(time_b, values_b)
     if min(len(a[0]), len(b[0])) < 4 or min(np.ptp(a[1]), np.ptp(b[1])) <= 0:
@@ -84,7 +83,7 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     at_limit = peak in (0, len(rho) - 1)
     half = _summit(rho, peak)
     shift, correlation = (0.0, float(rho[peak])) if at_limit else _refined(rho, peak, half)
-    # The highest sample of a rough summit may be on its flank: once more from the parabola's top.
+    # On a rough peak the highest sample may lie on a flank: fit again around the vertex of the parabola.
     if not at_limit and half <= peak + round(shift) < len(rho) - half:
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
@@ -97,7 +96,7 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
 
 
 def _summit(rho: Array, peak: int) -> int:
-    """Samples on either side of a peak that its parabola is fitted to: its top where noise roughens it, else 1."""
+    """Number of samples on each side of a peak for fitting its parabola: the top of a noisy peak, else 1."""
     below = np.flatnonzero(rho < rho[peak] - min(_TOP * abs(float(rho[peak])), 20 * _roughness(rho)))
     left = peak - below[below < peak].max(initial=-1) - 1
     right = below[below > peak].min(initial=len(rho)) - peak - 1
@@ -105,12 +104,12 @@ def _summit(rho: Array, peak: int) -> int:
 
 
 def _roughness(rho: Array) -> float:
-    """What a correlation jumps from lag to lag, about twice its noise."""
+    """Typical jump of a correlation from one lag to the next, about twice its noise."""
     return float(np.median(np.abs(np.diff(rho, 2)))) if len(rho) > 8 else 0.0
 
 
 def _refined(rho: Array, peak: int, half: int) -> tuple[float, float]:
-    """Place of the maximum (samples from the peak) and its height, by a parabola over the summit."""
+    """Position of the maximum (samples from the peak) and its height, from a parabola through the peak."""
     place = np.arange(-half, half + 1)
     bend, slope, height = np.polyfit(place, rho[peak - half : peak + half + 1], 2)
     if bend >= 0:
@@ -120,10 +119,10 @@ def _refined(rho: Array, peak: int, half: int) -> tuple[float, float]:
 
 
 def _margin(x: Array, y: Array, shift: int, half: int) -> float:
-    """Half width in samples of the 95 % interval of the lag: the slope of the correlation by blocks over its bend.
+    """Half-width in samples of the lag's 95 % interval: spread of the blocks' correlation slopes divided by the curvature.
 
-    The correlation is a sum over blocks of the record; the spread of their slopes at the peak is that of the sum, whatever
-    noise is in either series.
+    The correlation is a sum over blocks of the record. The spread of the blocks' slopes at the peak gives the spread of the
+    sum, for any noise in either series.
     """
     from scipy.stats import t
 
@@ -135,7 +134,7 @@ def _margin(x: Array, y: Array, shift: int, half: int) -> float:
     a, middle = x[lead], y[lead + shift]
     before, after = y[lead + shift - half], y[lead + shift + half]
     gain = float(np.dot(a, middle) / max(np.dot(a, a), 1e-300))
-    # What a itself has of slope is no error of the lag.
+    # Subtract the slope of a itself, which is not an error of the lag.
     own = np.interp(lead + half, np.arange(len(x)), x) - np.interp(lead - half, np.arange(len(x)), x)
     slopes = a * (after - before) - gain * a * own
     blocks = np.array([float(np.sum(block)) for block in np.array_split(slopes / (2 * half), _BLOCKS)])
@@ -147,14 +146,14 @@ def _margin(x: Array, y: Array, shift: int, half: int) -> float:
 
 
 def _chance(x: Array, y: Array, step: float, *, offset: float, limit: float, correlation: float) -> float:
-    """Probability that unrelated series like x and y correlate as well at some lag: the less of two answers."""
+    """Probability that unrelated series like x and y correlate equally well at some lag: the smaller of two estimates."""
     by_samples = _chance_by_samples(x, y, limit / step, correlation)
     return by_samples if by_samples < _CHANCE else _chance_by_stretching(x, y, step, offset, limit, correlation)
 
 
 def _chance_by_samples(x: Array, y: Array, limit: float, correlation: float) -> float:
-    """By the number of independent samples that the autocorrelations leave (Bartlett, Journal of the Royal Statistical
-    Society 98, 1935). limit: samples either way.
+    """Probability of a chance correlation from the number of independent samples, given the autocorrelations (Bartlett,
+    Journal of the Royal Statistical Society 98, 1935). limit: samples in either direction.
     """
     from scipy.stats import t
 
@@ -167,7 +166,7 @@ def _chance_by_samples(x: Array, y: Array, limit: float, correlation: float) -> 
         fall = np.flatnonzero(own < 0.5 * own[0])
         width = max(width, float(fall[0]) if len(fall) else float(n))
     independent = n / max(1.0 + 2.0 * float(np.sum(product[1:] * (1 - np.arange(1, n) / n))), 1.0)
-    # A shape that is met to the last digit is no chance, however slow it is: not fewer than six.
+    # At least six: an exact match of a slow signal is no chance.
     freedom = max(independent, 6.0) - 2.0
     rho = min(abs(correlation), 1 - 1e-12)
     tail = 2.0 * float(t.sf(rho * np.sqrt(freedom / (1 - rho**2)), freedom))
@@ -175,7 +174,9 @@ def _chance_by_samples(x: Array, y: Array, limit: float, correlation: float) -> 
 
 
 def _chance_by_stretching(x: Array, y: Array, step: float, offset: float, limit: float, correlation: float) -> float:
-    """By what y, stretched in time, correlates: as well if the two are unrelated, much less if they share an oscillation."""
+    """Probability of a chance correlation from y stretched in time: unrelated series correlate equally well, a shared
+    oscillation much less.
+    """
     from scipy.stats import t
 
     every = max(min(len(x), len(y)) // _STRETCHED, 1)
@@ -198,7 +199,7 @@ def _finite(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float) -> tuple[Array, Array]:
-    """Lags (s) within the limit and the correlation coefficient of the overlap at each."""
+    """Lags (s) within the limit, and the correlation coefficient of the overlap at each lag."""
     from scipy.signal import correlate
 
     shifts = np.arange(-(len(x) - 1), len(y))
@@ -206,7 +207,7 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     count = end - start
 
     def sums(values: Array, first: Any, last: Any) -> Array:
-        """Of values[first:last], for all overlaps."""
+        """Sums of values[first:last] for all overlaps."""
         running = np.concatenate([[0.0], np.cumsum(values)])
         return np.asarray(running[last] - running[first])
 
@@ -214,7 +215,7 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
     power_x = sums(x * x, *in_x) - sum_x**2 / count
     power_y = sums(y * y, *in_y) - sum_y**2 / count
-    # An overlap in which a series rests has no correlation; rounding must not make one.
+    # The correlation is undefined if a series is constant in the overlap; rounding must not define it.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
     usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)
@@ -225,12 +226,12 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
 
 
 def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
-    """Index of the best peak, of summits as high that of the least lag; and whether there were others as high."""
+    """Index of the best peak (the smallest lag among equal peaks), and whether there were equal peaks."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    # The best may be no peak, but the edge of the search on the way to one: of a periodic signal, another period's.
+    # The best sample may be at the edge of the search instead of a peak: for a periodic signal, part of another period's peak.
     near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
-    # Peaks side by side are ripples on one summit, which its highest stands for; a valley separates summits.
+    # Adjacent maxima are ripples on one peak, represented by the highest; a valley separates peaks.
     summits = [int(near[0])]
     for i in map(int, near[1:]):
         if np.min(rho[summits[-1] : i + 1]) < rho[best] - _VALLEY:

@@ -1,4 +1,4 @@
-"""The frequency response by local rational fits: for any excitation that is dense in frequency."""
+"""Frequency response by local rational fits, for excitations that are dense in frequency."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from asrsim.samples import Array
 
 Complex = NDArray[np.complex128]
 _HALF = (8, 16)
-"""Fewest and most bins on either side of a frequency in the local fit: 17 to 33 complex equations for 9 unknowns."""
+"""Smallest and largest number of bins on each side of a frequency in the fit: 17 to 33 complex equations for 9 unknowns."""
 _AS_GOOD = 1.2
-"""Residual of the fit without a denominator, over that of the fit with one, up to which the former is taken: about the
-99 % point of the F test with 33 equations."""
+"""Largest ratio of the residuals without and with a denominator at which the fit without denominator is chosen: about the 99 %
+point of the F test with 33 equations.
+"""
 _MOST = 1000
-"""Frequencies at which the local fit is made; longer records are thinned evenly."""
+"""Largest number of frequencies; longer records are thinned evenly."""
 _STARTS, _REFINEMENTS = 3, 3
-"""Linear fits that lead to the denominator, and Gauss-Newton steps after them."""
+"""Number of linear fits for the denominator, and of Gauss-Newton steps after them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Order:
-    """Coefficients of a local model of the output."""
+    """Numbers of coefficients in a local model of the output."""
 
     gain: int
     leak: int
-    """Of what the record's start and end leave."""
+    """Number of coefficients for the leakage from the record's start and end."""
     poles: int
 
     @property
@@ -41,14 +42,14 @@ _WIDE, _NARROW = _Order(gain=3, leak=3, poles=3), _Order(gain=3, leak=2, poles=2
 
 
 def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
-    """Local rational estimate at the transform's frequencies in the band, from the whole record without a window.
+    """Response by local rational fits at the transform's frequencies in the band, from the whole record without a window.
 
     At bin k + r, with r scaled to -1 ... 1:  Y = ((g0 + g1 r + g2 r^2) U + t0 + t1 r + t2 r^2) / (1 + d1 r + d2 r^2 + d3 r^3);
-    g0 is the response. The numerator over the denominator holds a lightly damped resonance exactly, and the t what the
-    record's start and end leave (leakage). Where the fit without denominator is as good, that one is taken.
+    g0 is the response. The rational function represents a lightly damped resonance exactly; the coefficients t represent the
+    leakage from the record's start and end. If the fit without denominator is equally good, it is chosen.
 
-    The residual gives the random error. What the model itself is off by shows in a fit of lower order to half of the bins:
-    the square of its difference, less what noise alone explains of it, is added to the variance.
+    The residual gives the random error. The model error is estimated from a fit of lower order to half of the bins: the
+    squared difference of the fits, minus the part explained by noise, is added to the variance.
     """
     n = len(u)
     transform_u = np.fft.rfft(u - np.mean(u)) / n
@@ -61,7 +62,7 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
         raise RecordingError("the record is too short for its band", code="too-short")
     if len(bins) > _MOST:
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
-    # Windows are shifted inwards at the ends (bin 0 holds the removed mean), so r is not centred there.
+    # Near the ends the windows are shifted inwards (bin 0 contains the removed mean), so r is not centred there.
     index = np.clip(bins, half + 1, last - half)[:, None] + np.arange(-half, half + 1)
     r = (index - bins[:, None]) / half
     local_u, size_u = _scaled(transform_u[index])
@@ -86,25 +87,25 @@ class _Fit:
     """Local fits at k frequencies."""
 
     response: Complex
-    """(k,)."""
+    """Response (k,)."""
     variance: Array
-    """(k,) of the response, random errors only."""
+    """Variance of the response (k,) from random errors only."""
     noise: Array
-    """(k,) residual power of the output a degree of freedom."""
+    """Residual power of the output per degree of freedom (k,)."""
 
 
 def _simplest(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
-    """The fit of an order, or the one without its poles where that is as good: there a denominator only fits noise."""
+    """Fit of the given order, or without poles if that is equally good: the denominator would then fit noise only."""
     rational, smooth = _fit(u, y, r, order), _fit(u, y, r, replace(order, poles=0))
     return _chosen(smooth.noise <= _AS_GOOD * rational.noise, smooth, rational)
 
 
 def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
-    """Fits of one order to windows (k, w) of transforms, with r (k, w) the place in the window.
+    """Fits of one order to windows (k, w) of transforms; r (k, w) is the position in the window.
 
-    Without poles it is linear. With poles a linear fit is repeated with the denominator's weight (Sanathanan and Koerner),
-    then refined by Gauss-Newton on the output's own error: the linear one has the output's noise among its regressors, which
-    biases it. The step of least residual counts.
+    Without poles the fit is linear. With poles, linear fits weighted by the previous denominator (Sanathanan and Koerner) are
+    repeated, then refined by Gauss-Newton on the output error: noise among the regressors biases the linear fit. The
+    iteration with the smallest residual is used.
     """
     powers = r[..., None] ** np.arange(max(order.gain, order.leak, order.poles + 1))
     linear = np.concatenate([powers[..., : order.gain] * u[..., None], powers[..., : order.leak] + 0j], axis=-1)
@@ -117,7 +118,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
     for step in range(_STARTS + _REFINEMENTS if order.poles else 1):
         refining = step >= _STARTS
         columns = np.concatenate([linear, -poles * (modelled if refining else y)[..., None]], axis=-1)
-        # By singular values, which drop what an unexcited neighbourhood leaves open.
+        # The pseudo-inverse by singular values drops directions that an unexcited neighbourhood does not determine.
         inverse = np.linalg.pinv(columns * weight[..., None], rcond=1e-10)
         if refining:
             solution = solution + np.einsum("kpw,kw->kp", inverse, y - modelled)
@@ -135,7 +136,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
 
 
 def _chosen(first: NDArray[np.bool_], one: _Fit, other: _Fit) -> _Fit:
-    """At each frequency one fit or the other."""
+    """Fit composed of `one` where `first` is true and of `other` elsewhere."""
     return _Fit(
         response=np.where(first, one.response, other.response),
         variance=np.where(first, one.variance, other.variance),
@@ -144,7 +145,7 @@ def _chosen(first: NDArray[np.bool_], one: _Fit, other: _Fit) -> _Fit:
 
 
 def _scaled(values: Complex) -> tuple[Complex, Array]:
-    """Rows scaled to a root mean square of 1, and their sizes (k, 1)."""
+    """Rows scaled to a root mean square of 1, and their original sizes (k, 1)."""
     size = np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
     size[size == 0] = 1.0
     return values / size, size

@@ -1,4 +1,4 @@
-"""The registry of measures: what `expect:` in a scenario, the comparison and the summary may ask of a series."""
+"""Registry of measures: numbers that `expect:` in a scenario, the comparison and the summary compute from a series."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from asrsim.samples import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """A number taken of one series, of a pair of series on one time base, or of a body's poses."""
+    """Number computed from one series, from two series on a common time base, or from a body's poses."""
 
     name: str
     function: Callable[..., float]
-    """(time, values, [reference], **options) -> number; NaN where it is undefined."""
+    """Function (time, values, [reference], **options) -> number; NaN if undefined."""
     unit: str
-    """`series` (that of the series), a unit such as `s`, or "1" for a pure number."""
+    """Unit of the number: `series` (unit of the series), a unit such as `s`, or "1" for a pure number."""
     needs: str
-    """`series`, `pair` (a reference too), `either` (a reference or an option), `poses`."""
+    """Required input: `series`, `pair` (a reference too), `either` (a reference or an option), `poses`."""
 
     @property
     def doc(self) -> str:
-        """Definition: the first paragraph of the function's docstring."""
+        """Definition of the measure: first paragraph of the function's docstring."""
         return " ".join((inspect.getdoc(self.function) or "").split("\n\n")[0].split())
 
     @property
     def options(self) -> dict[str, object]:
-        """Names and defaults of the options; `inspect.Parameter.empty` where one must be given."""
+        """Names and defaults of the options; `inspect.Parameter.empty` for a required option."""
         return dict(_options_of(self.function))
 
     def unit_of(self, series_unit: str) -> str:
-        """Unit of the result for a series in that unit; "" for a pure number."""
+        """Unit of the result for a series with the given unit; "" for a pure number."""
         return {"series": series_unit, "1": ""}.get(self.unit, self.unit)
 
 
@@ -51,7 +51,7 @@ def _options_of(function: Callable[..., float]) -> dict[str, object]:
 
 
 MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures")
-"""All measures by name. Installed packages add theirs under the entry point group `asrsim.measures`."""
+"""All measures by name. Installed packages add theirs with the entry point group `asrsim.measures`."""
 
 for _function, _unit, _needs in (
     (difference.rmse, "series", "pair"),
@@ -89,28 +89,28 @@ for _function, _unit, _needs in (
     MEASURES.add(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""What a comparison of two series reports."""
+"""Measures that a comparison of two series reports."""
 STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
-"""What a comparison reports of each series where the reference steps."""
+"""Measures that a comparison reports for each series if the reference steps."""
 
 
 def measure(
     name: str, time: Array, series: Array, reference: Array | None = None, *, start: float | None = None,
     end: float | None = None, **options: Any,
 ) -> float:  # fmt: skip
-    """One measure of a series; NaN where it is undefined.
+    """Value of a measure for a series; NaN if undefined.
 
     Args:
-        name: From :data:`MEASURES`.
-        time: (n,) s.
-        series: (n,), or (n, 3) or (n, 7) for poses. Samples with NaN are left out.
-        reference: (n,) on the same time, for measures of a difference.
-        start: s, samples before are left out.
-        end: s, samples after are left out.
-        options: Of the measure.
+        name: Name of a measure in `MEASURES`.
+        time: Times (n,), s.
+        series: Values (n,), or (n, 3) or (n, 7) for poses. Samples with NaN are omitted.
+        reference: Reference (n,) at the same times, for measures of a difference.
+        start: Time before which samples are omitted, s.
+        end: Time after which samples are omitted, s.
+        options: Options of the measure.
 
     Raises:
-        InputError: For an unknown measure or option, or where a reference is missing.
+        InputError: For an unknown measure or option, or if a reference is missing.
     """
     found = MEASURES.get(name)
     problems = option_problems(found, options)
@@ -136,7 +136,7 @@ def measure(
 
 
 def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
-    """What is wrong with the options of a measure."""
+    """Problems with the options of a measure."""
     known = _options_of(found.function)
     choices = (*known, "start", "end")
     problems = [

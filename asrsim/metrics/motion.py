@@ -13,7 +13,7 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 def displacement(_time: Array, values: Array, *, axis: str | None = None) -> float:
-    """Distance between the first and the last position in m; with `axis` (x, y, z) the signed way along it."""
+    """Distance between the first and the last position in m; with `axis` (x, y, z) the signed displacement along the axis."""
     way = values[-1, :3] - values[0, :3]
     if axis is None:
         return float(np.linalg.norm(way))

@@ -1,4 +1,4 @@
-"""The dominant oscillation of a series: a free ringing after a step, or a sustained one."""
+"""Dominant oscillation of a series: a decaying oscillation after a step, or a sustained one."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from asrsim.samples import Array
 
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FLOOR = (0.001, 0.03)
-"""Least and most share of the largest excursion below which crossings count as noise."""
+"""Smallest and largest noise threshold of the zero crossings, as a fraction of the largest excursion."""
 
 STILL = 1e-12
-"""rad, m or the series' own unit: what moves by less does not; it is rounding."""
+"""Smallest variation that counts as motion, in rad, m or the unit of the series; less is rounding."""
 
 
 def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
-    """Frequency in Hz of the dominant oscillation about the steady state; undefined where there is none.
+    """Frequency in Hz of the dominant oscillation about the steady state; undefined without an oscillation.
 
-    From the zero crossings, interpolated, while the oscillation stands out of what is left at the end: a straight line
-    through their times (least squares, both directions together), which is exact for a damped oscillation, whose crossings
-    are evenly spaced. Where they are uneven (several modes, noise), the peak of the Hann-windowed Fourier transform, refined
-    between its bins. With less than two crossings a direction there is no oscillation to speak of.
+    While the oscillation exceeds the residual motion at the end: slope of a straight line through the times of the
+    interpolated zero crossings (least squares, both directions together), exact for a damped oscillation with even crossings.
+    For uneven crossings (several modes, noise): peak of the Hann-windowed Fourier transform, refined between bins. Fewer than
+    two crossings in a direction count as no oscillation.
 
-    lowest: Hz; slower oscillations are not looked for (a drift, a reference that moves).
+    lowest: lower limit of the frequency, Hz; slower motions (a drift, a moving reference) are ignored.
     """
     return frequencies(time, values[None], np.array([steady_state(time, values)]), lowest=lowest)[0]
 
 
 def frequencies(time: Array, values: Array, steady: Array, *, lowest: float = 0.0) -> list[float]:
-    """:func:`frequency` of series (m, n) with steady states (m,)."""
+    """Frequencies as from `frequency`, of series (m, n) with steady states (m,)."""
     if len(time) < 8:
         return [math.nan] * len(values)
     high, low = values.max(axis=1), values.min(axis=1)
-    # Steady state of a decaying oscillation, middle of a sustained one.
+    # Steady state of a decaying oscillation, mean of a sustained one.
     tail = values[:, len(time) // 2 :]
     decays = tail.max(axis=1) - tail.min(axis=1) < 0.5 * (high - low)
     x = values - np.where(decays, steady, 0.5 * (high + low))[:, None]
@@ -57,14 +57,14 @@ def _frequency(time: Array, x: Array, floor: float, lowest: float) -> float:
             return found
     elif lowest == 0.0:
         return math.nan
-    # The way to the steady state, and the rest there, are no oscillation: their spectrum would outweigh a short ringing's.
+    # Exclude the approach to the steady state and the rest there: their spectrum would outweigh a short oscillation.
     crossed = sorted(up + down) or [float(time[0])]
     ringing = (time >= crossed[0]) & (time <= crossed[-1]) if len(crossed) > 3 else time >= crossed[0]
     return _spectral_peak(time[ringing], x[ringing], lowest) if ringing.sum() >= 8 else math.nan
 
 
 def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[float]]:
-    """Times of the crossings upward and downward, with hysteresis against noise: from beyond -`floor` to beyond `floor`."""
+    """Times of the upward and downward crossings, with hysteresis against noise between -`floor` and `floor`."""
     marks = np.flatnonzero(np.abs(x) > floor)
     above = x[marks] > 0.0
     turns = np.flatnonzero(above[1:] != above[:-1])
@@ -80,9 +80,9 @@ def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[f
 
 
 def _even(up: list[float], down: list[float]) -> float | None:
-    """Frequency of evenly spaced crossings, None where they are not.
+    """Frequency of evenly spaced crossings, None for uneven ones.
 
-    One period for both directions, each with a start of its own: a wrong midline shifts them apart, not their spacing.
+    Both directions share the period but have separate starts: a wrong mean value shifts the starts, not the spacing.
     """
     rows = [(count, 1.0, 0.0) for count in range(len(up))] + [(count, 0.0, 1.0) for count in range(len(down))]
     matrix, targets = np.array(rows), np.array(up + down)
@@ -94,16 +94,16 @@ def _even(up: list[float], down: list[float]) -> float | None:
 
 
 def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
-    """Peak of the magnitude of the windowed transform, at any frequency, not only at bins."""
+    """Frequency of the largest magnitude of the windowed transform, not restricted to its bins."""
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     window = np.hanning(len(grid))
     y = (np.interp(grid, time, x) - np.mean(x)) * window
-    # A power of two: a length with large prime factors takes ten times the memory.
+    # A power of two: transform lengths with large prime factors take ten times the memory.
     size = 1 << (2 * len(grid) - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
-    # Below one period in the record the window's own lobe rules; its flank may reach up there, but is no peak.
+    # Below one period per record the window's main lobe dominates; its flank may reach higher, but is not a peak.
     allowed = bins >= max(lowest, 1.0 / (grid[-1] - grid[0]))
     allowed[1:-1] &= (spectrum[1:-1] >= spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])
     if not allowed.any():
@@ -114,7 +114,7 @@ def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
     def magnitude(f: float) -> float:
         return abs(complex(np.dot(y, np.exp(-2j * np.pi * f * (grid - grid[0])))))
 
-    # Golden sections: the lobe of the window has one top, and is wider than four bins.
+    # Golden-section search: the main lobe of the window has one maximum and is wider than four bins.
     low, high = max(coarse - width, 0.0), coarse + width
     inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
     at_inner, at_outer = magnitude(inner), magnitude(outer)

@@ -1,4 +1,4 @@
-"""Metrics for programs: `metrics.json` and CSV."""
+"""Writes metrics as `metrics.json` and CSV."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from asrsim.plain import finite_or_none
 
 @dataclass(frozen=True, kw_only=True)
 class MetricRow:
-    """One number."""
+    """Value of one measure with its source."""
 
     source: str
-    """What was measured: a log, a recording, or both."""
+    """Source of the series: a log, a recording, or both."""
     joint: str
     quantity: str
     measure: str
     value: float
-    """NaN where undefined."""
+    """Value; NaN if undefined."""
     unit: str = ""
 
 
@@ -31,13 +31,13 @@ _FIELDS = ("source", "joint", "quantity", "measure", "value", "unit")
 
 
 def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
-    """Writes `metrics.json`: a list of rows; undefined numbers are null. Raises OutputError."""
+    """Write `metrics.json`, a list of rows; undefined numbers are null. Raises OutputError."""
     data = [{**row.__dict__, "value": finite_or_none(row.value)} for row in rows]
     write_json(path, {"metrics": data})
 
 
 def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
-    """Writes the rows as CSV with a header; undefined numbers are empty. Raises OutputError."""
+    """Write the rows as CSV with a header; undefined numbers are empty. Raises OutputError."""
     stream = io.StringIO()
     writer = csv.writer(stream)
     writer.writerow(_FIELDS)

@@ -1,4 +1,4 @@
-"""The frequency response of a periodic excitation, by its whole periods: neither leakage nor smoothing."""
+"""Frequency response of a periodic excitation from its whole periods, without leakage or smoothing."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from asrsim.metrics.spectra import Spectra
 from asrsim.samples import Array
 
 _POOLED = 12
-"""Complex degrees of freedom that a variance has at least, with those of neighbouring lines."""
+"""Smallest number of complex degrees of freedom of a variance, pooled over neighbouring lines."""
 _SPARSE = 6
-"""Bins of the record between lines from which on two periods do: nothing else can be done with such lines."""
+"""Distance of the lines in bins from which two periods suffice: other estimators cannot use such sparse lines."""
 _ROUNDING = 1e-11
-"""Share of the output below which periods do not differ."""
+"""Relative difference of two periods below which they count as equal."""
 _AS_GOOD = 2.0
-"""Error without a period over that with it, from which on the first periods count as a transient."""
+"""The first periods count as a transient if omitting them reduces the error by this factor."""
 
 
 def by_periods(u: Array, y: Array, step: float, period: int, lines: NDArray[np.intp]) -> Spectra | None:
     """Response at the harmonics `lines` of a period (samples), from the last whole periods of the record.
 
-    The first periods, in which the output has not settled, are left out: as many as lessen the error of the mean of the
-    others. The spread from period to period gives the deviation. None: fewer than three periods, or of sparse lines than two
-    settled ones.
+    The first periods, in which the output has not settled, are omitted; their number minimises the error of the mean. The
+    deviation follows from the spread between periods. None: fewer than three periods, or fewer than two settled periods for
+    sparse lines.
     """
     count = len(u) // period
     if count < 2 or not len(lines) or (count == 2 and count * np.min(np.diff(lines, prepend=0)) < _SPARSE):
@@ -40,7 +40,7 @@ def by_periods(u: Array, y: Array, step: float, period: int, lines: NDArray[np.i
     response = output.mean(axis=0) / mean
     used = len(input_)
     spread = np.sum(np.abs(output - response * input_) ** 2, axis=0)
-    # Noise is alike at neighbouring lines.
+    # Neighbouring lines have similar noise: pool them.
     width = min(len(lines), 2 * (_POOLED // (2 * (used - 1))) + 1)
     around = np.clip(np.arange(len(lines)) - width // 2, 0, len(lines) - width)[:, None] + np.arange(width)
     freedom = width * (used - 1)
@@ -53,13 +53,13 @@ def by_periods(u: Array, y: Array, step: float, period: int, lines: NDArray[np.i
 
 
 def _error(values: NDArray[np.complex128]) -> float:
-    """Squared error of the mean over the rows (m, lines), all lines together."""
+    """Squared error of the mean over the rows of (m, lines), summed over the lines."""
     rows = len(values)
     return float(np.sum(np.abs(values - values.mean(axis=0)) ** 2)) / (rows * (rows - 1))
 
 
 def _settles(y: Array, period: int) -> bool:
-    """Of two periods: whether the first one differs from the second at its beginning more than at its end."""
+    """Whether the output settles: the first of two periods differs from the second more at its beginning than at its end."""
     apart = (y[period:] - y[:period]) ** 2
     half = period // 2
     return float(np.sum(apart[:half])) > 1.5 * float(np.sum(apart[half:]))

@@ -1,6 +1,6 @@
-"""Measures of a frequency response: the reference is the input, the values the output, `low` and `high` (Hz) bound the band.
+"""Measures of a frequency response from the reference (input) to the values (output); `low` and `high` (Hz) bound the band.
 
-See :func:`asrsim.metrics.frequency.frequency_response`. Of an output that does not move they are undefined.
+See `asrsim.metrics.frequency.frequency_response`. The measures are undefined if the output does not move.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from asrsim.samples import Array
 
 def _response(time: Array, output: Array, given: Array, low: float | None, high: float | None) -> FrequencyResponse | None:
     if (low is None) != (high is None):
-        raise ValueError("`low` and `high` go together")
+        raise ValueError("`low` and `high` must be given together")
     try:
         found = frequency_response(time, given, output, band=None if low is None or high is None else (low, high))
     except RecordingError:
@@ -27,7 +27,7 @@ def _response(time: Array, output: Array, given: Array, low: float | None, high:
 def gain(
     time: Array, values: Array, reference: Array, *, hertz: float, low: float | None = None, high: float | None = None
 ) -> float:
-    """Gain from reference to values at the frequency `hertz`; undefined outside of the band."""
+    """Gain from reference to values at the frequency `hertz`; undefined outside the band."""
     found = _response(time, values, reference, low, high)
     return math.nan if found is None else float(np.interp(hertz, found.frequency, found.gain, left=math.nan, right=math.nan))
 
@@ -39,7 +39,7 @@ def largest_gain(time: Array, values: Array, reference: Array, *, low: float | N
 
 
 def resonance(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
-    """Frequency of the gain's peak inside the band; undefined where it has none."""
+    """Frequency of the gain's peak inside the band; undefined without a peak."""
     found = _response(time, values, reference, low, high)
     return math.nan if found is None or found.resonance is None else found.resonance[0]
 
@@ -51,6 +51,6 @@ def bandwidth(time: Array, values: Array, reference: Array, *, low: float | None
 
 
 def coherence(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
-    """Least coherence of reference and values over the band: 1 where the response explains all, 0 where nothing."""
+    """Smallest coherence of reference and values in the band: 1 if the reference explains the values fully, 0 if not at all."""
     found = _response(time, values, reference, low, high)
     return math.nan if found is None else float(np.min(found.coherence))

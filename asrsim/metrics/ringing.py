@@ -1,4 +1,4 @@
-"""Frequency and decay of a damped oscillation, from its last small swings."""
+"""Frequency and decay rate of a damped oscillation, from its last small swings."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ import numpy as np
 from asrsim.samples import Array
 
 LARGEST, SMALLEST = 3e-3, 1e-7
-"""Share of the step between which the swings are fitted: small enough for a straight spring, far above rounding."""
+"""Range of the fitted swings as fractions of the largest value: small enough for a linear spring, far above rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ringing:
-    """A linear oscillation x'' + 2 decay x' + natural^2 x = 0."""
+    """Linear oscillation x'' + 2 decay x' + natural^2 x = 0."""
 
     natural: float
-    """rad/s, of the undamped oscillation."""
+    """Undamped natural frequency, rad/s."""
     decay: float
-    """1/s."""
+    """Decay rate, 1/s."""
     samples: int
-    """That were fitted."""
+    """Number of fitted samples."""
 
     @property
     def frequency(self) -> float:
-        """Hz, undamped."""
+        """Undamped frequency, Hz."""
         return self.natural / (2.0 * math.pi)
 
 
 def fit_ringing(time: Array, velocity: Array, *, start: float) -> Ringing:
-    """Fit of the tail of `velocity` (n,), equidistant, after `start` s; NaN where there is too little to fit.
+    """Oscillation fitted to the tail of `velocity` (n,), evenly sampled, after `start` s; NaN if the tail is too short.
 
-    A sampled damped oscillation obeys x[k+1] = a x[k] - b x[k-1] exactly, whatever its damping; a and b by least squares in
-    Prony's manner, each sample weighted by the decay so that early and late swings count alike. The velocity has no offset.
+    A sampled damped oscillation satisfies x[k+1] = a x[k] - b x[k-1] exactly for any damping. Prony's method estimates a and b
+    by least squares; weights cancel the decay, so early and late swings count equally. The velocity has no offset.
     """
     step = float(time[1] - time[0])
     values = velocity[time > start]
     largest = float(np.max(np.abs(values)))
-    # From where the envelope stays below the upper share to where it stays below the lower one.
+    # Fit between the times at which the envelope falls below the upper and the lower limit.
     envelope = np.maximum.accumulate(np.abs(values)[::-1])[::-1]
     first = int(np.searchsorted(-envelope, -LARGEST * largest))
     last = int(np.searchsorted(-envelope, -SMALLEST * largest))
@@ -55,10 +55,10 @@ def fit_ringing(time: Array, velocity: Array, *, start: float) -> Ringing:
 
 
 def natural_frequency(time: Array, values: Array) -> float:
-    """Frequency in Hz, without its damping, of the last small swings about 0 (of a velocity, say); samples must be even."""
+    """Undamped frequency in Hz of the last small swings about 0, for example of a velocity; needs even sampling."""
     return fit_ringing(time, values, start=-math.inf).frequency
 
 
 def decay_rate(time: Array, values: Array) -> float:
-    """Rate at which the last small swings about 0 (of a velocity, say) decay: c / (2 I) of a joint; samples must be even."""
+    """Decay rate of the last small swings about 0, for example of a velocity: c / (2 I) of a joint; needs even sampling."""
     return fit_ringing(time, values, start=-math.inf).decay

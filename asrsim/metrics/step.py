@@ -1,8 +1,8 @@
-"""Measures of a step response: rise, overshoot, settling.
+"""Measures of a step response: rise time, overshoot, settling time.
 
-The step goes from `initial` (default: the first value of the window) to `target` (default: the steady state, the mean of
-the last tenth), as in Ogata, Modern Control Engineering, chapter 5, with the steady state in place of the final value so
-that noise does not decide.
+The step goes from `initial` (default: first value of the window) to `target` (default: steady state, the mean of the last
+tenth), as in Ogata, Modern Control Engineering, chapter 5. The steady state replaces the final value to reduce the effect
+of noise.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from asrsim.metrics.values import SHARE, last_part, steady_state
 from asrsim.samples import Array
 
 ROUNDING = 1e-9
-"""Fraction of a value below which a difference is no step, and fraction of a step below which an excess is no overshoot."""
+"""Relative difference below which a value does not step, and fraction of a step below which an excess is not an overshoot."""
 
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:
-    """(1, n): 0 before and 1 after the step; NaN where there is no step."""
+    """Series (1, n), scaled to 0 before and 1 after the step; NaN without a step."""
     start = float(values[0]) if initial is None else initial
     end = steady_state(time, values, share=SHARE) if target is None else target
     return normalised(values[None], np.array([start]), np.array([end]))
 
 
 def normalised(values: Array, start: Array, end: Array) -> Array:
-    """Series (m, n) as 0 before and 1 after their steps from `start` to `end`, (m,); NaN where there is no step."""
+    """Series (m, n) scaled to 0 before and 1 after their steps from `start` to `end`, (m,); NaN without a step."""
     height = end - start
     none = np.abs(height) <= ROUNDING * np.maximum(1.0, np.maximum(np.abs(start), np.abs(end)))
     return np.asarray((values - start[:, None]) / np.where(none, math.nan, height)[:, None])
@@ -46,18 +46,18 @@ def _first_crossing(time: Array, x: Array, level: float) -> float:
 
 def rise(time: Array, values: Array, *, low: float = 0.1, high: float = 0.9,
          initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
-    """Time from `low` to `high` of the step, first crossings, interpolated; undefined where there is no step."""
+    """Time from `low` to `high` of the step, between first crossings, interpolated; undefined without a step."""
     x = _normalised(time, values, initial, target)[0]
     return _first_crossing(time, x, high) - _first_crossing(time, x, low)
 
 
 def overshoot(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
-    """Peak beyond the steady state as a fraction of the step's height, 0 if there is none; undefined without a step."""
+    """Peak beyond the steady state as a fraction of the step's height, 0 without overshoot; undefined without a step."""
     return float(overshoots(_normalised(time, values, initial, target))[0])
 
 
 def overshoots(x: Array) -> Array:
-    """:func:`overshoot` of normalised series (m, n): (m,). What is no more than rounding counts as 0."""
+    """Overshoots (m,), as from `overshoot`, of normalised series (m, n). Rounding errors count as 0."""
     beyond = x.max(axis=1) - 1.0
     return np.asarray(np.where(beyond <= ROUNDING, 0.0, beyond))
 
@@ -66,13 +66,13 @@ def settling(time: Array, values: Array, *, band: float = 0.02,
              initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
     """Time from the window's start until the value stays within +-`band` (2 %) of the step's height around the steady state.
 
-    Undefined where there is no step, or where the value is still outside the band in the last tenth (not settled).
+    Undefined without a step, or if the value is outside the band in the last tenth (not settled).
     """
     return settlings(time, _normalised(time, values, initial, target), band)[0]
 
 
 def settlings(time: Array, x: Array, band: float = 0.02) -> list[float]:
-    """:func:`settling` of normalised series (m, n)."""
+    """Settling times, as from `settling`, of normalised series (m, n)."""
     outside: Any = np.abs(x - 1.0) > band
     last = x.shape[1] - 1 - outside[:, ::-1].argmax(axis=1)
     end = last_part(time, time, SHARE)[0][0]
@@ -83,7 +83,7 @@ def settlings(time: Array, x: Array, band: float = 0.02) -> list[float]:
 
 
 def _settled(time: Array, x: Array, i: int, band: float, end: float) -> float:
-    """When a series that is outside at `i` for the last time comes into the band; never, if that is after `end`."""
+    """Time at which a series that is outside the band for the last time at sample `i` enters it; NaN if after `end`."""
     if time[i] >= end or i + 1 >= len(time):
         return math.nan
     edge = 1.0 + math.copysign(band, x[i] - 1.0)

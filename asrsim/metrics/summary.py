@@ -1,4 +1,4 @@
-"""What a run's summary says of each joint."""
+"""Measures of each joint in a run's summary."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ from asrsim.samples import Array
 
 @dataclass(frozen=True, kw_only=True)
 class JointSummary:
-    """Numbers of one joint; NaN where one is undefined (no step, not settled, not recorded)."""
+    """Measures of one joint; NaN if undefined (no step, not settled, not recorded)."""
 
     steady_state: float
-    """rad (m), mean of the link position over the last tenth."""
+    """Mean of the link position over the last tenth, rad (m)."""
     steady_state_error: float
-    """rad (m), reference minus link position there; NaN where the reference is no position."""
+    """Reference minus link position over the last tenth, rad (m); NaN if the reference is not a position."""
     overshoot: float
-    """Of the link position, fraction of its step."""
+    """Overshoot of the link position, as a fraction of its step."""
     settling: float
-    """s, to 2 % of the step."""
+    """Settling time to 2 % of the step, s."""
     frequency: float
-    """Hz, dominant oscillation of the link position."""
+    """Frequency of the link position's dominant oscillation, Hz."""
     peak_deflection: float
-    """rad (m), largest magnitude of equilibrium minus link position."""
+    """Largest magnitude of equilibrium minus link position, rad (m)."""
 
     def as_dict(self) -> dict[str, float | None]:
-        """For JSON: undefined numbers are null."""
+        """Measures as data for JSON: undefined numbers are null."""
         return {name: finite_or_none(value) for name, value in self.__dict__.items()}
 
 
 def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0) -> JointSummary:
-    """Summary of one joint.
+    """Measures of one joint for the summary.
 
     Args:
-        time: (n,) s.
-        columns: Quantity -> (n,): `link_position`, and where there are `position_error` and `deflection` (derived, see
-            :mod:`asrsim.log.derived`), without which their numbers are NaN.
-        step: Sample from which overshoot and settling count; None: there is no step, and they are NaN.
+        time: Times (n,), s.
+        columns: Quantity -> values (n,): `link_position`, and if available `position_error` and `deflection` (derived, see
+          `asrsim.log.derived`); measures of missing quantities are NaN.
+        step: Sample at which the step begins, for overshoot and settling; None: there is no step, and they are NaN.
     """
     q, error, deflection = (columns.get(name) for name in ("link_position", "position_error", "deflection"))
     peak = math.nan if deflection is None else measure("peak", time, deflection)
@@ -59,7 +59,7 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
 def summaries(
     time: Array, positions: Array, errors: Array, steps: Sequence[int | None], peaks: Array
 ) -> tuple[JointSummary, ...]:
-    """Summaries of m joints: positions, errors (m, n), steps as for :func:`summarise`, peaks of the deflection (m,)."""
+    """Measures of m joints. positions, errors: (m, n); steps: as in `summarise`; peaks: largest deflections (m,)."""
     found: list[JointSummary | None] = [None] * len(positions)
     finite: Any = np.isfinite(positions)
     whole: Any = finite.all(axis=1)
@@ -89,7 +89,7 @@ def summaries(
 
 
 def _steps(time: Array, positions: Array, steady: Array, steps: Sequence[int | None]) -> tuple[list[float], list[float]]:
-    """Overshoot and settling of m series, each from its step on."""
+    """Overshoots and settling times of m series, each from its step on."""
     beyond, settled = [math.nan] * len(steps), [math.nan] * len(steps)
     for step in {step for step in steps if step is not None and step < len(time)}:
         rows = [i for i, other in enumerate(steps) if other == step]

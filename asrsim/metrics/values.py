@@ -1,4 +1,4 @@
-"""Measures of one series' size: mean, extremes, last and steady value."""
+"""Measures of a single series: mean, extremes, last and steady value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.samples import Array
 
 SHARE = 0.1
-"""Of the duration, at its end, in which a motion is steady."""
+"""Fraction of the duration, at its end, over which the steady state is averaged."""
 
 
 def final(_time: Array, values: Array) -> float:
@@ -18,16 +18,16 @@ def final(_time: Array, values: Array) -> float:
 
 
 def mean(time: Array, values: Array) -> float:
-    """Mean over time (trapezoids, so that uneven sampling does not matter)."""
+    """Mean over time (trapezoidal rule, so uneven sampling does not matter)."""
     return float(means(time, values))
 
 
 def means(time: Array, values: Array) -> Array:
-    """:func:`mean` of series (..., n): (...)."""
+    """Means (...) of series (..., n), as from `mean`."""
     span = float(time[-1] - time[0])
     if not span > 0:
         return values[..., 0]
-    # As np.trapezoid has it, in a tenth of its time on short series.
+    # Equals np.trapezoid, in a tenth of its time on short series.
     return np.asarray(((time[1:] - time[:-1]) * (values[..., 1:] + values[..., :-1]) / 2.0).sum(axis=-1) / span)
 
 
@@ -42,7 +42,7 @@ def maximum(_time: Array, values: Array) -> float:
 
 
 def peak(_time: Array, values: Array) -> float:
-    """Largest magnitude; of `deflection` it is the peak deflection."""
+    """Largest magnitude; for `deflection` the peak deflection."""
     return float(np.max(np.abs(values)))
 
 
@@ -57,12 +57,12 @@ def amplitude(_time: Array, values: Array) -> float:
 
 
 def at(time: Array, values: Array, *, when: float) -> float:
-    """Value at the time `when` (s), interpolated; undefined outside of the record."""
+    """Value at the time `when` (s), interpolated; undefined outside the record."""
     return float(np.interp(when, time, values, left=math.nan, right=math.nan))
 
 
 def steady_state(time: Array, values: Array, *, share: float = SHARE) -> float:
-    """Mean over the last part of the record; `share` of its duration."""
+    """Mean over the last part of the record, the fraction `share` of its duration."""
     return mean(*last_part(time, values, share))
 
 
@@ -80,6 +80,6 @@ def steady_state_error(
 
 
 def last_part(time: Array, values: Array, share: float) -> tuple[Array, Array]:
-    """The samples of the last `share` of the duration, at least one, of series (..., n)."""
+    """Samples of series (..., n) in the last fraction `share` of the duration, at least one."""
     start = min(int(time.searchsorted(time[-1] - share * (time[-1] - time[0]))), len(time) - 1)
     return time[start:], values[..., start:]

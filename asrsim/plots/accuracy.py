@@ -1,4 +1,4 @@
-"""How far a run can be trusted: its numerical error, and its difference from another engine, joint by joint."""
+"""Picture of a run's accuracy: estimated numerical error and difference from a second engine, joint by joint."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from asrsim.plots.layout import Grid, set_title
 from asrsim.plots.output import save_figure, styled
 
 SMALLEST = 1e-17
-"""What is smaller, 0 included, is drawn here: a logarithmic axis has no 0."""
+"""Smallest value drawn. Smaller values and 0 are drawn here, because a logarithmic axis has no 0."""
 
 
 def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Mapping[str, Any]) -> list[Path]:
-    """Draws `accuracy.png` into `folder` and returns the files; none where neither was asked for.
+    """Draw `accuracy.png` into `folder` and return its path; return an empty list if both tables are empty.
 
-    certificate, cross_check: as in `summary.json`; empty: not there. A dot is the largest value over the run, a bar reaches
-    from it to the root mean square. Raises OutputError.
+    certificate, cross_check: tables of `summary.json`, empty if the run did not compute them. A dot marks the largest value
+    over the run; a bar reaches from the dot to the root mean square. Raises OutputError.
     """
     found = [(name, data["joints"]) for name, data in _named(certificate, cross_check) if data.get("joints")]
     if not found:

@@ -1,4 +1,4 @@
-"""The picture of a test bench: what springs and motors do under the prescribed motion."""
+"""Picture of a test bench: torques and positions of springs and motors under the prescribed motion."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ ROWS = (
     ("link torque", "N·m", ("link_torque",)),
     ("stiffness", "N·m/rad", ("stiffness",)),
 )
-"""Words and unit of a row, and its columns of :data:`asrsim.simulation.bench.OUTPUTS`."""
+"""Rows of the picture: label and unit of the vertical axis, and the columns of `asrsim.simulation.bench.OUTPUTS` drawn there.
+"""
 NAMES = {"position": "link_position"}
-"""Columns that other pictures call otherwise."""
+"""Column names of the bench that differ from the quantity names of the other pictures."""
 
 
 def draw_bench(path: Path, time: Array, results: Mapping[str, Mapping[str, Array]]) -> list[Path]:
-    """Draws the bench's outputs as PNG beside the table at `path` and returns the files; three joints a picture.
+    """Draw the bench's outputs as PNG files beside the table at `path`, three joints per picture, and return the files.
 
-    time: (n,) s; results: joint -> column -> (n,). Raises OutputError.
+    time: (n,) s; results: joint -> column -> values (n,). Raises OutputError.
     """
     joints, files = list(results), []
     with styled():

@@ -1,4 +1,4 @@
-"""Bode plots: responses of simulation and experiment together, with coherence where it tells something."""
+"""Bode plots of simulation and experiment on the same axes, with the coherence where it is low."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
 CERTAIN = 0.9
-"""Coherence that says nothing: it is drawn where any falls below."""
+"""The coherence is drawn only if some point falls below this value."""
 
 
 def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
-    """Gain, phase and coherence; joints in columns."""
+    """Pages with gain, phase and coherence in rows and joints in columns."""
     joints = list(dict.fromkeys(one.joint.name for one in found))
     pages = [joints[a : a + PER_PAGE] for a in range(0, len(joints), PER_PAGE)]
     for number, members in enumerate(pages, 1):
@@ -35,19 +35,19 @@ def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
 
 
 def pair_in_words(given: str | None, output: str | None) -> str:
-    """The frequency response in words."""
+    """Input and output of a frequency response in words, for a title."""
     output, given = (_in_words(text) for text in (output or OUTPUT, given or "its reference"))
     return f"{output} to {given}"
 
 
 def _in_words(series: str) -> str:
-    """`elbow_1.link_torque` as `link torque of elbow_1`."""
+    """Name of a series in words: `elbow_1.link_torque` -> `link torque of elbow_1`."""
     joint, _, quantity = series.rpartition(".")
     return quantity.replace("_", " ") + (f" of {joint}" if joint else "")
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
-    """A Bode plot of responses: colours tell simulations apart; experiments are thin and dark."""
+    """Bode plot of several responses. Each simulation has its colour; experiments are thin and dark."""
     from matplotlib.lines import Line2D
 
     joints = {one.joint.name: one.joint for one in found}
@@ -83,7 +83,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
 
 
 def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[Response], *, several: bool) -> None:
-    """Gain (dB), phase and coherence of one joint's responses on the given axes, with confidence bands."""
+    """Draw gain (dB), phase and coherence of one joint's responses on the given axes, with confidence bands."""
     levels: list[Array] = []
     angles: list[Array] = []
     for one in found:
@@ -94,7 +94,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
         kind = "experiment" if one.experiment else "simulation"
         gid = f"{one.joint.name}.{kind}.{one.variant}"
         if len(result.frequency) == 1:
-            # A line through one point would not be seen.
+            # A line through a single point is invisible: draw a marker.
             look |= {"marker": "o", "markersize": 4.0}
         for ax, values, margin in (
             (gain, level, (low, high)),
@@ -127,7 +127,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
 
 
 def label_frequencies(axes: Axes, start: float, end: float) -> None:
-    """Labels at 1, 2, 5 and 10 Hz and so on, evenly in a narrow band; a single frequency is in the middle."""
+    """Label the frequency axis at 1, 2, 5, 10 Hz and so on; evenly in a narrow band. A single frequency is centred."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     single = end <= start

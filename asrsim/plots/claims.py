@@ -1,4 +1,4 @@
-"""The claims (`expect:`) of the scenario in a log, evaluated on the log."""
+"""Evaluation of a scenario's claims (`expect:`) on the log of a run."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from asrsim.scenario.data import Expectation
 
 
 def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
-    """Claims of the scenario in a log about its variant; the recordings that it carries are laid into `folder`.
+    """Claims about the run's variant, from the scenario stored in its log. Recordings stored in the log are written to
+    `folder`.
 
-    Raises ScenarioError if they cannot be read (any more).
+    Raises ScenarioError if this version cannot read the claims.
     """
     data = info.resolved.get("scenario", {})
     if not isinstance(data, dict) or not data.get("expect"):
@@ -27,7 +28,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # The claims alone, and the names that they may use: a log must be judged without the files that its run needed.
+    # Read only the claims and the names they use: the files that the run needed may be missing.
     world = data.get("world")
     named = world.get("objects") if isinstance(world, dict) else None
     objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}
@@ -42,9 +43,9 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
 
 def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) -> dict[str, LagChoice]:
-    """Path of a recording -> the lag under which the runs' claims compare with that very file, where they state one.
+    """Path of a recording -> lag that the runs' claims state for this recording.
 
-    A picture under another lag would show other numbers than the verdicts below it.
+    Pictures use the same lag as the claims; otherwise their numbers would contradict the verdicts below them.
     """
     found: dict[str, LagChoice] = {}
     for info in infos:
@@ -61,11 +62,11 @@ def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) ->
 
 
 def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
-    """Name in the log -> file, and folder of files (a bag)."""
+    """Files unpacked from the log: name in the log -> path of the file, or of the folder if the recording is a bag."""
     files: dict[str, Path] = {}
     for name, content in info.attachments.items():
         parts = PurePosixPath(name.replace("\\", "/")).parts
-        # Names come from a file: none may lead out of the folder.
+        # Names come from a foreign file: reject paths that leave the folder.
         if not parts or ".." in parts or PurePosixPath(name).is_absolute():
             continue
         path = folder.joinpath(*parts)
@@ -76,7 +77,7 @@ def _unpacked(info: RunInfo, folder: Path) -> dict[str, Path]:
 
 
 def judge(reader: LogReader) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict; none for a run that did not end. Raises ScenarioError and RecordingError."""
+    """Every claim with its verdict; empty for a run that did not end. Raises ScenarioError and RecordingError."""
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples

@@ -1,4 +1,4 @@
-"""What a picture needs of a log: thinned curves by joint and quantity, read in bounded memory."""
+"""Thinned curves of a log by joint and quantity, read in bounded memory."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ REFERENCE = "reference_position"
 EXTRA: dict[str, Quantity] = {
     REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references ask for"),
 }
-"""Quantities of pictures only: the reference of the position, whatever the operation mode calls it."""
+"""Quantities that only pictures use: the position reference under one name for all operation modes."""
 KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
 
 Progress = Callable[[float], None]
-"""Told the fraction that is done, 0 to 1."""
+"""Callback that receives the fraction done, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunCurves:
-    """One run as pictures show it."""
+    """Curves of one run, as the pictures draw them."""
 
     path: Path
     info: RunInfo
     label: str
-    """Short name: the variant, or the file's name."""
+    """Short name of the run: the variant, or the file's name."""
     joints: tuple[JointInfo, ...]
-    """Those that were asked for."""
+    """The selected joints."""
     curves: Mapping[tuple[str, str], Curve]
-    """(joint, quantity) -> curve; only what the run has."""
+    """(joint, quantity) -> curve; only quantities that the run has."""
     bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
-    """World object -> dx, dy, dz (m from the first sample) and force (N, magnitude of its contact forces)."""
+    """World object -> dx, dy, dz (displacement from the first sample, m) and force (magnitude of the contact forces, N)."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     status: str = "complete"
     duration: float
-    """s."""
+    """Duration of the run, s."""
     samples: int
 
     def get(self, joint: str, quantity: str) -> Curve | None:
-        """The curve of a joint's quantity, None where there is none."""
+        """Curve of a joint's quantity, None if the run does not have it."""
         return self.curves.get((joint, quantity))
 
 
 class CurveSource:
-    """A log's joints and quantities, derived ones too, chunk by chunk.
+    """Stored and derived quantities of a log's joints, read chunk by chunk.
 
-    joints, quantities: all by default; start, end: s, only this part. Raises LogError for unknown names and for files that
-    are no logs.
+    joints, quantities: all by default; start, end: limits of the part to read, s. Raises LogError for unknown names and
+    for files that are not logs.
     """
 
     def __init__(
@@ -75,18 +75,18 @@ class CurveSource:
         self.joints = _members(self.reader, joints)
         self._names = _names(self.reader, self.joints, quantities)
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
-        """(joint, quantity) of each column."""
+        """(joint, quantity) of each column of the matrix."""
         recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
         self._stored = [name for name in stored(self._names) if name in recorded]
 
     def span(self, first: float) -> tuple[float, float]:
-        """Start and end of what is read in s, the time of its first sample given."""
-        # A log begins at 0, but for the recording that it may be a repetition of.
+        """Start and end of the part to read, s; `first` is the time of its first sample."""
+        # A log begins at 0, except when the run repeats a recording.
         last = (first if self._start is None else 0.0) + self.reader.duration
         return first, max(first, last if self._end is None else min(self._end, last))
 
     def chunks(self, progress: Progress | None = None) -> Iterator[tuple[Samples, Array]]:
-        """Samples, and their columns as a matrix (n, columns)."""
+        """Chunks of the log: samples, and the selected columns as a matrix (n, columns)."""
         duration, start = self.reader.duration, None
         samples = self.reader.iter_samples(
             quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
@@ -110,10 +110,10 @@ def read_curves(
     bins: int = BINS,
     progress: Progress | None = None,
 ) -> RunCurves:
-    """Reads a log into thinned curves, chunk by chunk; memory depends on `bins`, not on the duration.
+    """Thinned curves of a log. The log is read chunk by chunk; memory depends on `bins`, not on the duration.
 
-    joints, quantities: all by default; quantities may be derived ones; start, end: s, only this part. Raises LogError for
-    unknown names, files that are no logs, and a part without samples.
+    joints, quantities: all by default, derived quantities included; start, end: limits of the part to read, s. Raises
+    LogError for unknown names, files that are not logs, and a part without samples.
     """
     source = CurveSource(path, joints=joints, quantities=quantities, start=start, end=end)
     reader, columns = source.reader, source.columns
@@ -129,7 +129,7 @@ def read_curves(
             world.add(part)
     if envelope is None:
         raise LogError(
-            "the log holds no samples" + ("" if start is None and end is None else " in that time"),
+            "the log contains no samples" + ("" if start is None and end is None else " in that time"),
             file=reader.path,
             hint="The run ended before its first chunk was written"
             if reader.truncated
@@ -158,7 +158,7 @@ def read_curves(
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
-    """The runs with labels that tell them apart: variant, else file, else what differs in their folders, else a number."""
+    """The runs with distinct labels: variant, else file name, else the part of the path that differs, else a number."""
     for labels in (
         [run.label for run in runs],
         [f"{Path(run.info.scenario_path).stem} {run.label}".strip() for run in runs],
@@ -171,7 +171,7 @@ def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
 
 
 def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
-    """Each path without the parts that all of them begin and end with."""
+    """Each path without the parts that all paths begin and end with."""
     ends = []
     for sign in (1, -1):
         parts = zip(*(path[::sign] for path in paths), strict=False)
@@ -180,7 +180,7 @@ def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def available(reader: LogReader) -> tuple[str, ...]:
-    """Every quantity that a log can show, derived ones last."""
+    """Every quantity that can be drawn from a log, derived quantities last."""
     stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
     derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
     return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)
@@ -214,7 +214,7 @@ def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str]
 
 
 def stored(names: Sequence[str]) -> list[str]:
-    """What must be read for these quantities."""
+    """Names of the stored quantities from which the given quantities are computed."""
     needed: dict[str, None] = {}
     for name in names:
         sources = DERIVED_SOURCES["position_error"] if name == REFERENCE else DERIVED_SOURCES.get(name, (name,))
@@ -223,9 +223,9 @@ def stored(names: Sequence[str]) -> list[str]:
 
 
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
-    """Quantity, stored or derived -> (n, joints)."""
+    """Quantity, stored or derived -> values (n, joints)."""
     found: dict[str, Array] = {}
-    # Infinite values of a run that diverged: their differences are no numbers, and no news.
+    # Infinite values of a diverged run give NaN differences; no warning about them.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:
@@ -238,7 +238,7 @@ def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> d
 
 
 def _ordered(parts: Iterator[Samples], path: Path) -> Iterator[Samples]:
-    """The parts, those without samples left out."""
+    """The chunks that contain samples. Raises LogError if times decrease."""
     last = -np.inf
     for part in parts:
         if not len(part.time):

@@ -1,4 +1,4 @@
-"""Honest thinning of long series: of every short interval the first, smallest, largest and last sample are kept.
+"""Thinning of long series: the first, smallest, largest and last sample of every short interval are kept.
 
 A line drawn through these covers the same pixels as one through all samples, if an interval is not wider than a pixel
 (Jugel et al., M4: a visualization-oriented time series data aggregation, PVLDB 7, 2014). No extreme is ever lost.
@@ -14,13 +14,13 @@ import numpy as np
 from asrsim.samples import Array
 
 BINS = 1500
-"""Intervals of a picture: more than a panel has pixels."""
+"""Number of intervals per picture: more than a panel has pixels."""
 
 
 class Envelope:
-    """Takes m series chunk by chunk and keeps at most four samples of each in each interval; memory does not grow.
+    """Thins m series chunk by chunk to at most four samples per series and interval; memory does not grow.
 
-    start, end: s, of the whole record; samples beyond fall into the first and last interval.
+    start, end: limits of the whole record, s; samples outside count to the first or last interval.
     """
 
     def __init__(self, count: int, *, start: float, end: float, bins: int = BINS) -> None:
@@ -33,10 +33,10 @@ class Envelope:
         self._first, self._last = np.full(shape, np.nan), np.full(shape, np.nan)
         self._first_time, self._last_time = np.full(bins, np.nan), np.full(bins, np.nan)
         self.samples = 0
-        """Samples taken so far."""
+        """Number of samples added so far."""
 
     def add(self, time: Array, values: Array) -> None:
-        """The next chunk: time (n,) ascending, values (n, m); NaN where there is no sample."""
+        """Add the next chunk: time (n,) ascending, values (n, m); NaN marks a missing sample."""
         if not len(time):
             return
         self.samples += len(time)
@@ -45,7 +45,7 @@ class Envelope:
         gone = ~np.isfinite(values)
         low = high = values
         if gone.any():
-            # What is infinite cannot be drawn; it is a gap like any other.
+            # Infinite values cannot be drawn: treat them as gaps.
             values, low, high = (np.where(gone, instead, values) for instead in (np.nan, np.inf, -np.inf))
         for begin, end in pairwise(edges):
             self._merge(int(index[begin]), time[begin:end], values[begin:end], low[begin:end], high[begin:end])
@@ -65,7 +65,7 @@ class Envelope:
         self._high_time[b, larger] = time[at[larger]]
 
     def column(self, j: int) -> tuple[Array, Array]:
-        """Times and values, both (k,), of series j in order; k is at most four times the intervals. NaN marks a gap."""
+        """Times and values, both (k,), of series j in order of time; k is at most four times the intervals. NaN marks a gap."""
         used = np.flatnonzero(~np.isnan(self._first_time))
         times = np.stack([self._first_time[used], self._low_time[used, j], self._high_time[used, j], self._last_time[used]], 1)
         values = np.stack([self._first[used, j], self._low[used, j], self._high[used, j], self._last[used, j]], 1)
@@ -79,10 +79,10 @@ class Envelope:
         return times[keep], values[keep]
 
     def pairs(self, j: int) -> Array:
-        """(2 * intervals,) of series j: of every interval the smallest and largest value, in the order in which they came.
+        """Smallest and largest value of every interval of series j, in order of time, as an array (2 * intervals,).
 
-        For series that share one axis: the k-th pair belongs to a quarter and three quarters of interval k. NaN where an
-        interval has no sample.
+        For several series on a common time axis: the values of interval k are drawn at 1/4 and 3/4 of the interval. NaN where
+        an interval has no sample.
         """
         low, high = self._low[:, j], self._high[:, j]
         empty = ~np.isfinite(low)
@@ -93,7 +93,7 @@ class Envelope:
 
 
 def decimate(time: Array, values: Array, *, bins: int = BINS) -> tuple[Array, Array]:
-    """One series (n,), thinned to at most `4 * bins` samples; a shorter one is given back as it is."""
+    """Times and values of one series (n,) thinned to at most `4 * bins` samples; a shorter series is returned unchanged."""
     if len(time) <= 4 * bins:
         return time, values
     envelope = Envelope(1, start=float(time[0]), end=float(time[-1]), bins=bins)

@@ -1,4 +1,4 @@
-"""Figures: panels in rows, joints in columns, as many pages as it takes."""
+"""Figures of a run: panels in rows, joints in columns, several pages if needed."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PER_PAGE = 3
-"""Joints on a page."""
+"""Number of joints on a page."""
 OVERVIEW_FROM = 5
-"""Joints from which on an overview of all of them comes first."""
+"""Number of joints from which the first page is an overview of all joints."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A figure and the name of its file."""
+    """Figure and the name of its file."""
 
     name: str
     figure: Figure
 
 
 def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False) -> Iterator[Page]:
-    """All pages of one run or of several variants, made one at a time: joints, energies, objects.
+    """Pages of one run or of several variants, made one at a time: joints, energies, objects.
 
-    quantities: these instead, one row each. brief: no energies, and where an overview shows all joints, the first of their
-    pages only.
+    quantities: draw only these, one row each. brief: omit the energies; where an overview shows all joints, only the first
+    page of joints follows.
     """
     if quantities is not None:
         yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
@@ -57,12 +57,12 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
-    """Joints of any of the runs, in order."""
+    """Names of the joints of all runs, in order."""
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
 
 
 def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
-    # Joints with the same panels share pages; those with few panels (rigid ones) come last.
+    # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
     for joint in joint_names(runs):
         alike.setdefault(tuple(panel.key for panel in panels if content(panel, runs, joint)), []).append(joint)
@@ -74,7 +74,7 @@ def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, its size in inches."""
+    """Empty figure; width and height in inches."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     from asrsim.plots.ticks import Picture
@@ -92,7 +92,7 @@ def grid_figure(
     subject: str = "",
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
-    """Panels in rows, joints in columns, one legend a row at the right, variants below."""
+    """Figure with panels in rows and joints in columns; one legend per row at the right, the variants' legend below."""
     rows = [panel for panel in panels if any(content(panel, runs, joint) for joint in joints)]
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.85)
     grid = Grid(columns=len(joints), heights=[style.ROW_HEIGHT - GAP_Y] * len(rows), width=wide)
@@ -105,7 +105,7 @@ def grid_figure(
             if not content(panel, runs, joint):
                 _empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # One quantity that the axis names already, in the variants' colours.
+        # A single quantity, named by the axis: draw it in the variants' colours.
         alone = several and len(names) == 1
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], [] if alone else names, several=several, words=words, extra=_limit_handles(shown))
@@ -117,7 +117,7 @@ def grid_figure(
 
 
 def overview_figure(runs: Sequence[RunCurves]) -> Figure:
-    """Link position with its reference (and equilibrium) of every joint, small."""
+    """Small panels with link position, reference and equilibrium of every joint."""
     joints = joint_names(runs)
     prismatic = {info.name: info.prismatic for run in runs for info in run.joints}
     columns = 3 if len(joints) <= 8 else 4 if len(joints) <= 24 else 6
@@ -133,7 +133,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
         slides, first = (prismatic[joints[i]] for i in (index, index - index % columns))
-        # A row has the label of its first joint; one of the other kind says so in its title, for which there is room.
+        # Only the first panel of a row has a label; a joint of another kind (rad or m) names its unit in its title.
         unit = "" if slides == first else " (m)" if slides else " (rad)"
         ax.set_title(shorten(joints[index], 30) + unit, loc="left", fontsize=8)
         if index % columns:
@@ -149,7 +149,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
 
 
 def objects_figure(runs: Sequence[RunCurves]) -> Figure:
-    """Displacement of the world's objects, and the force by which robot and other objects push them."""
+    """Figure with the displacement of the world's objects and the contact forces on them."""
     names = tuple(dict.fromkeys(name for run in runs for name in run.bodies))[: 2 * PER_PAGE]
     several = len(runs) > 1
     wide = style.COLUMN_WIDTH * (1.6 if len(names) == 1 else 0.85)
@@ -167,7 +167,7 @@ def objects_figure(runs: Sequence[RunCurves]) -> Figure:
 
 
 def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPanel) -> dict[str, str]:
-    """One panel of a body; its legend's entries. Variants have one goal, which is drawn as references are."""
+    """Draw one panel of a body and return its legend entries. Variants share one goal, drawn in the style of references."""
     plain = [key for key in panel.entries if not key.startswith("goal")]
     words: dict[str, str] = {}
     shown = []
@@ -206,7 +206,7 @@ def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
 
 
 def describe(joint: JointInfo) -> str:
-    """Actuator and mode in a few words."""
+    """Actuator and operation mode of a joint in a few words."""
     from asrsim.actuators import ACTUATORS, MODES
 
     actuator = ACTUATORS.get(joint.actuator).title if joint.actuator in ACTUATORS else joint.actuator
@@ -217,12 +217,12 @@ def describe(joint: JointInfo) -> str:
 
 
 def shorten(text: str, length: int) -> str:
-    """The text for a picture, its middle left out where it is longer than `length`."""
+    """Text for a picture; the middle of a text longer than `length` is replaced by an ellipsis."""
     return style.plain(text if len(text) <= length else f"{text[: length // 2 - 1]}…{text[-(length // 2) + 1 :]}")
 
 
 def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int], *, more: str = "") -> None:
-    """Robot, scenario, variant, subject and page in one line at the top left."""
+    """Write robot, scenario, variant, subject and page in one line at the top left."""
     robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
     scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
     words = [shorten(name, 40) for name in dict.fromkeys((robots, *(scenarios if len(scenarios) == 1 else ()))) if name]

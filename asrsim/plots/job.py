@@ -1,4 +1,4 @@
-"""What `asrsim plot` does: runs drawn, alone or beside experiments, with metrics and verdicts. Prints nothing."""
+"""Work of `asrsim plot`: draws runs, alone or beside experiments, with metrics and verdicts. Prints nothing."""
 
 from __future__ import annotations
 
@@ -27,59 +27,59 @@ from asrsim.recordings.align import LagChoice
 
 @dataclass(frozen=True, kw_only=True)
 class PlotJob:
-    """What is to be drawn."""
+    """Selection of what to draw: logs, recordings, quantities and formats."""
 
     logs: tuple[Path, ...]
     folder: Path
     experiments: tuple[str, ...] = ()
-    """Files, or VARIANT=FILE."""
+    """Recordings: FILE, or VARIANT=FILE."""
     mapping: tuple[str, ...] | Path | None = None
-    """Columns of the experiments: items COLUMN=JOINT.QUANTITY, or a file."""
+    """Meaning of the recordings' columns: items COLUMN=JOINT.QUANTITY, or a file with them."""
     rate: float | None = None
-    """Hz, for experiments without time."""
+    """Sampling rate of recordings without a time column, Hz."""
     joints: tuple[str, ...] | None = None
     quantities: tuple[str, ...] | None = None
     lag: LagChoice = "auto"
     lag_limit: float | None = None
-    """s, largest lag that auto may find."""
+    """Largest lag that the automatic alignment may find, s."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
-    """Hz, of the Bode plot."""
+    """Frequency band of the Bode plot, Hz."""
     given: str | None = None
-    """Input of the frequency response, `quantity` or `joint.quantity`; None: the reference of the position."""
+    """Input of the frequency response, `quantity` or `joint.quantity`; None: the position reference."""
     output: str | None = None
-    """Its output; None: the link's position."""
+    """Output of the frequency response; None: the link position."""
     start: float | None = None
-    """s, where the pictures of runs begin."""
+    """Start of the pictures of runs, s."""
     end: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlotResult:
-    """What came of it."""
+    """Files drawn, metrics, verdicts and findings of a plot job."""
 
     runs: tuple[RunCurves, ...]
     recordings: tuple[Recording, ...] = ()
     assigned: tuple[tuple[Path, str, bool], ...] = ()
-    """(recording, label of the run or `all`, whether that was guessed)."""
+    """(recording, label of its run or `all`, whether the run was guessed)."""
     compared: tuple[RunComparison, ...] = ()
     responses: tuple[Response, ...] = ()
     rows: tuple[MetricRow, ...] = ()
     claims: tuple[tuple[str, ExpectationResult], ...] = ()
-    """(label of the run, verdict)."""
+    """(label of the run, verdict on a claim)."""
     findings: tuple[Problem, ...] = ()
     files: tuple[Path, ...] = ()
     replaced: int = 0
-    """Files of these that were there before."""
+    """Number of files that were overwritten."""
 
     @property
     def ok(self) -> bool:
-        """Every claim holds."""
+        """Whether every claim holds."""
         return all(result.holds for _, result in self.claims)
 
     def as_dict(self) -> dict[str, Any]:
-        """For `--json`."""
+        """The result as data for `--json`."""
         return {
             "ok": self.ok,
             "runs": [
@@ -112,7 +112,7 @@ class PlotResult:
 
 
 def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> PlotResult:
-    """Does the job. progress: told what is being done and which fraction of it is.
+    """Draw the pictures and return the result. progress: called with the current task and the fraction done.
 
     Raises InputError (logs, recordings, options) before anything is written, and OutputError.
     """
@@ -146,13 +146,13 @@ def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> 
 
 
 def _beside(path: Path) -> tuple[str, ...]:
-    """What a comparison shows of a run besides what is compared: its reference, where it has one."""
+    """Quantities of the run drawn in addition to the compared quantities: its reference, if it has one."""
     known = available(open_log(path))
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 
 def _recordings_alone(job: PlotJob) -> PlotResult:
-    """Frequency responses of recordings without any run beside them. Raises InputError for whatever needs a run."""
+    """Result with the frequency responses of recordings without a run. Raises InputError for options that need a run."""
     if not job.bode or not job.experiments:
         raise InputError("no log was named", key="logs", code="no-log",
                          hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
@@ -200,7 +200,7 @@ def _compared(job: PlotJob, result: PlotResult, told: Callable[[str, int, int], 
             continue
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
-            # A recording has one clock: what the first run says of it holds for the others.
+            # A recording has one clock: the lag found with the first run holds for the other runs.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
             progress=told("comparing", number, len(result.runs)),
         )  # fmt: skip
@@ -241,7 +241,7 @@ def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
 
 
 def _told(result: PlotResult, found: Sequence[Response], problems: Sequence[Problem]) -> PlotResult:
-    """With these responses; raises InputError where there is none."""
+    """The result with these responses added; raises InputError if there are none."""
     if not found:
         raise InputError(problems)
     rows = [*result.rows, *(row for one in found for row in one.rows())]

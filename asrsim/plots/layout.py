@@ -1,4 +1,4 @@
-"""Where panels stand on a page, in inches: known beforehand, so that no layout has to be solved for."""
+"""Positions of the panels on a page, in inches. They are computed beforehand: no layout solver runs."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEFT, GAP_X, GAP_Y, BOTTOM = 0.95, 0.98, 0.17, 0.44
-"""inch: for labels left of the panels and between them, between rows, and below the lowest."""
+"""Space for labels left of the panels, between columns, between rows, and below the lowest row, inch."""
 HEAD, TITLE = 0.34, 0.46
-"""inch: the figure's title; a column's title of two lines."""
+"""Height of the figure's title, and of a column's title of two lines, inch."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Panels in rows and columns."""
+    """Panels in rows and columns, with their sizes."""
 
     columns: int
     heights: Sequence[float]
-    """inch, of each row."""
+    """Height of each row, inch."""
     width: float = style.COLUMN_WIDTH
-    """inch, of a column without its labels."""
+    """Width of a column without its labels, inch."""
     gap_y: float = GAP_Y
     title: float = TITLE
-    """inch above the panels, for the columns' titles."""
+    """Height of the columns' titles above the panels, inch."""
     right: float = style.LEGEND_WIDTH
-    """inch, for the legends."""
+    """Width of the legends at the right, inch."""
     gap_x: float = GAP_X
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
-        """The figure and its axes (rows, columns), with the legend of variants below."""
+        """Figure and its axes (rows, columns), with the legend of variants below."""
         from asrsim.plots.ticks import Picture, Plain
 
         width = LEFT + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
@@ -53,7 +53,7 @@ class Grid:
             },
         )  # fmt: skip
         for ax in axes.flat:
-            # Ticks' labels are as wide as they are: labels of axes stand in one line all the same.
+            # Fixed position: otherwise axis labels would move with the width of the tick labels.
             ax.yaxis.set_label_coords(-0.57 / self.width, 0.5)
             ax.yaxis.set_major_formatter(Plain())
         variants(figure, labels)
@@ -61,6 +61,6 @@ class Grid:
 
 
 def set_title(figure: Figure, text: str) -> None:
-    """The figure's title, one line at the top left."""
+    """Write the figure's title in one line at the top left."""
     figure.suptitle(text, fontsize=10.5, x=0.12 / figure.get_figwidth(), y=1 - 0.12 / figure.get_figheight(), ha="left",
                     va="top", color=style.BLACK)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Legends: quantities right of the axes, variants by colour below everything."""
+"""Legends: quantities at the right of the axes, variants by colour at the bottom of the figure."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def legend(
     extra: Sequence[Any] = (),
     several: bool = False,
 ) -> None:
-    """A legend of quantities right of the axes, outside of the data.
+    """Draw a legend of quantities at the right of the axes, outside the data.
 
-    several: colours tell runs apart, and quantities have line styles.
+    several: the figure has several runs: colours mark runs, line styles mark quantities.
     """
     from matplotlib.lines import Line2D
 
@@ -42,7 +42,7 @@ def legend(
 
 
 def limit_handle(*, own: bool) -> Any:
-    """The legend's entry of limits; own: of those that differ from run to run, in the runs' colours."""
+    """Legend entry for limits. own: the limits differ from run to run and have the runs' colours."""
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=style.BLACK if own else style.LIMIT, linewidth=0.9, linestyle=LIMIT_LINE,
@@ -50,17 +50,17 @@ def limit_handle(*, own: bool) -> Any:
 
 
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
-"""Points drawn and left out of a line of limits."""
+"""Dash pattern of limit lines, in points."""
 
 
 def variant_rows(labels: Sequence[str], width: float) -> int:
-    """Columns of the legend of variants in a figure of that width (inch)."""
+    """Number of columns in the legend of variants, for a figure of this width (inch)."""
     longest = max((len(label) for label in labels), default=1)
     return max(1, min(len(labels), int(width / (0.085 * longest + 0.7))))
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """A legend of colours below everything, where there are several variants."""
+    """Draw a legend of variants and their colours below the panels if there are several variants."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:
@@ -73,7 +73,7 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
     figure.legend(handles=handles, loc="lower center", ncols=columns, handlelength=2.6, borderaxespad=0.4)
 
 
-# Letters, not mathematics: a parser would take a sixth of a picture's time.
+# Plain letters instead of mathtext: its parser would take a sixth of the drawing time.
 _WORDS = {
     REFERENCE: "reference",
     "reference_1": "reference 1",

@@ -1,4 +1,4 @@
-"""Limits of a joint as curves: its stops, the torques and deflections that its actuator can bear."""
+"""Limits of a joint as curves: joint stops, and the largest torques and deflections of its actuator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.plots.world import Curve
 
 
 def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
-    """Upper and lower limits of what a panel (:data:`asrsim.plots.panels.PANELS`) shows of a joint, as the log gives them."""
+    """Upper and lower limits, from the log, of the quantity that a panel of `asrsim.plots.panels.PANELS` shows of a joint."""
     kind = panel.removeprefix("quantity:")
     link = run.get(joint, "link_position")
     stops = _joint_limits(run.info.urdf).get(joint, {})
@@ -31,7 +31,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
         pairs = [_both(values.get(f"motor_{number}_max_torque", math.nan)) for number in motors]
     elif kind == "deflection":
         return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
-    # One that is given as 0 is not given: URDF writes it for joints that have none.
+    # A limit of 0 counts as absent: URDF writes 0 for joints without limits.
     curves = link or next((curve for (name, _), curve in run.curves.items() if name == joint), None)
     if curves is None:
         return []
@@ -41,7 +41,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
 
 
 def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
-    """A spring's deflection is limited: of two against each other, what the preset leaves."""
+    """Limits of the joint deflection. With two antagonistic springs the preset uses up part of the range."""
     info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
     if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:
@@ -61,7 +61,7 @@ def _both(limit: float) -> tuple[float, float]:
 
 @lru_cache(maxsize=8)
 def _joint_limits(urdf: str) -> dict[str, dict[str, float]]:
-    """Joint -> lower, upper, effort as its `<limit>` has them; nothing of a text that is no URDF."""
+    """Joint -> lower, upper and effort from its `<limit>` element; empty if the text is not URDF."""
     from asrsim.robot.xmlfile import parse_xml
 
     try:

@@ -1,4 +1,4 @@
-"""Writing figures to files."""
+"""Writes figures to files."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"Creator": "asrsim", "CreationDate": None},
     "svg": {"Creator": "asrsim", "Date": None},
 }
-"""Of pictures by format: the mark by which we know our own. No dates: the same log gives the same file."""
+"""Metadata of picture files by format: the mark that identifies files of asrsim. No dates, so equal logs give equal files."""
 
 
 def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats without repetitions; raises InputError for one that we do not write."""
+    """Picture formats without repetitions; raises InputError for an unknown format."""
     unknown = [name for name in formats if name not in FORMATS]
     if unknown:
         raise InputError(
@@ -37,8 +37,9 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
 
 
 def load_undocumented() -> None:
-    """Load Matplotlib without the lists of properties in its documentation, a sixth of a picture's time: for a process in
-    which nobody will read them. Where it is loaded already, nothing happens."""
+    """Load Matplotlib without the property lists in its docstrings, which take a sixth of the drawing time. Use it only in a
+    process that does not show these docstrings. Does nothing if Matplotlib is loaded.
+    """
     if "matplotlib.artist" not in sys.modules:
         from matplotlib import artist
 
@@ -52,9 +53,9 @@ def load_undocumented() -> None:
 
 @contextmanager
 def styled(*, mathematics: bool = True) -> Iterator[None]:
-    """Our look, for making and writing figures; the user's settings come back afterwards.
+    """Apply asrsim's Matplotlib settings while figures are made and written; restore the user's settings afterwards.
 
-    mathematics: whether text between dollars is a formula. Without it, names of users' files need not be escaped.
+    mathematics: text between dollar signs is a formula. If False, names from users' files need no escaping.
     """
     import matplotlib
 
@@ -66,14 +67,14 @@ def styled(*, mathematics: bool = True) -> Iterator[None]:
 
 
 def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Writes a figure as `folder/name.format` for each format; call it inside :func:`styled`. Raises OutputError."""
+    """Write a figure as `folder/name.format` for each format; call it inside `styled`. Raises OutputError."""
     paths = []
     for kind in formats:
         path = folder / f"{name}.{kind}"
-        # Compressing harder takes longer than all of the drawing.
+        # A higher compression level takes longer than the drawing itself.
         more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
         with written(path, "picture") as stream, warnings.catch_warnings():
-            # A joint may be called in letters that the font has not; boxes in a picture are no news for a terminal.
+            # The font may lack letters of a joint's name: do not warn about the boxes drawn in their place.
             warnings.filterwarnings("ignore", message="Glyph ")
             figure.savefig(stream, format=kind, metadata=METADATA[kind], **more)
         paths.append(path)

@@ -1,4 +1,4 @@
-"""Simulation and experiment on top of each other, with their difference below."""
+"""Simulation and experiment on common axes, with their difference below."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 QUANTITIES_PER_PAGE = 3
-"""Rows of panels on a page."""
+"""Number of quantities (rows of panels) per page."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 
 
 def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[Page]:
-    """All pages. runs: the curves of the runs, in the order of `compared`; references: recorded references get rows too."""
+    """All comparison pages. runs: curves in the order of `compared`; references: also draw recorded references."""
     keys = dict.fromkeys(key for one in compared for key in one.pairs)
     quantities = sorted(dict.fromkeys(q for _, q in keys), key=lambda q: _FIRST.index(q) if q in _FIRST else len(_FIRST))
     if not references:
@@ -55,7 +55,7 @@ def overlay_figure(
     *,
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
-    """For every joint (column) and quantity: simulation over experiment, and their difference below."""
+    """Figure with simulation and experiment for every joint (column) and quantity, and their difference below."""
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.9)
     heights = [height for _ in quantities for height in (1.75, 0.85)]
     grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
@@ -79,7 +79,7 @@ def overlay_figure(
 
 
 def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str) -> None:
-    """Simulations (colour, which tells variants apart) under experiments (thin, dark; several as a band) on the given axes."""
+    """Draw simulations in the variants' colours over thin dark experiments; several experiments form a band."""
     found = [(n, run, one.pairs[joint, quantity]) for n, (run, one) in enumerate(zip(runs, compared, strict=True))
              if (joint, quantity) in one.pairs]  # fmt: skip
     shared = len({one.recordings for one in compared}) == 1
@@ -110,7 +110,7 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
 def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
-    """Simulation minus experiment on the given axes, with its root mean square."""
+    """Draw simulation minus experiment on the given axes and write the root mean square."""
     found = [(n, one, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
     for number, _, pair in found:
         colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
@@ -124,7 +124,7 @@ def draw_difference(
     if size > 1e-9 * whole:
         show_values(axes, [pair.difference for _, _, pair in found], brief="N" in unit)
     else:
-        # Nothing to see is shown on the scale of what is compared.
+        # A negligible difference is drawn on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     axes.set_ylabel(f"difference\n({unit or '-'})")
     texts = [(number, _verdict(one, joint, quantity)) for number, one, _ in found[:3]]
@@ -137,7 +137,7 @@ def draw_difference(
 
 
 def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
-    """Root mean square of the difference, and its share of the recording's range; of several recordings their mean."""
+    """RMS difference and its fraction of the recording's range as text; the mean for several recordings."""
     found: dict[str, list[float]] = {"rmse": [], "nrmse": []}
     unit = ""
     for row in one.rows:
@@ -151,13 +151,13 @@ def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
 
 
 def _moved(compared: Sequence[RunComparison]) -> str:
-    """How far the recordings' clocks were moved."""
+    """Shifts of the recordings' clocks as text for the title."""
     lags = dict.fromkeys(a.said for one in compared for a in one.alignments.values() if abs(a.lag) > 1e-9)
     return f"recording {', '.join(list(lags)[:4])}" if lags else ""
 
 
 def _within(curve: Curve, other: Curve) -> Curve:
-    """The part of a curve in the other's time."""
+    """Part of a curve within the time span of the other curve."""
     inside = (curve.time >= other.time[0]) & (curve.time <= other.time[-1])
     return Curve(time=curve.time[inside], values=curve.values[inside])
 

@@ -1,4 +1,4 @@
-"""Which recording belongs to which run, and their comparison."""
+"""Assignment of recordings to runs, and their comparison."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ from asrsim.samples import Array, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """One quantity of one joint of one run beside its recordings, thinned for a picture."""
+    """Quantity of a joint in a run and in its recordings, thinned for a picture."""
 
     joint: str
     quantity: str
     unit: str
     simulation: Curve
     recording: Curve
-    """The recording; of several their mean."""
+    """Recording; the mean of several recordings."""
     difference: Curve
-    """Simulation minus recording (of several: minus their mean)."""
+    """Simulation minus recording, or minus the mean of several recordings."""
     low: Curve | None = None
-    """Of several recordings the smallest, at the times of `high`."""
+    """Smallest value of several recordings, at the times of `high`."""
     high: Curve | None = None
     count: int = 1
-    """Recordings."""
+    """Number of recordings."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunComparison:
-    """A run beside its recordings."""
+    """Comparison of a run with its recordings."""
 
     label: str
     recordings: tuple[Path, ...]
     pairs: Mapping[tuple[str, str], Pair]
-    """(joint, quantity) -> pair."""
+    """(joint, quantity) -> curves of run and recordings."""
     alignments: Mapping[str, Alignment]
-    """Name of the recording -> how its clock was moved."""
+    """Name of the recording -> shift of its clock."""
     joints: Mapping[str, Mapping[str, str]]
-    """Name of the recording -> its joints -> the run's."""
+    """Name of the recording -> joint in the recording -> joint of the run."""
     rows: tuple[MetricRow, ...]
     findings: tuple[Problem, ...] = ()
 
 
 def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int | None, bool]]:
-    """Which run each experiment's file belongs to: (file, number of the run or None for all, whether it was guessed).
+    """Run of each recording: (file, number of the run or None for all runs, whether the run was guessed).
 
-    `VARIANT=FILE` says it; else a file whose name has the label of exactly one of several runs as a word belongs to that
-    one; else it belongs to all. Raises InputError for a variant that no run has.
+    `VARIANT=FILE` names the run. Otherwise a file belongs to the run whose label is a word of the file's name, if exactly one
+    run matches, else to all runs. Raises InputError for a variant that no run has.
     """
     chosen: list[tuple[Path, int | None, bool]] = []
     for text in files:
@@ -93,9 +93,9 @@ def compare_run(
     bins: int = BINS,
     progress: Progress | None = None,
 ) -> RunComparison:
-    """Compares a log with recordings of one experiment, one joint at a time.
+    """Comparison of a log with recordings of one experiment, computed one joint at a time.
 
-    joints, quantities: only these. lags: for all, or by the recording's path. lag_limit: s, largest lag that auto may find.
+    joints, quantities: all by default. lags: one lag for all recordings, or a lag by path. lag_limit: largest automatic lag, s.
     Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
@@ -142,15 +142,15 @@ def _in_both(
     joints: Sequence[str] | None,
     quantities: Sequence[str] | None,
 ) -> tuple[list[str], list[str]]:
-    """Joints and quantities that the log shares with at least one recording. Raises RecordingError where there are none."""
+    """Joints and quantities that the log and at least one recording have. Raises RecordingError if there are none."""
     wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
     paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
     common = [name for name in available(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
-        # The comparison itself says best what it lacks.
+        # The comparison raises the most precise error: call it for its message.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
-        raise RecordingError("no joint and quantity that was asked for is in both", file=recordings[0].path)
+        raise RecordingError("log and recording share none of the selected joints and quantities", file=recordings[0].path)
     return paired, common
 
 
@@ -161,7 +161,7 @@ def _aligned(
     lags: Mapping[str, LagChoice] | LagChoice,
     limit: float | None,
 ) -> Alignment:
-    """How the clock of a recording is moved onto the run's."""
+    """Alignment of a recording's clock with the run's clock."""
 
     def read(quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         return reader.read(quantities=quantities, joints=joints).samples
@@ -209,7 +209,7 @@ def _pair(series: Series, recording: Array, bins: int) -> Pair:
 
 
 def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve]:
-    """Smallest and largest values over short intervals, at common times."""
+    """Curves of the smallest and largest values over short intervals, at common times."""
     if len(time) > 2 * bins:
         edges = np.unique(np.linspace(0, len(time), bins + 1).astype(int)[:-1])
         time, low, high = time[edges], np.fmin.reduceat(low, edges), np.fmax.reduceat(high, edges)

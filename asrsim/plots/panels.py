@@ -1,4 +1,4 @@
-"""Panels: which quantities stand together on one pair of axes, and drawing them."""
+"""Panels: quantities that share one pair of axes, and their drawing."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """A kind of panel: one pair of axes a joint."""
+    """Kind of panel: quantities that one pair of axes shows for a joint."""
 
     key: str
     words: str
-    """Of the vertical axis, without unit."""
+    """Label of the vertical axis, without unit."""
     quantities: tuple[str, ...]
-    """In drawing order: the first lies underneath."""
+    """Quantities in drawing order: the first is drawn underneath."""
     optional: tuple[str, ...] = ()
-    """Left out where they are zero all the time."""
+    """Quantities omitted while they are always zero."""
     shown: Callable[[JointInfo], bool] = lambda joint: True
-    """Joints that have this panel."""
+    """Whether a joint has this panel."""
     compared: tuple[str, ...] | None = None
-    """Quantities of several runs in one picture, which colours tell apart; None: the same, () : no such panel."""
+    """Quantities drawn when a picture has several runs (distinguished by colour); None: `quantities`; (): no panel."""
 
     def of(self, joint: JointInfo, *, several: bool = False) -> tuple[str, ...]:
-        """The quantities that this panel shows of a joint, of one run or of several."""
+        """Quantities of a joint in this panel; several: the picture has several runs."""
         return tuple(name for name in self.of_any(several=several) if self._belongs(name, joint))
 
     def of_any(self, *, several: bool) -> tuple[str, ...]:
-        """The quantities that it may show of one run, or of several."""
+        """Quantities that the panel may contain for any joint; several: the picture has several runs."""
         return self.quantities if not several or self.compared is None else self.compared
 
     def _belongs(self, name: str, joint: JointInfo) -> bool:
@@ -54,7 +54,7 @@ class Panel:
             if mode is None or index >= len(mode.references):
                 return False
             if self.key in ("position", "motors"):
-                # What the motors are told; the position that follows from it is the other reference.
+                # A motor reference; the position that results from the motors is the other reference.
                 return not mode.mapped and mode.spring and not mode.references[index].endswith("torque") and (
                     index == 0 or not style.has_adjuster(joint)
                 )  # fmt: skip
@@ -109,18 +109,18 @@ PANELS: dict[str, Panel] = {
     )
 }
 _STILL = 1e-6
-"""rad, m: a position that moves less stands still."""
+"""Smallest change of a moving position, rad or m."""
 JOINT_PANELS = ("position", "motors", "adjuster", "deflection", "stiffness", "torque", "motor_torque")
 ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
 def quantity_panel(quantity: str) -> Panel:
-    """A panel of one quantity."""
+    """Panel with a single quantity."""
     return Panel(key=f"quantity:{quantity}", words=style.name(quantity), quantities=(quantity,))
 
 
 def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[str, int, Curve]]:
-    """(quantity, number of the run, curve) of everything that a panel shows of a joint, in drawing order."""
+    """(quantity, number of the run, curve) for everything that a panel shows of a joint, in drawing order."""
     found: list[tuple[str, int, Curve]] = []
     several = len(runs) > 1
     for name in dict.fromkeys(name for run in runs for info in _info(run, joint) for name in panel.of(info, several=several)):
@@ -131,11 +131,11 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
                     continue
                 if name in panel.optional and curve.extent == 0.0:
                     continue
-                # One motor alone is the equilibrium: one line for both.
+                # With a single motor the equilibrium equals the motor position: draw one line for both.
                 motor = run.get(joint, "motor_1_position")
                 if panel.key == "position" and name == "equilibrium_position" and motor is not None and _equal(curve, motor):
                     continue
-                # References that all variants share are drawn once.
+                # A reference that all variants share is drawn once.
                 if name.startswith("reference") and any(_equal(curve, other) for q, _, other in found if q == name):
                     continue
                 found.append((name, number, curve))
@@ -145,7 +145,7 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
 
 
 def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) -> tuple[str, ...]:
-    """Draws a joint's panel on the given axes, variants by colour; returns the quantities drawn, `limit` among them."""
+    """Draw a joint's panel, variants by colour, and return the names of the quantities drawn, `limit` among them."""
     drawn = content(panel, runs, joint)
     several = len(runs) > 1
     plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]

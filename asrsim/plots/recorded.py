@@ -1,4 +1,4 @@
-"""The recorded curves of a comparison, kept beside its pictures for a report's plots."""
+"""Recorded curves of a comparison, stored beside its pictures for the plots of a report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RECORDED = "recorded.json"
 
 
 def write_recorded(path: Path, compared: Iterable[RunComparison]) -> Path:
-    """The recorded curves, thinned and on the run's clock, for a report's plots. Raises OutputError."""
+    """Write the recorded curves, thinned and on the run's clock, for a report and return the file. Raises OutputError."""
     curves = [
         {
             "run": one.label, "joint": pair.joint, "quantity": pair.quantity,

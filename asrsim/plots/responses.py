@@ -1,4 +1,4 @@
-"""Frequency responses of runs and recordings: of a quantity of a joint to another, by default of the link to its reference."""
+"""Frequency responses of runs and recordings; by default from the position reference to the link position."""
 
 from __future__ import annotations
 
@@ -22,45 +22,45 @@ from asrsim.samples import Array, JointInfo
 
 OUTPUT = "link_position"
 LEAST = 64
-"""Samples that input and output must share."""
+"""Smallest number of samples that input and output must have in common."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """What a response leads from or to."""
+    """Input or output of a frequency response."""
 
     quantity: str
     joint: str | None = None
-    """None: of the joint that is looked at."""
+    """Joint of the signal; None: the joint whose response is computed."""
 
     @classmethod
     def parse(cls, text: str | None, default: str) -> Signal:
-        """`joint.quantity`, or `quantity` of every joint."""
+        """Signal named by `joint.quantity`, or by `quantity` for every joint."""
         joint, _, quantity = (text or default).rpartition(".")
         return cls(quantity=quantity, joint=joint or None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """A frequency response with its place in the picture."""
+    """Frequency response of a joint, with its label, units and style for the picture."""
 
     joint: JointInfo
     label: str
-    """Of the run."""
+    """Label of the run."""
     variant: int
-    """Number of the run, for its line style."""
+    """Number of the run, which selects its line style."""
     source: str
-    """The log or the recording."""
+    """File of the log or recording."""
     experiment: bool
     unit: str
-    """Of the gain; empty where input and output have the same."""
+    """Unit of the gain; empty if input and output have the same unit."""
     output: str
-    """The output's quantity."""
+    """Quantity at the output."""
     response: FrequencyResponse
     findings: tuple[Problem, ...] = ()
 
     def rows(self) -> list[MetricRow]:
-        """Resonance, its gain in dB, and bandwidth, as metrics."""
+        """Resonance frequency, resonance gain in dB, and bandwidth as metrics."""
         found = self.response
         decibel = f"dB re {self.unit}" if self.unit else "dB"
         values = {
@@ -77,16 +77,16 @@ class Response:
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A recording as a Bode plot needs it."""
+    """Recording with its joints and lag, for a Bode plot."""
 
     recording: Recording
     joints: Mapping[str, str] = field(default_factory=dict)
-    """Its joints -> the run's."""
+    """Joint in the recording -> joint of the run."""
     lag: float = 0.0
-    """s by which the recording is late."""
+    """Delay of the recording against the run, s."""
 
     def column(self, quantity: str, joint: str) -> Column | None:
-        """The recorded quantity of a joint of the run."""
+        """Recorded quantity of a joint of the run, None if not recorded."""
         channels = self.recording.channels.values()
         return next((c for c in channels if c.quantity == quantity and self.joints.get(c.joint or "") == joint), None)
 
@@ -102,11 +102,11 @@ def responses(
     given: str | None = None,
     output: str | None = None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of every joint whose input moves, of the run and of its experiments; and what could not be computed.
+    """Responses of the run and its experiments for every joint with a moving input, and problems of the others.
 
-    given, output: `quantity` or `joint.quantity`, input and output of the response; by default the position that the references
-    ask for (in the torque modes: the torque) and the link's position. By default an experiment without recorded reference is
-    related to the run's, at the times of the recording. Raises LogError for a joint or quantity that the log has not.
+    given, output: input and output as `quantity` or `joint.quantity`; by default the position reference (torque modes: the
+    torque reference) and the link position. An experiment without a recorded reference uses the run's reference as input,
+    at the times of the recording. Raises LogError for a joint or quantity that the log does not have.
     """
     reader = open_log(path)
     first, last = Signal.parse(given, REFERENCE), Signal.parse(output, OUTPUT)
@@ -141,7 +141,7 @@ def responses(
                     result = _of_columns(reference, recorded, band)
                 else:
                     result = _related(time + one.lag, excitation, recorded, band)
-                    said = (Problem("has no recorded reference; related to the simulation's", file=one.recording.path,
+                    said = (Problem("has no recorded reference; the input is the simulation's", file=one.recording.path,
                                     key=info.name, code="reference-of-simulation"),)  # fmt: skip
             except InputError as error:
                 problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
@@ -165,9 +165,9 @@ def recorded_responses(
     given: str | None,
     output: str | None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of a recording by itself, of every joint that has both columns; and what could not be computed.
+    """Responses of a recording without a run, for every joint that has both columns, and problems of the other joints.
 
-    given, output: as of :func:`responses`; None: the recorded reference and the link's position.
+    given, output: as in `responses`; None: the recorded reference and the link position.
     """
     first, last = Signal.parse(given, "reference_1"), Signal.parse(output, OUTPUT)
     one = Experiment(recording=recording, joints={joint: joint for joint in recording.joints})
@@ -206,7 +206,7 @@ def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
 def _run_series(
     reader: LogReader, info: JointInfo, first: Signal, last: Signal, *, chosen: bool
 ) -> tuple[Array, Array, Array, str] | None:
-    """Time, input, output and the gain's unit; None where the run does not have them."""
+    """Time, input, output and unit of the gain; None if the run lacks one of the signals."""
     members = list(dict.fromkeys((info.name, first.joint or info.name)))
     recorded = {name for joint in reader.info.joints if joint.name in members for name in joint.quantities}
     names = [name for name in stored([first.quantity, last.quantity, "reference_1"]) if name in recorded]
@@ -230,14 +230,14 @@ def _run_series(
 
 
 def _ratio(above: str, below: str) -> str:
-    """The unit of a gain; empty where both are the same."""
+    """Unit of a gain; empty if numerator and denominator have the same unit."""
     above, below = above.replace(" ", "·"), below.replace(" ", "·")
     divisor = f"({below})" if "/" in below or "·" in below else below or "1"
     return "" if above == below else f"{above or '1'}/{divisor}"
 
 
 def _pair(one: Experiment, name: str, first: Signal, last: Signal) -> tuple[Column, Column]:
-    """The recording's columns of input and output. Raises RecordingError where one is missing."""
+    """Columns of input and output in the recording. Raises RecordingError if one is missing."""
     found = []
     for quantity, joint in ((first.quantity, first.joint or name), (last.quantity, name)):
         column = one.column(quantity, joint)
@@ -255,7 +255,7 @@ def _of_columns(u: Column, y: Column, band: tuple[float, float] | None) -> Frequ
 
 
 def _related(time: Array, excitation: Array, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
-    """The response of a column to an input (n,) at the times (n,), found at the column's times."""
+    """Response of a recorded column to an input (n,) at the times (n,), resampled at the column's times."""
     if time is not y.time and not np.array_equal(time, y.time):
         excitation = resample(time, excitation, y.time)
         if np.isfinite(excitation).sum() < LEAST:
@@ -265,6 +265,6 @@ def _related(time: Array, excitation: Array, y: Column, band: tuple[float, float
 
 
 def _recorded_reference(one: Experiment, info: JointInfo) -> Column | None:
-    """The recorded reference of the link: in modes without a reference map, reference 1 is a motor's."""
+    """Recorded reference of the link. In modes without a reference map, reference 1 belongs to a motor: None."""
     mode = MODES.get(info.mode) if info.mode is not None else None
     return one.column("reference_1", info.name) if mode is not None and (mode.mapped or not mode.spring) else None

@@ -1,4 +1,4 @@
-"""Metrics as tables for people: what is worth saying, one line a series, one column a measure."""
+"""Metrics as tables for people: one line per series, one column per measure."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from dataclasses import dataclass
 from asrsim.metrics import MetricRow
 
 _NOTHING = 1e-12
-"""What is left of a difference of equal numbers is no measure."""
+"""Differences up to this size are rounding errors between equal numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MetricTable:
-    """Series that have the same measures."""
+    """Table of series that have the same measures."""
 
     measures: tuple[str, ...]
     lines: tuple[tuple[tuple[str, str, str], tuple[str, ...]], ...]
-    """((source, joint, quantity), a cell for each measure)."""
+    """((source, joint, quantity), text of each measure)."""
 
 
 def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
-    """The rows worth saying, as tables; `-` where a number is undefined."""
+    """Tables of the relevant metrics; `-` marks an undefined number."""
     series: dict[tuple[str, str, str], dict[str, str]] = {}
     for row in worth_saying(rows):
         series.setdefault((row.source, row.joint, row.quantity), {})[row.measure] = _cell(row)
@@ -33,7 +33,7 @@ def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Without references that are the same in both, and without step measures of motions that do not settle."""
+    """Metrics except references equal in run and recording, and step measures of motions that do not settle."""
     from asrsim.metrics.measures import STEP_MEASURES
 
     same = {

@@ -1,4 +1,4 @@
-"""`draw_run`: the pictures of a run, from its log."""
+"""`draw_run`: draws the pictures of a run from its log."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from asrsim.plots.output import check_formats, save_figure, styled
 def draw_run(
     log_path: str | os.PathLike[str], folder: str | os.PathLike[str], *, formats: Sequence[str] = ("png",), brief: bool = False
 ) -> list[Path]:
-    """Draws one run into `folder`, which is made if needed, and returns the files; :func:`asrsim.plots.job.plot` does more.
+    """Draw one run into `folder` (created if missing) and return the files; `asrsim.plots.job.plot` has more options.
 
-    The files are `joints.png`, `energy.png`, and where there are many joints or objects `overview.png`, `objects.png`; more
-    joints than fit on a page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: of many
-    joints the overview and the first page, and no energies: what `asrsim run` draws. Raises LogError for files that are no
+    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. Joints that
+    do not fit on one page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: no energies;
+    of many joints only the overview and the first page, as `asrsim run` draws them. Raises LogError for files that are not
     logs, and OutputError.
     """
     kinds = check_formats(formats)

@@ -1,8 +1,8 @@
-"""The look of all pictures, in one place: colours, line styles, sizes.
+"""Style of all pictures: colours, line styles, sizes.
 
-Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers tell apart. Of one run they go
-by what a quantity belongs to: the link is vermilion and the equilibrium blue, as in the paper's figures. Of several runs they
-go by the run, and quantities of one panel by line style.
+Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers can distinguish. In pictures
+of one run a colour marks the part: vermilion the link, blue the equilibrium, as in the paper's figures. In pictures of
+several runs a colour marks the run, and a line style the quantity.
 """
 
 from __future__ import annotations
@@ -61,18 +61,18 @@ LINE_STYLES: tuple[Any, ...] = (
     (0, (8, 2, 1.2, 2, 1.2, 2)),
     (0, (2.5, 1.2)),
 )
-"""One a quantity where colours tell runs apart."""
+"""Line styles, one per quantity, where colours mark runs."""
 VARIANTS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""One a run; more runs begin again."""
+"""Colours, one per run; further runs start again from the first."""
 
 COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
-"""inch."""
+"""Width of a column, height of a row, width of the legends, inch."""
 DPI = 150
-"""Dots per inch of a picture."""
+"""Resolution of a picture, dots per inch."""
 LIMIT = "#c2185b"
-"""Limits of joints, torques and deflections."""
+"""Colour of the limits of joints, torques and deflections."""
 WIDTH = 1.25
-"""pt, of lines."""
+"""Line width, pt."""
 
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -81,7 +81,7 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
-    # A place that is given need not be found by measuring all labels.
+    # With a fixed position Matplotlib need not measure all labels.
     "axes.titley": 1.0,
     "axes.prop_cycle": f"cycler('color', {list(VARIANTS)})",
     "axes.edgecolor": "#8a8a8a",
@@ -93,7 +93,7 @@ RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
-    # Mathematics would take a parser a label.
+    # Mathtext would run its parser for every label.
     "axes.formatter.use_mathtext": False,
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.08,
@@ -119,45 +119,45 @@ RC: dict[str, Any] = {
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "path.simplify_threshold": 0.1,
-    # Pictures of the same log are the same file.
+    # A fixed salt: equal logs give equal files.
     "svg.hashsalt": "asrsim",
 }
-"""Settings of matplotlib while our figures are made and written; the user's own come back afterwards."""
+"""Matplotlib settings while asrsim makes and writes figures; the user's settings are restored afterwards."""
 
 
 def colour(quantity: str) -> str:
-    """The colour of a quantity wherever it is drawn."""
+    """Colour of a quantity in every picture."""
     return COLOURS.get(quantity, BLACK)
 
 
 def line_style(index: int) -> Any:
-    """The n-th line style, from 0."""
+    """Line style number `index`, from 0."""
     return LINE_STYLES[index % len(LINE_STYLES)]
 
 
 def variant_colour(index: int) -> str:
-    """The colour of the n-th of several runs, from 0."""
+    """Colour of run number `index`, from 0."""
     return VARIANTS[index % len(VARIANTS)]
 
 
 def darker(colour_text: str) -> str:
-    """A colour for the recording that belongs to a run of that colour."""
+    """Darker shade of a run's colour, for the run's recording."""
     return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
 def symbol(quantity: str) -> str:
-    """The short label of a quantity for legends, in mathtext."""
+    """Short symbol of a quantity for legends, in mathtext."""
     known = KNOWN.get(quantity)
     return known.label if known else plain(quantity.replace("_", " "))
 
 
 def name(quantity: str) -> str:
-    """The quantity in words."""
+    """Name of a quantity in words."""
     return quantity.replace("_", " ")
 
 
 def unit(quantity: str, joint: JointInfo | None = None) -> str:
-    """The unit of a joint's quantity as a picture writes it; a prismatic joint has m and N, AwAS-II's adjuster m."""
+    """Unit of a joint's quantity for pictures: m and N for a prismatic joint, m for the adjuster of AwAS-II."""
     from asrsim.actuators import ACTUATORS, MODES
 
     known = KNOWN.get(quantity)
@@ -175,17 +175,17 @@ def unit(quantity: str, joint: JointInfo | None = None) -> str:
 
 
 def has_adjuster(joint: JointInfo) -> bool:
-    """Whether the joint's second reference sets an adjuster instead of a motor."""
+    """Whether the joint's second reference belongs to an adjuster instead of a motor."""
     from asrsim.actuators import ACTUATORS
 
     return joint.actuator in ACTUATORS and ACTUATORS.get(joint.actuator).adjuster
 
 
 def plain(text: str) -> str:
-    """A name from a file as it is: matplotlib would take text between dollars for mathematics."""
+    """Name from a file with dollar signs escaped, which Matplotlib would read as mathematics."""
     return text.replace("$", r"\$")
 
 
 def axis_label(words: str, unit_text: str) -> str:
-    """`words (unit)`, for an axis; long ones take two lines."""
+    """Axis label `words (unit)`; a long label takes two lines."""
     return f"{words}{chr(10) if len(words) > 13 else ' '}({unit_text})" if unit_text else words

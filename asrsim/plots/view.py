@@ -1,4 +1,4 @@
-"""Curves on axes, and limits of the axes that no single sample flattens."""
+"""Draws curves on axes, and sets axis limits that a single outlier does not dominate."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BRIEF = 0.005
-"""Share of the time for which something may last that is cut off, if it flattens all the rest."""
+"""Longest duration of a peak that is cut off, as a fraction of the time."""
 FLATTENED = 4.0
-"""Times the rest's range from which on it does."""
+"""A peak is cut off if the full range exceeds the range of the other values by this factor."""
 
 
 def draw_curve(axes: Axes, curve: Curve, *, gid: str, colour: str, linestyle: Any = "-", **more: Any) -> None:
-    """A line; gid: its name in an SVG file."""
+    """Draw a line; gid: its name in an SVG file."""
     axes.plot(curve.time, curve.values, color=colour, linestyle=linestyle, gid=gid, **more)
 
 
 def show_time(axes: Axes, curves: Sequence[Curve]) -> None:
-    """Scale the time axis to hold all curves."""
+    """Scale the time axis to show all curves."""
     times = [(curve.time[0], curve.time[-1]) for curve in curves if len(curve.time)]
     if not times:
         return
     start, end = min(t[0] for t in times), max(t[1] for t in times)
     if end > start:
-        # A start that misses 0 by the rounding of a lag would take the 0 off the axis.
+        # A start near 0 (rounding of a lag) is set to 0; otherwise the axis would lose its label 0.
         axes.set_xlim(0.0 if abs(start) < 1e-4 * (end - start) else start, end)
 
 
 def show_values(
     axes: Axes, curves: Sequence[Curve], *, limits: Sequence[Curve] = (), brief: bool, still: float = 1e-12
 ) -> None:
-    """The axis of values: all of the curves, and the limits that they come near.
+    """Scale the axis of values to all curves and to the limits that the curves approach.
 
-    Values that rest are not blown up to show their last digits, nor is what is smaller than `still`.
-    brief: what lasts for a moment and flattens all the rest is cut off, with an arrow and its value at the edge.
+    The range is never narrower than `still` or than rounding errors. brief: a peak that lasts for a moment and would flatten
+    the other values is cut off; an arrow and the peak's value mark it at the edge.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     low = min((float(v.min()) for v in finite if len(v)), default=0.0)
@@ -69,7 +69,7 @@ def show_values(
 
 
 def _core(curves: Sequence[Curve]) -> tuple[float, float] | None:
-    """Between which values all curves are but for a moment; None where that is no range."""
+    """Range that contains the curves except for brief peaks; None if the range is empty."""
     ranges = []
     for curve in curves:
         good = np.isfinite(curve.values)

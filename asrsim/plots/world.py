@@ -1,4 +1,4 @@
-"""Thinned curves, and those of the world's objects: displacements and contact forces."""
+"""Thinned curves, among them displacements and contact forces of the world's objects."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A thinned series."""
+    """Thinned time series."""
 
     time: Array
-    """(k,) s."""
+    """Times (k,), s."""
     values: Array
-    """(k,) SI."""
+    """Values (k,), SI units."""
 
     @property
     def extent(self) -> float:
-        """Largest magnitude, 0 without samples."""
+        """Largest magnitude; 0 without samples."""
         finite = self.values[np.isfinite(self.values)]
         return float(np.max(np.abs(finite))) if len(finite) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodyPanel:
-    """One panel of a body."""
+    """Panel of a world object: axis label, unit and curves."""
 
     words: str
     unit: str
     entries: Mapping[str, str]
-    """Axis -> its name in a legend."""
+    """Curve (axis) -> name in the legend."""
 
 
 _MOVED = BodyPanel(words="displacement", unit="m", entries={"dx": "along x", "dy": "along y", "dz": "along z"})
@@ -45,12 +45,12 @@ _MISSED = BodyPanel(words="distance to the goal", unit="m", entries={"error": "d
 
 
 def body_panels(name: str) -> tuple[BodyPanel, ...]:
-    """What is drawn of a body: of a task's tip its goal and the distance to it, which nothing pushes."""
+    """Panels of a body: displacement and force; for the tip of a task, goal and distance to the goal."""
     return (_LED, _MISSED) if name == TIP else (_MOVED, _PUSHED)
 
 
 class WorldEnvelope:
-    """Displacements and contact forces of the world's objects, chunk by chunk; `first` is the first chunk."""
+    """Thins displacements and contact forces of the world's objects chunk by chunk; `first` is the first chunk."""
 
     def __init__(self, first: Samples, *, start: float, end: float, bins: int) -> None:
         self._origins = {
@@ -60,7 +60,7 @@ class WorldEnvelope:
         self._envelopes = {name: Envelope(len(axes), start=start, end=end, bins=bins) for name, axes in self._axes.items()}
 
     def add(self, part: Samples) -> None:
-        """The next chunk."""
+        """Add the next chunk."""
         for name, origin in self._origins.items():
             if name not in part.bodies:
                 continue
@@ -73,7 +73,7 @@ class WorldEnvelope:
             self._envelopes[name].add(part.time, np.concatenate(columns, axis=1))
 
     def curves(self) -> dict[str, dict[str, Curve]]:
-        """Object -> axis of its panels -> curve: displacement (m from the first sample), force (N), of a tip its goal (m)."""
+        """Object -> curve name -> curve: displacement from the first sample (m), force (N), goal of a tip (m)."""
         result: dict[str, dict[str, Curve]] = {}
         for name, envelope in self._envelopes.items():
             if envelope.samples:
@@ -86,6 +86,6 @@ class WorldEnvelope:
 
 
 def _push(name: str, part: Samples) -> Array:
-    """(n,) N: what the robot and other objects do to a body, without the ground."""
+    """Contact force on a body from robot and other objects, without the ground: magnitude (n,), N."""
     forces = [force for other, force in part.forces_on(name).items() if other != "ground"]
     return np.asarray(np.linalg.norm(sum(forces, np.zeros((len(part.time), 3))), axis=1))

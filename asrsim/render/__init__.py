@@ -1,4 +1,4 @@
-"""Pictures in motion: film strip, GIF and MP4 of what a log holds, without a display."""
+"""Film strip, GIF and MP4 of a logged motion, drawn without a display."""
 
 from __future__ import annotations
 

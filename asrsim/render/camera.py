@@ -1,4 +1,4 @@
-"""Where the camera stands: so that all of the motion is in the picture, seen from where it shows most."""
+"""Position of the camera: the whole motion is in the picture, seen from the side on which it is most visible."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from asrsim.samples import Array
 
 FIELD = 32.0
-"""Degrees, vertical angle of view: long enough a lens that nothing looks bent."""
+"""Vertical angle of view, degrees. The lens is long enough that perspective does not distort."""
 MARGIN = 1.1
-"""Room about the robot, as a factor on its size."""
+"""Margin around the robot, as a factor on its size."""
 PLANAR = 0.97
-"""Share of the motion about one direction from which on a robot counts as planar."""
+"""Fraction of the motion about a single direction from which a robot counts as planar."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """A camera that looks at `target` (m) from `eye` (m)."""
+    """Camera at `eye` (m) that looks at `target` (m)."""
 
     eye: Array
     target: Array
@@ -28,9 +28,9 @@ class Camera:
 
 
 def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array | None:
-    """(3,) the one direction about which a robot moves, None if there are several.
+    """Common direction (3,) of the axes about which the robot moves; None if there are several directions.
 
-    axes: joint -> (3,) axis in the world; travel: joint -> how far it moves, rad.
+    axes: joint -> (3,) axis in the world; travel: joint -> range of its motion, rad.
     """
     total = np.zeros((3, 3))
     for name, axis in axes.items():
@@ -42,16 +42,16 @@ def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array |
 
 
 def viewpoint(axis: Array | None) -> Array:
-    """(3,) direction from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
+    """Direction (3,) from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
     if axis is None:
         side, rise = np.array([np.cos(np.radians(-52.0)), np.sin(np.radians(-52.0)), 0.0]), 24.0
     elif abs(axis[2]) > 0.8:
-        # A motion in the horizontal plane is seen from above.
+        # A motion in the horizontal plane is shown from above.
         side, rise = np.array([np.cos(np.radians(-75.0)), np.sin(np.radians(-75.0)), 0.0]), 58.0
     else:
         flat = np.array([axis[0], axis[1], 0.0])
         flat /= np.linalg.norm(flat)
-        # Of both sides the one from which x runs to the right, or y where x runs away.
+        # Choose the side from which x points to the right, or y if x points away from the camera.
         right = np.cross([0.0, 0.0, 1.0], flat)
         if right[0] < -1e-9 or (abs(right[0]) <= 1e-9 and right[1] < 0):
             flat = -flat
@@ -62,7 +62,7 @@ def viewpoint(axis: Array | None) -> Array:
 
 
 def fitting_aspect(points: Array, towards: Array) -> float:
-    """Width / height of what is seen of the points from far away, between 0.7 and 1.6."""
+    """Width / height of the points as seen from far away, between 0.7 and 1.6."""
     forward = -towards / np.linalg.norm(towards)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -71,7 +71,7 @@ def fitting_aspect(points: Array, towards: Array) -> float:
 
 
 def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
-    """The nearest camera in a direction that sees all points.
+    """Nearest camera in the direction `towards` that sees all points.
 
     points: (k, 3) m; towards: (3,) from the scene to the camera; aspect: width / height of the picture.
     """
@@ -82,7 +82,7 @@ def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
     up = np.cross(right, forward)
     tangent = np.tan(np.radians(FIELD / 2)) / MARGIN
     target = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    # In the camera's frame the middle of what is seen, not of the box in the world.
+    # Centre the points in the picture, not their bounding box in the world.
     for _ in range(4):
         seen = points - target
         x, y, depth = seen @ right, seen @ up, seen @ forward

@@ -1,4 +1,4 @@
-"""A scene as a picture: light, outlines, ground and shadow."""
+"""Draws a scene as a picture: light, outlines, ground and shadow."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from asrsim.render.scene import Scene
 from asrsim.samples import Array
 
 Image = NDArray[np.uint8]
-"""(height, width, 3)."""
+"""Picture (height, width, 3)."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
-"""Shares of light: of all around, of the sun, and of a lamp from the other side."""
+"""Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
 INK, CONTACT = np.array([0.13, 0.15, 0.18]), np.array([0.84, 0.20, 0.0])
-"""Outlines, and those of what is touched."""
+"""Colours of outlines, and of outlines of bodies in contact."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
 
 
 class Painter:
-    """Draws a scene's shapes in given frames. All points of the scene are kept in one array, body by body."""
+    """Draws the shapes of a scene in given frames. One array stores all points of the scene, body by body."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -44,13 +44,13 @@ class Painter:
         self._outer = _outermost(self._points, self._point_body)
 
     def outer_points(self, frames: Mapping[str, Array]) -> Array:
-        """(k, 3) m: of every body the points that stick out, in the world: enough to place a camera."""
+        """Outermost points (k, 3) of every body in the world, m: sufficient to place a camera."""
         turn, shift = self._stacked(frames)
         body = self._point_body[self._outer]
         return np.asarray(np.einsum("kij,kj->ki", turn[body], self._points[self._outer]) + shift[body])
 
     def points(self, frames: Mapping[str, Array]) -> Array:
-        """(k, 3) m: every point of every shape in the world."""
+        """Points (k, 3) of all shapes in the world, m."""
         turn, shift = self._stacked(frames)
         moved = np.empty_like(self._points)
         for number in range(len(self.bodies)):
@@ -62,7 +62,7 @@ class Painter:
         self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
         touched: Collection[str] = (),
     ) -> Image:  # fmt: skip
-        """(height, width, 3) what the camera sees. sharpness: times finer, and averaged; touched: bodies with a red outline."""
+        """Picture (height, width, 3) from the camera. sharpness: factor of oversampling; touched: bodies with a red outline."""
         fine = (width * sharpness, height * sharpness)
         points = self.points(frames)
         seen = _projected(points, camera, *fine)[self._triangles]
@@ -85,7 +85,7 @@ class Painter:
         return stacked[:, :3, :3], stacked[:, :3, 3]
 
     def _background(self, points: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
-        """(height * width, 3) sky and ground, with the shadow that falls straight down on it."""
+        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground."""
         share = np.linspace(0.0, 1.0, height)[:, None]
         sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
         picture = np.repeat(sky[:, None], width, axis=1).reshape(-1, 3)
@@ -95,7 +95,7 @@ class Painter:
         ray = _rays(camera, width, height)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (level - camera.eye[2]) / ray[:, 2]
-        # The distance along the view is the ray's length in units of its part along the view, which is 1.
+        # Each ray has length 1 along the view, so the length factor to the ground is the distance along the view.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))[:2]
@@ -108,14 +108,14 @@ class Painter:
         above = (points[:, 2] >= level)[self._triangles].any(axis=1)
         shadow = rasterise(_projected(fallen, camera, width, height)[self._triangles[above]], width, height).depth[ground] > 0
         colour = np.where(shadow[:, None], 0.72 * colour, colour)
-        # The ground fades into the distance instead of ending.
+        # Fade the ground out with the distance, so that it has no visible edge.
         fade = np.clip(2.2 - np.linalg.norm(place - middle, axis=1) / size, 0.0, 1.0)[:, None]
         picture[ground] = fade * colour + (1 - fade) * picture[ground]
         return picture
 
 
 def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Numbers of the points that go farthest in any of 26 directions, of every body."""
+    """Numbers of the points of every body that reach farthest in one of 26 directions."""
     directions = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
     found = []
     for number in np.unique(body):
@@ -125,7 +125,7 @@ def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _axes(camera: Camera) -> tuple[Array, Array, Array]:
-    """Right, up and forward of a camera, unit vectors (3,)."""
+    """Unit vectors (3,) of a camera: right, up and forward."""
     forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
     right = np.cross(forward, camera.up)
     right /= np.linalg.norm(right)
@@ -133,7 +133,7 @@ def _axes(camera: Camera) -> tuple[Array, Array, Array]:
 
 
 def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
-    """(k, 3): x and y in pixels, 1 / distance along the view (not above 0: behind the camera)."""
+    """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view (not positive: behind the camera)."""
     right, up, forward = _axes(camera)
     away = points - camera.eye
     near = away @ forward
@@ -143,7 +143,7 @@ def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
 
 
 def _rays(camera: Camera, width: int, height: int) -> Array:
-    """(height * width, 3) direction of each pixel, 1 along the view."""
+    """Direction of the ray through each pixel, (height * width, 3), with component 1 along the view."""
     right, up, forward = _axes(camera)
     scale = np.tan(np.radians(camera.field / 2)) / (0.5 * height)
     x = scale * (np.arange(width) + 0.5 - 0.5 * width)
@@ -152,10 +152,10 @@ def _rays(camera: Camera, width: int, height: int) -> Array:
 
 
 def _light(normals: Array, corners: Array, camera: Camera) -> Array:
-    """(m, 3) brightness at the corners: a sun over the camera's shoulder, and a weaker light from the other side."""
+    """Brightness (m, 3) at the corners: a main lamp behind the camera and a weaker lamp on the opposite side."""
     right, _, forward = _axes(camera)
     view = camera.eye - corners
-    # Not all files turn their triangles outwards: what is seen is the side that faces the camera.
+    # Some files have triangles with inward normals: light the side that faces the camera.
     facing = np.sign(np.einsum("mki,mki->mk", normals, view))
     sun = np.array([0.0, 0.0, 0.9]) - 0.7 * forward - 0.35 * right
     fill = np.array([0.0, 0.0, 0.1]) + 0.9 * right - 0.2 * forward
@@ -166,7 +166,7 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
 
 
 def _outline(picture: Array, owner: NDArray[np.intp], depth: Array, marked: Collection[int], width: int) -> None:
-    """Ink along the edges between bodies, on the side of the nearer one; a wider red line around what is touched."""
+    """Draw a line along the edges between bodies, and a wider red line around the bodies in contact."""
     edges = []
     for step, there in ((1, owner[:, 1:] != owner[:, :-1]), (owner.shape[1], owner[1:] != owner[:-1])):
         row, column = np.nonzero(there)
@@ -181,7 +181,7 @@ def _outline(picture: Array, owner: NDArray[np.intp], depth: Array, marked: Coll
 
 
 def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
-    """Bytes of the picture, `factor` times smaller by averaging."""
+    """Picture reduced by `factor`, each pixel the average of factor x factor pixels."""
     blocks = picture.reshape(height, factor, width, factor, 3)
     total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
     return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

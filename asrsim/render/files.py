@@ -1,4 +1,4 @@
-"""Film strip, GIF and MP4 of a log's motion."""
+"""Writes film strip, GIF and MP4 of a log's motion."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 GIF_FPS, GIF_FRAMES = 15.0, 240
-"""Pictures a second of a GIF, and the most that one gets: a longer run is shown with fewer a second."""
+"""Frames per second of a GIF, and its largest number of frames: a longer run gets fewer frames per second."""
 MP4_FPS = 30.0
-"""Pictures a second of a video."""
+"""Frames per second of a video."""
 ROW = 6
-"""Frames in a row of a film strip."""
+"""Number of frames in a row of a film strip."""
 
 
 def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.045) -> Picture:
-    """Frames in rows of six at most with their times, and what is touched. letters: their size, as a share of a frame's."""
+    """Film strip: rows of at most six frames with their times and contacts. letters: text size as a fraction of a frame."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
@@ -55,7 +55,7 @@ def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.0
 
 
 def _font(size: int) -> FreeTypeFont:
-    """The font of all our pictures, which matplotlib brings along."""
+    """Font of all pictures, taken from Matplotlib."""
     from importlib.util import find_spec
 
     from PIL import ImageFont
@@ -66,7 +66,7 @@ def _font(size: int) -> FreeTypeFont:
 
 
 def stamped(film: Film, time: float) -> Picture:
-    """The picture of a film at a time (s), with the time in a corner and a faint robot at its equilibrium."""
+    """Picture of the film at a time (s), with the time in a corner and a faint robot at its equilibrium."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
@@ -78,7 +78,7 @@ def stamped(film: Film, time: float) -> Picture:
 
 
 def strip_of(film: Film, *, count: int = ROW, progress: Progress | None = None) -> Picture:
-    """A film strip, its frames closer together where more happens."""
+    """Film strip whose frames are denser where the motion is faster."""
     frames = []
     for number, time in enumerate(telling_times([film], count), 1):
         frames.append(film.frame(time))
@@ -89,7 +89,7 @@ def strip_of(film: Film, *, count: int = ROW, progress: Progress | None = None) 
 
 
 def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
-    """The film strip as PNG. Raises OutputError."""
+    """Write the film strip as PNG and return the file. Raises OutputError."""
     from PIL.PngImagePlugin import PngInfo
 
     strip = strip_of(film, count=count, progress=progress)
@@ -101,7 +101,9 @@ def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress 
 
 
 def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FPS, progress: Progress | None = None) -> Path:
-    """An endless GIF. speed: 2 shows the run twice as fast; fps: pictures a second. Raises OutputError."""
+    """Write an endless GIF and return the file. speed: 2 plays the run twice as fast; fps: frames per second. Raises
+    OutputError.
+    """
     from PIL import Image as Pictures
 
     times = _times(film, speed, fps, most=GIF_FRAMES)
@@ -110,7 +112,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
         pictures.append(stamped(film, time))
         if progress is not None:
             progress(number / len(times))
-    # One palette for all frames: colours do not flicker.
+    # All frames share one palette: otherwise colours would flicker.
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
@@ -123,7 +125,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
 
 
 def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Progress | None = None) -> Path:
-    """An MP4 (H.264) by imageio-ffmpeg. Raises InputError if that is not installed, and OutputError."""
+    """Write an MP4 (H.264) with imageio-ffmpeg and return the file. Raises InputError if it is missing, and OutputError."""
     imageio_ffmpeg = library("imageio_ffmpeg", "video")
     times = _times(film, speed, fps)
     with written(path, "picture") as stream:
@@ -140,9 +142,9 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
         finally:
             with suppress(OSError):
                 writer.close()
-        # Without its index, which comes last, a video is none: ffmpeg tells nobody that the disk was full.
+        # ffmpeg reports no error on a full disk: check that it wrote the index at the end of the file.
         if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
-            raise OutputError(f"{path}: cannot be written: ffmpeg could not finish it")
+            raise OutputError(f"{path}: cannot be written: ffmpeg did not finish the video")
     return path
 
 

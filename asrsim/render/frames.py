@@ -1,4 +1,4 @@
-"""Rotations and frames of pictures."""
+"""Rotations and frames for pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from asrsim.samples import Array
 
 
 def about(axis: Array, angle: float) -> Array:
-    """(3, 3) rotation about an axis (3,) by an angle in rad (Rodrigues)."""
+    """Rotation (3, 3) about an axis (3,) by an angle in rad (Rodrigues' formula)."""
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         return np.eye(3)
@@ -20,19 +20,19 @@ def about(axis: Array, angle: float) -> Array:
 
 
 def frame(position: Array, rotation: Array) -> Array:
-    """(4, 4) frame at a position (3,) in m."""
+    """Homogeneous frame (4, 4) at a position (3,) in m."""
     result = np.eye(4)
     result[:3, :3], result[:3, 3] = rotation, position
     return result
 
 
 def rpy_frame(position: Vector, rpy: Vector) -> Array:
-    """(4, 4) frame of a URDF's `<origin xyz rpy>`, m and rad."""
+    """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
     return frame(np.array(position), rotation_matrix(rpy))
 
 
 def pose_frame(pose: Array) -> Array:
-    """(4, 4) frame of a logged pose: x y z (m), quaternion x y z w."""
+    """Frame (4, 4) of a logged pose: x y z (m), quaternion x y z w."""
     x, y, z, w = pose[3:7] / np.linalg.norm(pose[3:7])
     rotation = np.array(
         [

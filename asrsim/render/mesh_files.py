@@ -1,4 +1,4 @@
-"""Meshes from files: STL, OBJ and COLLADA, read by trimesh, with the colours that they bring along.
+"""Meshes from STL, OBJ and COLLADA files with their colours, read by trimesh.
 
 As in ROS, a COLLADA file's `<up_axis>` is not applied: its z is the link's z.
 """
@@ -16,7 +16,7 @@ from asrsim.samples import Array
 
 
 def read_mesh(path: Path) -> Mesh:
-    """The mesh in a file, in the file's unit (COLLADA: m). Raises ValueError and OSError where it cannot be read."""
+    """Mesh from a file, in the unit of the file (COLLADA: m). Raises ValueError and OSError if it cannot be read."""
     import trimesh
 
     if path.suffix.lower() not in MESH_FORMATS:
@@ -26,7 +26,7 @@ def read_mesh(path: Path) -> Mesh:
         metres = [trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0 for part in parts]
     except OSError:
         raise
-    except Exception as error:  # its readers let errors of many kinds through
+    except Exception as error:  # trimesh raises errors of many kinds
         raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
     mesh = merged(
@@ -42,7 +42,7 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def _colour(part: Any) -> Array:
-    """(3,) colour of a part's material, NaN where it has none."""
+    """Colour (3,) of a part's material; NaN without a colour."""
     material = getattr(part.visual, "material", None)
     colour = None if material is None else getattr(material, "diffuse", getattr(material, "baseColorFactor", None))
     return np.full(3, np.nan) if colour is None else np.asarray(colour[:3], dtype=np.float64) / 255.0

@@ -1,4 +1,4 @@
-"""The logged motion as pictures, from the log alone."""
+"""Pictures of a logged motion, drawn from the log alone."""
 
 from __future__ import annotations
 
@@ -23,39 +23,39 @@ from asrsim.robot.xmlfile import parse_xml
 from asrsim.samples import Array, RunInfo, Samples
 
 KEPT = 6000
-"""Samples kept of a long log: more than any film has frames."""
+"""Number of samples kept of a long log: more than a film has frames."""
 LOOKS = 40
-"""Instants at which the camera looks where things are."""
+"""Number of instants at which the bodies' positions are computed to place the camera."""
 _KEYS = ("robot", "base", "world")
-"""What a picture needs of a scenario."""
+"""Parts of a scenario that a picture needs."""
 GHOST = 0.28
-"""Opacity of the robot at its equilibrium."""
+"""Opacity of the robot drawn at its equilibrium."""
 _STEADY = 0.3
-"""Share of a film strip's frames that go by time, the others by motion."""
+"""Fraction of a film strip's frames that are evenly spaced in time; the others follow the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One picture of the motion."""
+    """Picture of the motion at one time."""
 
     time: float
-    """s."""
+    """Time of the picture, s."""
     image: Image
     touching: tuple[str, ...] = ()
-    """Objects that touch the robot or each other."""
+    """Objects in contact with the robot or with each other."""
 
 
 class Film:
-    """A log's motion, ready to be drawn.
+    """Motion of a log, ready to be drawn.
 
-    Robot, world and poses come from the log; meshes, which a log does not hold, from where they were when it was written: a
-    missing one is replaced as :func:`asrsim.render.shapes.drawable` says. Actuators do not matter to a picture: a log of a
-    user's own needs no plugin.
+    Robot, world and poses come from the log. Meshes are not stored in a log; they are read from their files, and a missing mesh
+    is replaced as `asrsim.render.shapes.drawable` describes. Actuators do not affect a picture, so a log with a user's own
+    actuator needs no plugin.
 
-    size: pixels, root of a picture's area; its shape follows from the motion. sharpness: the renderer's pixels are so many
-    times finer, and averaged. start, end: s, only this part of the log.
+    size: square root of a picture's area, pixels; the aspect ratio follows from the motion. sharpness: factor of oversampling
+    of the renderer. start, end: limits of the part of the log to draw, s.
 
-    Raises LogError for a log without positions or samples, RobotError and ScenarioError where robot or world cannot be built.
+    Raises LogError for a log without positions or samples, RobotError and ScenarioError if robot or world cannot be built.
     """
 
     def __init__(
@@ -69,36 +69,36 @@ class Film:
         self.info: RunInfo = reader.info
         count = reader.duration / (self.info.step * max(self.info.log_every, 1)) + 1
         if not any("link_position" in joint.quantities for joint in self.info.joints):
-            raise LogError("the log holds no link positions", file=self.path, code="no-motion")
+            raise LogError("the log contains no link positions", file=self.path, code="no-motion")
         recorded = {name for joint in self.info.joints for name in joint.quantities}
         names = ["link_position", *(name for name in DERIVED_SOURCES["equilibrium_position"] if name in recorded)]
         self.samples: Samples = reader.read(
             quantities=names, stride=max(1, math.ceil(count / KEPT)), start=start, end=end
         ).samples
-        """Positions, poses and contacts, thinned where the log is long."""
+        """Positions, poses and contacts; thinned if the log is long."""
         if not len(self.samples.time):
-            what = "the log holds no samples" + ("" if start is None and end is None else " in that time")
+            what = "the log contains no samples" + ("" if start is None and end is None else " in that time")
             raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")
         positions = self.samples.values["link_position"]
         rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
         self._equilibria = np.where(np.isfinite(rest), rest, positions)
-        """(n, joints) where motors and springs without load would put the links; joints without springs as they are."""
+        """Link positions (n, joints) at which springs without load rest; measured positions for joints without springs."""
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
         self.camera, self.width, self.height = common_view([self])
 
     @property
     def start(self) -> float:
-        """s."""
+        """Start of the film, s."""
         return float(self.samples.time[0])
 
     @property
     def end(self) -> float:
-        """s."""
+        """End of the film, s."""
         return float(self.samples.time[-1])
 
     def frame(self, time: float) -> Frame:
-        """The picture at a time in s, of the sample nearest to it."""
+        """Picture of the sample nearest to a time in s."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
         touching = self._touching(row)
         image = self._painter.image(
@@ -109,11 +109,11 @@ class Film:
         return Frame(time=float(self.samples.time[row]), image=image, touching=tuple(names))
 
     def frames(self, times: Sequence[float]) -> Iterator[Frame]:
-        """Pictures at the times in s, one after the other."""
+        """Pictures at the times in s."""
         return (self.frame(time) for time in times)
 
     def ghosted(self, time: float) -> Frame:
-        """As :meth:`frame`, with a faint robot where its springs would be without load."""
+        """Picture as from `frame`, with a faint robot at the equilibrium of its springs without load."""
         found = self.frame(time)
         row = int(np.argmin(np.abs(self.samples.time - time)))
         rest = self._painter.image(
@@ -141,18 +141,18 @@ class Film:
         from asrsim.runs.repeat import restore
 
         if not self.info.urdf or "scenario" not in self.info.resolved:
-            raise LogError("the log does not hold its robot and scenario", file=self.path, code="no-scenario")
+            raise LogError("the log does not contain its robot and scenario", file=self.path, code="no-scenario")
         keys = {key: value for key, value in self.info.resolved["scenario"].items() if key in _KEYS}
         info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
             scenario, robot = restore(info, Path(folder))
             shown = drawable(robot, scenario.package_paths)
             scene = Scene(shown.robot, scenario)
-        missing = [str(warning) for warning in shown.warnings if warning.key is None]  # of pictures, not of collisions
+        missing = [str(warning) for warning in shown.warnings if warning.key is None]  # warnings on pictures, not on collisions
         return scene, (*missing, *shown.notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
-        """Outer points of everything during the motion (k, 3) m, the joints' axes, and how far each joint moves (rad)."""
+        """Outermost points of all bodies during the motion (k, 3) m, the joints' axes, and the range of each joint (rad)."""
         positions = self.samples.values["link_position"]
         travel = {
             name: float(np.ptp(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0
@@ -164,7 +164,7 @@ class Film:
         return cloud, self.scene.axes(all_frames[-1]), travel
 
     def happening(self) -> Array:
-        """(n,) from 0 to 1: how much of the motion is over at each sample; even in time where nothing moves."""
+        """Fraction (n,) of the motion completed at each sample, 0 to 1; proportional to time if nothing moves."""
         ways = [np.nan_to_num(self.samples.values["link_position"])]
         ways += [np.nan_to_num(poses[:, :3]) for poses in self.samples.bodies.values()]
         way = np.concatenate([[0.0], np.cumsum(sum(np.abs(np.diff(one, axis=0)).sum(axis=1) for one in ways))])
@@ -174,7 +174,7 @@ class Film:
 
 
 def common_view(films: Sequence[Film]) -> tuple[Camera, int, int]:
-    """One camera for the motion of all films, and the width and height of its pictures in pixels."""
+    """Camera that sees the motion of all films, and width and height of the pictures in pixels."""
     seen = [film._sight() for film in films]
     cloud = np.concatenate([points for points, _, _ in seen])
     axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
@@ -182,27 +182,27 @@ def common_view(films: Sequence[Film]) -> tuple[Camera, int, int]:
     towards = viewpoint(main_axis(axes, travel))
     aspect = fitting_aspect(cloud, towards)
     size = films[0]._size
-    # Even numbers: video needs them.
+    # Video encoders need even numbers.
     width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
     return fit_camera(cloud, towards, aspect=width / height), width, height
 
 
 def share_view(films: Sequence[Film]) -> None:
-    """Films of compared runs seen from one place, at one size."""
+    """Set the same camera and size for the films of compared runs."""
     view = common_view(films)
     for film in films:
         film.camera, film.width, film.height = view
 
 
 def even_times(film: Film, count: int) -> list[float]:
-    """So many times in s over the whole film, both ends included. Raises InputError for less than one."""
+    """Evenly spaced times in s over the film, both ends included. Raises InputError for a count below 1."""
     if count < 1:
         raise InputError("must be 1 or more", key="frames", value=count, code="bad-frames")
     return [film.end] if count == 1 else np.linspace(film.start, film.end, count).tolist()
 
 
 def telling_times(films: Sequence[Film], count: int) -> list[float]:
-    """So many times in s, both ends included, closer together where more happens in the films. Raises InputError."""
+    """Times in s over the films, both ends included, denser where the motion is faster. Raises InputError."""
     longest = max(films, key=lambda film: film.end - film.start)
     even = even_times(longest, count)
     if count < 3:
@@ -213,7 +213,7 @@ def telling_times(films: Sequence[Film], count: int) -> list[float]:
 
 
 def _shape_only(urdf: str) -> str:
-    """The robot without its simulator blocks: whose actuators they name does not matter to a picture."""
+    """Robot description without simulator blocks: pictures need no actuators."""
     from lxml import etree
 
     with suppress(RobotError):

@@ -1,4 +1,4 @@
-"""A rasteriser with a depth buffer, all triangles at once in NumPy: no display, no graphics card, the same everywhere."""
+"""Rasteriser with a depth buffer: draws all triangles at once in NumPy, without display or graphics card."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ Numbers = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
-    """What covers each pixel."""
+    """Covered pixels with the triangle and depth at each."""
 
     pixels: Numbers
-    """(p,) numbers of the covered pixels, row by row from the top left."""
+    """Numbers (p,) of the covered pixels, row by row from the top left."""
     triangles: Numbers
-    """(p,) the triangle in front, by its number."""
+    """Number (p,) of the front triangle at each covered pixel."""
     depth: Array
-    """(height * width,) 1 / distance along the view, 0 where nothing is."""
+    """1 / distance along the view (height * width,); 0 where no triangle covers the pixel."""
 
 
 def rasterise(corners: Array, width: int, height: int) -> Raster:
-    """Which triangle is in front in each pixel.
+    """Front triangle at each pixel.
 
-    corners: (m, 3, 3): x and y in pixels from the top left, and 1 / distance, which is linear on the picture; triangles with a
-    corner behind the camera (1 / distance not above 0) are left out.
+    corners: (m, 3, 3): x and y in pixels from the top left, and 1 / distance, which is linear in the picture. Triangles with
+    a corner behind the camera (1 / distance not positive) are omitted.
 
-    A triangle is cut into rows and a row into pixels whose centres it covers: what is looked at is what is covered.
+    A triangle is split into rows, and a row into the pixels whose centres it covers: only covered pixels are computed.
     """
     ahead = np.flatnonzero((corners[:, :, 2] > 0.0).all(axis=1))
     order = np.argsort(corners[ahead][:, :, 1], axis=1)
@@ -63,12 +63,12 @@ def rasterise(corners: Array, width: int, height: int) -> Raster:
 
 
 def plane(corners: Array, values: Array) -> Array:
-    """(m, 3) coefficients a, b, c of a x + b y + c, which has `values` (m, 3) at the corners; flat where there is no area."""
+    """Coefficients a, b, c (m, 3) of a x + b y + c, which equals `values` (m, 3) at the corners; constant for zero area."""
     x, y = corners[:, :, 0], corners[:, :, 1]
     x1, y1, x2, y2 = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
     v1, v2 = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     area = x1 * y2 - x2 * y1
-    # A sliver's slope would be made of rounding errors.
+    # The slope of a very thin triangle consists of rounding errors: use 0.
     inverse = np.where(np.abs(area) > 1e-3, 1.0 / np.where(area == 0.0, 1.0, area), 0.0)
     a, b = (v1 * y2 - v2 * y1) * inverse, (v2 * x1 - v1 * x2) * inverse
     c = np.where(inverse == 0.0, values.mean(axis=1), values[:, 0] - a * x[:, 0] - b * y[:, 0])
@@ -76,14 +76,14 @@ def plane(corners: Array, values: Array) -> Array:
 
 
 def _expanded(first: Numbers, counts: Numbers) -> tuple[Numbers, Numbers]:
-    """For each k the numbers first[k] ... first[k] + counts[k] - 1: which k, and the number."""
+    """For each k the numbers first[k] ... first[k] + counts[k] - 1, as two arrays: k, and the number."""
     member = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
     return member, np.arange(len(member)) - starts[member] + first[member]
 
 
 def _along(start: Array, end: Array, member: Numbers, y: NDArray[np.floating]) -> Array:
-    """x where the edge from start to end (3, m) crosses the height y."""
+    """x at which the edge from start to end (3, m) crosses the height y."""
     rise = end[1] - start[1]
     slope = np.where(rise > 0.0, (end[0] - start[0]) / np.where(rise > 0.0, rise, 1.0), 0.0)
     return np.asarray(start[0][member] + slope[member] * (y - start[1][member]))

@@ -1,4 +1,4 @@
-"""What there is to see: the robot's and the world's shapes, and where its joints put them."""
+"""Shapes of robot and world, and their frames for given joint positions."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World
 
 GREY = (0.55, 0.58, 0.63)
-"""Of a shape without colour: told from the background and from white."""
+"""Colour of a shape without colour, distinct from the background and from white."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One shape of a body, in the body's frame."""
+    """Shape of a body, in the body's frame."""
 
     body: str
     """Link, or object of the world."""
     mesh: Mesh
     colours: Array
-    """(m, 3) red, green, blue from 0 to 1 of each triangle."""
+    """Red, green and blue of each triangle (m, 3), 0 to 1."""
 
 
 class Scene:
     """Shapes of robot and world, and their frames at given positions.
 
-    robot: as :func:`asrsim.render.shapes.drawable` has it; base and world are the scenario's. `notes` say which meshes could
+    robot: from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could
     not be read.
     """
 
@@ -43,23 +43,23 @@ class Scene:
         world = scenario.world
         self.notes: list[str] = []
         self.base = rpy_frame(scenario.base_position, scenario.base_rpy)
-        """(4, 4), of the root link at the start."""
+        """Frame (4, 4) of the root link at the start."""
         self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
         self.joints = robot.outward_joints
-        """A parent's joint comes before its children's."""
+        """Joints sorted so that a parent's joint precedes its children's."""
         self.origins = {joint.name: rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
-        """Joint -> (4, 4), its frame in its parent's."""
+        """Joint -> its frame (4, 4) in the parent's frame."""
         self.root = robot.root.name
         self.ground = world.ground_height if world.ground else None
-        """m, height of the ground, None without one."""
+        """Height of the ground, m; None without ground."""
         self.objects = {item.name: rpy_frame(item.position, item.rpy) for item in world.objects}
         self._read = cache(read_mesh)
         self.parts = self._robot_parts(robot) + self._object_parts(world)
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
-        """Body -> (4, 4) frame in the world.
+        """Body -> frame (4, 4) in the world.
 
-        positions: joint -> rad or m, 0 where it is missing; poses: body -> x y z, quaternion x y z w, of objects and of a
+        positions: joint -> position in rad or m, 0 if missing; poses: body -> x y z, quaternion x y z w, of objects and of a
         floating base.
         """
         root = pose_frame(poses[self.root]) if self.root in poses else self.base
@@ -72,7 +72,7 @@ class Scene:
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
-        """Joint that turns -> (3,) its axis in the world."""
+        """Revolute joint -> its axis (3,) in the world."""
         return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
 
     def _robot_parts(self, robot: Robot) -> list[Part]:
@@ -96,7 +96,7 @@ class Scene:
         return parts
 
     def _mesh(self, kind: str, size: Sequence[float], file: Path | None, what: str) -> Mesh | None:
-        """A solid of its size in m, or the mesh in a file times `size`; None, and a note, where that cannot be read."""
+        """Solid of the given size in m, or the mesh in a file times `size`; None and a note if the file cannot be read."""
         if file is None:
             return box(np.array(size)) if kind == "box" else _ROUND[kind](*size)
         try:
@@ -117,6 +117,6 @@ def _placed(mesh: Mesh, origin: Array) -> Mesh:
 
 
 def _coloured(mesh: Mesh, colour: Sequence[float] | None) -> Array:
-    """(m, 3): the URDF's colour, else the file's own, else grey."""
+    """Colours of the triangles (m, 3): the URDF's, else the file's, else grey."""
     given = np.full((len(mesh.triangles), 3), np.nan) if mesh.colours is None or colour is not None else mesh.colours
     return np.clip(np.where(np.isnan(given), GREY if colour is None else colour[:3], given), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Something to look at for every link: its own visuals, else its collision shapes, else a rod and a ball."""
+"""Shapes for every link: its visuals, else its collision shapes, else a rod and a ball."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _BALL_COLOUR: Colour = (0.15, 0.15, 0.17, 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Drawable:
-    """A robot whose every moving part can be seen."""
+    """Robot whose moving links all have visuals."""
 
     robot: Robot
-    """With visuals whose meshes are named by the paths of their files."""
+    """Robot whose visuals name their meshes by file path."""
     warnings: tuple[Problem, ...]
-    """Of meshes that cannot be used."""
+    """Warnings about meshes that cannot be used."""
     collisions: tuple[str, ...]
     """Links drawn by their collision shapes."""
     rods: tuple[str, ...]
@@ -35,25 +35,25 @@ class Drawable:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to tell the user."""
+        """Notes for the user on links drawn without visuals."""
         said = []
         if self.collisions:
-            said.append(f"drawn by their collision shapes, for want of visuals: {listed(self.collisions, 6)}")
+            said.append(f"links without visuals, drawn by their collision shapes: {listed(self.collisions, 6)}")
         if self.rods:
-            said.append(f"drawn as rods, for want of shapes: {listed(self.rods, 6)}")
+            said.append(f"links without shapes, drawn as rods: {listed(self.rods, 6)}")
         return tuple(said)
 
 
 def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> Drawable:
-    """The robot with visuals for every link that lacks them.
+    """The robot with visuals added for links that have none.
 
-    Links that carry nothing and stand still are left alone. A rod leads from a link's frame to each joint that hangs on it, or
-    to its centre of mass, as thick as fits their lengths.
+    Fixed links without children get no visuals. A rod leads from a link's frame to each joint attached to the link, or to
+    its centre of mass; its thickness follows from the rods' lengths.
     """
     robot, warnings = usable_shapes(robot, visuals=True, package_paths=package_paths)
     ends = _rod_ends(robot)
     lengths = [float(np.linalg.norm(end)) for each in ends.values() for end in each]
-    # Short offsets between frames on one spot are no rods to measure by.
+    # Ignore short offsets between frames at nearly the same point.
     long = [length for length in lengths if length > 0.1 * max(lengths)]
     radius = min(0.03 * max(lengths, default=0.1), 0.08 * float(np.median(long)) if long else 0.01) or 0.01
     collisions, rods, links = [], [], []
@@ -70,26 +70,26 @@ def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None
 
 
 def _rod_ends(robot: Robot) -> dict[str, list[Array]]:
-    """Link -> points in its frame, m, that a rod leads to."""
+    """Link -> end points of its rods in the link's frame, m."""
     ends: dict[str, list[Array]] = {}
     for joint in robot.joints:
         if np.linalg.norm(joint.origin) > 1e-9:
             ends.setdefault(joint.parent, []).append(np.array(joint.origin))
     moved = {joint.child for joint in robot.joints if joint.kind != "fixed"}
     for link in robot.links:
-        # A heavy link in its own frame is still a ball.
+        # A link with its mass at the frame's origin is still drawn as a ball.
         if link.name not in ends and link.mass and (np.linalg.norm(link.centre_of_mass) > 1e-9 or link.name in moved):
             ends[link.name] = [np.array(link.centre_of_mass)]
     return ends
 
 
 def _rod(end: Array, radius: float, colour: Colour) -> list[Shape]:
-    """A ball in the link's frame, and a rod from there to `end` (3,)."""
+    """Ball at the link's frame, and a rod from there to `end` (3,)."""
     ball = Shape(kind="sphere", size=(1.6 * radius,), colour=_BALL_COLOUR)
     length = float(np.linalg.norm(end))
     if length < 1e-9:
         return [ball]
-    # Turns z onto the rod: about y by the angle to z, then about z.
+    # Rotation of z onto the rod: about y by the angle to z, then about z.
     pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1.0, 1.0))), float(np.arctan2(end[1], end[0]))
     x, y, z = (0.5 * end).tolist()
     return [ball, Shape(kind="cylinder", size=(radius, length), origin=(x, y, z), rpy=(0.0, pitch, yaw), colour=colour)]

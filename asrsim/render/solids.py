@@ -1,4 +1,4 @@
-"""Triangle meshes of what a picture shows: boxes, spheres, cylinders, capsules, and any mesh that is read from a file."""
+"""Triangle meshes: boxes, spheres, cylinders, capsules, and meshes read from files."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from asrsim.samples import Array
 
 Triangles = NDArray[np.intp]
 SIDES = 28
-"""Facets around a round solid; shading is smooth."""
+"""Number of facets around a round solid; its shading is smooth."""
 MOST = 20_000
-"""Triangles of a mesh beyond which those smaller than a pixel are merged."""
+"""Number of triangles from which a mesh is simplified: triangles smaller than a pixel are merged."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """Triangles with the normals of their corners."""
+    """Triangles with normals at their corners."""
 
     points: Array
-    """(k, 3) m."""
+    """Points (k, 3), m."""
     triangles: Triangles
-    """(m, 3) numbers of points."""
+    """Numbers of the three points of each triangle (m, 3)."""
     normals: Array
-    """(m, 3, 3) unit vector of each corner; corners of a flat triangle have the same."""
+    """Unit normal of each corner (m, 3, 3); the three corners of a flat triangle have equal normals."""
     colours: Array | None = None
-    """(m, 3) red, green, blue from 0 to 1 where the file has them, NaN where it has none."""
+    """Red, green and blue of each triangle (m, 3), 0 to 1, from the file; NaN for a triangle without colour."""
 
 
 def flat(points: Array, triangles: Triangles, colours: Array | None = None) -> Mesh:
-    """A mesh of flat triangles; those without area are left out."""
+    """Mesh of flat triangles; triangles without area are omitted."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
@@ -42,12 +42,12 @@ def flat(points: Array, triangles: Triangles, colours: Array | None = None) -> M
 
 
 def scaled(mesh: Mesh, scale: Array) -> Mesh:
-    """The mesh times a factor along each axis; it is flat from then on."""
+    """Mesh scaled along each axis, with flat shading."""
     return flat(mesh.points * scale, mesh.triangles, mesh.colours)
 
 
 def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
-    """A mesh of about `most` triangles at most: points that share a cell of a grid become their mean."""
+    """Mesh of at most about `most` triangles: points in the same cell of a grid are replaced by their mean."""
     cells = 192.0
     while len(mesh.triangles) > most and cells > 4:
         size = max(float(np.ptp(mesh.points, axis=0).max()), 1e-12) / cells
@@ -66,19 +66,19 @@ def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
 
 
 def box(size: Array) -> Mesh:
-    """A box of these edges (3,), m."""
+    """Box with the edge lengths `size` (3,), m."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return flat(corners, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], dtype=np.intp))
 
 
 def sphere(radius: float) -> Mesh:
-    """A ball, m."""
+    """Sphere; radius in m."""
     return _turned(*_arc(radius, 0.0, -0.5 * math.pi, 0.5 * math.pi))
 
 
 def cylinder(radius: float, length: float) -> Mesh:
-    """A cylinder about z, m."""
+    """Cylinder about z; radius and length in m."""
     half = 0.5 * length
     profile = [(0.0, -half), (radius, -half), (radius, -half), (radius, half), (radius, half), (0.0, half)]
     normals = [(0.0, -1.0), (0.0, -1.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 1.0)]
@@ -86,7 +86,7 @@ def cylinder(radius: float, length: float) -> Mesh:
 
 
 def capsule(radius: float, length: float) -> Mesh:
-    """A cylinder of that length about z with half a ball at each end, m."""
+    """Cylinder about z with a half sphere at each end; `length` is that of the cylinder, m."""
     low, high = _arc(radius, -0.5 * length, -0.5 * math.pi, 0.0), _arc(radius, 0.5 * length, 0.0, 0.5 * math.pi)
     return _turned(np.concatenate([low[0], high[0]]), np.concatenate([low[1], high[1]]))
 
@@ -98,7 +98,7 @@ def _arc(radius: float, height: float, start: float, end: float) -> tuple[Array,
 
 
 def _turned(profile: Array, normals: Array) -> Mesh:
-    """A profile (distance from z, height), (k, 2), turned about z, with its normals."""
+    """Solid of revolution: a profile (distance from z, height), (k, 2), with its normals, turned about z."""
     angles = np.linspace(0.0, 2 * math.pi, SIDES, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
 

@@ -1,4 +1,4 @@
-"""Reports: one HTML page about a run or its variants, with everything in it."""
+"""Reports: one self-contained HTML page about a run or its variants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far the numbers of a page can be trusted: the error of the step, and differences to another engine."""
+"""Section of a report on accuracy: error of the time step, and differences from another engine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DIFFERENCES = ["variant", "joint", "position, largest", "position, RMS", "torque
 
 
 def numerical_error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    """The section on certified and cross-checked runs."""
+    """Section (HTML) on the time-step error of certified runs, and on cross-checks."""
     rows, notes = [], []
     for run, label in zip(runs, labels, strict=True):
         certificate = run.summary.get("certificate") or {}
@@ -24,17 +24,17 @@ def numerical_error(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     if not rows and not other:
         return section(
             "Numerical error",
-            "<p class='note'>Not estimated. <code>asrsim run --certify</code> runs again at finer steps and says it.</p>",
+            "<p class='note'>Not estimated. <code>asrsim run --certify</code> estimates it from runs at finer steps.</p>",
         )
     text = ""
     if rows:
-        text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units. The model itself is trusted."
+        text = "<p class='note'>Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top."
         text += "</p>" + table([*DIFFERENCES, "order"], rows) + bullets(notes)
     return section("Numerical error", text + other)
 
 
 def _cross_checks(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    """The runs against the same in another engine; empty where that was not looked at."""
+    """Differences (HTML) between the runs and repetitions in another engine; empty without cross-checks."""
     rows: list[list[str]] = []
     notes: list[str] = []
     engines: dict[str, None] = {}

@@ -1,4 +1,4 @@
-"""What a report says, gathered from a folder: logs, their summaries, comparisons."""
+"""Content of a report, read from a folder: logs, their summaries, comparisons."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
 
 STRIPS = 12
-"""Runs of which film strips are drawn."""
+"""Largest number of runs with film strips."""
 PICTURES = 4
-"""Pictures of comparisons."""
+"""Largest number of comparison pictures."""
 PICTURE_BYTES = 200_000
-"""Bytes of a picture that goes into the page; larger ones are left out."""
+"""Largest size of a picture in the page, bytes; larger pictures are omitted."""
 FRAMES = 6
-"""Of a film strip."""
+"""Number of frames in a film strip."""
 
 
 _NUMBER = (float, None)
@@ -50,7 +50,8 @@ _SUMMARY_SHAPE: Shape = {
         "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
     },
 }  # fmt: skip
-"""What the page takes of a `summary.json`; one of another shape was edited, and is worked out anew."""
+"""Keys and types of `summary.json` that the page uses. A summary of another structure was edited: its numbers are recomputed.
+"""
 _METRICS_SHAPE: Shape = {
     "metrics": [{"source": str, "joint": str, "quantity": str, "measure": str, "unit": str, "value": _NUMBER}],
 }  # fmt: skip
@@ -58,34 +59,34 @@ _METRICS_SHAPE: Shape = {
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A row of the table of parameters."""
+    """Row of the table of parameters."""
 
     name: str
     value: float
     unit: str
     origin: str
-    """In words: tag with line, default, scenario."""
+    """Origin in words: tag with line, default, or scenario."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunContent:
-    """One run, besides its series."""
+    """Data of a run, except its time series."""
 
     log: Path
     info: RunInfo
     status: str
     message: str
     summary: Mapping[str, Any]
-    """`summary.json`, or what could be worked out without one."""
+    """Content of `summary.json`, or the measures computed from the log."""
     parameters: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
     """Joint -> parameters."""
     notes: tuple[str, ...] = ()
-    """What could not be found out, and why."""
+    """Data that could not be read, with the reasons."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """A comparison with experiments that `asrsim plot` left in the folder."""
+    """Comparison with experiments that `asrsim plot` wrote into the folder."""
 
     folder: Path
     metrics: tuple[MetricRow, ...]
@@ -93,7 +94,7 @@ class Compared:
 
 
 def read_content(log: Path) -> RunContent:
-    """Everything about one run. Raises LogError."""
+    """Data of one run. Raises LogError."""
     reader = open_log(log)
     notes: list[str] = []
     summary = _summary(log, reader.info) or _own_summary(log)
@@ -101,7 +102,7 @@ def read_content(log: Path) -> RunContent:
     try:
         parameters = read_parameters(reader.info)
     except AsrsimError as error:
-        notes.append(f"parameters' sources cannot be told: {error}")
+        notes.append(f"sources of the parameters cannot be read: {error}")
         parameters = {
             joint: tuple(Parameter(name=name, value=value, unit="", origin="log") for name, value in values.items())
             for joint, values in reader.info.resolved.get("parameters", {}).items()
@@ -113,7 +114,7 @@ def read_content(log: Path) -> RunContent:
 
 
 def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
-    """Joint -> parameters with their sources, as the log's robot and scenario give them. Raises InputError."""
+    """Joint -> parameters with their sources, from the robot and scenario in the log. Raises InputError."""
     from asrsim.runs.repeat import restore
     from asrsim.scenario import apply_to_robot
 
@@ -132,7 +133,7 @@ def read_parameters(info: RunInfo) -> dict[str, tuple[Parameter, ...]]:
 
 
 def find_comparison(folder: Path) -> Compared | None:
-    """Metrics and pictures of the comparisons in a folder, in its variants' and in `compared` of both, if there are any."""
+    """Metrics and pictures of the comparisons in a folder, its variants' folders and their `compared` folders, if any."""
     metrics: list[MetricRow] = []
     pictures: list[Path] = []
     first: Path | None = None
@@ -155,18 +156,18 @@ def _compared_folders(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Films:
-    """The motion of a page's runs."""
+    """Film strips and moving view of a page's runs."""
 
     strips: Mapping[Path, str]
-    """Log -> film strip as a data address (JPEG)."""
+    """Log -> film strip as a data URL (JPEG)."""
     motion: Mapping[str, Any] | None = None
-    """Of the moving view."""
+    """Data of the moving view."""
     notes: tuple[str, ...] = ()
-    """What could not be drawn, and why."""
+    """Pictures that could not be drawn, with the reasons."""
 
 
 def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
-    """Film strips, all seen from one place at the same times, and the moving view."""
+    """Film strips with a common camera and common times, and the moving view."""
     from io import BytesIO
 
     from asrsim.render import Film, film_strip, share_view, telling_times
@@ -193,7 +194,7 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
 
 
 def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str, int], tuple[Array, Array]]:
-    """(joint, quantity, number of the run) -> time and values of the recordings that `asrsim plot` compared runs with."""
+    """(joint, quantity, number of the run) -> time and values of the recordings that `asrsim plot` compared with the runs."""
     found: dict[tuple[str, str, int], tuple[Array, Array]] = {}
     for place in _compared_folders(folder):
         with suppress(OSError, ValueError, KeyError, TypeError):
@@ -208,7 +209,7 @@ def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str,
 
 
 def picture(path: Path) -> str | None:
-    """A PNG as a data address, in few colours; None if it cannot be read or is too large for the page all the same."""
+    """PNG as a data URL with few colours; None if it cannot be read or is still too large for the page."""
     from io import BytesIO
 
     from PIL import Image
@@ -224,7 +225,7 @@ def picture(path: Path) -> str | None:
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
-    """The summary beside a log, if it is that log's."""
+    """Summary beside a log, None if it belongs to another log."""
     with suppress(OSError, ValueError, RecursionError):
         data = json.loads((log.parent / SUMMARY).read_text(encoding="utf-8"))
         fits = not misfit(data, _SUMMARY_SHAPE)
@@ -234,7 +235,7 @@ def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
 
 
 def _own_summary(log: Path) -> dict[str, Any]:
-    """Measures of each joint, from the log; the claims of its scenario, if they can be judged."""
+    """Measures of each joint, computed from the log, and the claims of its scenario if they can be evaluated."""
     from asrsim.plots.claims import judge
 
     reader = open_log(log)

@@ -1,4 +1,4 @@
-"""A page and its small parts. Texts are escaped here."""
+"""Builds an HTML page and its elements. All texts are escaped here."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
-"""Letters from which on a name in a table may be broken."""
+"""Length in letters from which a name in a table may be broken."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
-    """A page with everything in it, and a policy that lets it load nothing from anywhere.
+    """Self-contained HTML page, with a security policy that forbids loading anything.
 
     style: CSS; main, scripts: HTML.
     """
@@ -29,7 +29,7 @@ def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) 
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)}</title>",
-            # An empty icon: browsers would ask for one.
+            # An empty icon: otherwise browsers request one.
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",
             f"</head><body><main>\n{main}\n</main>",
@@ -41,23 +41,23 @@ def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) 
 
 
 def data_address(data: bytes, kind: str = "image/png") -> str:
-    """A file as an address that holds it."""
+    """File content as a data URL."""
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def script_json(data: Any) -> str:
-    """Plain data as JSON that may stand in a `<script>`: nothing in it opens or closes a tag or a comment."""
+    """JSON text that is safe inside `<script>`: it opens or closes no tag or comment."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def section(title: str, body: str) -> str:
-    """A part of the page with its heading; `body` is HTML."""
+    """Section of the page with its heading; `body` is HTML."""
     return f"<section><h2>{escape(title)}</h2>{body}</section>"
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
-    """Columns that hold nothing are left out; `raw` ones hold HTML already."""
+    """HTML table without its empty columns; cells of the columns `raw` are HTML already."""
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
     body = "".join(
@@ -68,23 +68,23 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int
 
 
 def _breakable(text: str) -> str:
-    """Text of a cell; a long name may go on in the next line behind its underscores, so that the table fits the window."""
+    """Text of a cell; a long name may break after its underscores, so that the table fits the window."""
     return escape(text).replace("_", "_<wbr>") if len(text) > LONG else escape(text)
 
 
 def bullets(items: Iterable[str]) -> str:
-    """A list; nothing without items."""
+    """HTML list; empty text without items."""
     text = "".join(f"<li>{escape(item)}</li>" for item in items)
     return f"<ul>{text}</ul>" if text else ""
 
 
 def badge(text: str, *, good: bool) -> str:
-    """A coloured word."""
+    """Word on a coloured background (HTML)."""
     return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
 
 
 def number(value: Any, factor: float = 1.0) -> str:
-    """A number times `factor` to five digits; "-" where there is none."""
+    """Number times `factor` to five digits; "-" for a missing number."""
     if value is None or not isinstance(value, int | float) or math.isnan(value):
         return "-"
     return f"{value * factor:.5g}"

@@ -1,4 +1,4 @@
-"""The motion for the page's moving view: shapes once, and what moves them at some hundred instants of every run."""
+"""Data of the page's moving view: shapes once, and frames of the bodies at some hundred instants of every run."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from asrsim.report.series import pack
 from asrsim.samples import Array
 
 FRAMES = 400
-"""Instants of a run at most; between them the page interpolates."""
+"""Largest number of instants per run; the page interpolates between them."""
 TRIANGLES = 40_000
-"""Of all shapes together."""
+"""Largest number of triangles of all shapes together."""
 _LEVELS = 32767
-"""Steps of a coordinate to each side: 16 bits with a sign."""
+"""Number of steps of a coordinate in each direction (signed 16-bit integers)."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] | None:
-    """What the page draws; None without films. Runs of other robots than the first's are left out."""
+    """Data of the moving view; None without films. Runs with another robot than the first run's are omitted."""
     if not films:
         return None
     first = films[0]
@@ -61,7 +61,7 @@ def _run(film: Film, label: str) -> dict[str, Any]:
         if name not in film.scene.objects and name != film.scene.root:
             continue
         turn = np.array(pose[:, 3:7])
-        # A quaternion and its negative are the same; between them there is no way.
+        # A quaternion and its negative are the same rotation; equal signs make interpolation take the short way.
         flips = np.cumprod(np.where(np.sum(turn[1:] * turn[:-1], axis=1) < 0, -1.0, 1.0))
         turn[1:] *= flips[:, None]
         poses[name] = [at(column) for column in (*pose[:, :3].T, *turn.T)]
@@ -87,7 +87,7 @@ def _part(part: Part, share: float) -> dict[str, Any]:
         "centre": _rounded(centre),
         "size": size,
         "points": _bytes(np.round((points - centre) / size * _LEVELS).astype("<i2")),
-        # A part of more points than 16 bits can number has been merged before.
+        # 16 bits suffice: larger meshes were simplified before.
         "triangles": _bytes(numbers.reshape(-1, 3)[order].astype("<u2")),
         "colours": [[*colour, int(count)] for colour, count in zip(palette.tolist(), np.bincount(kind.ravel()), strict=True)],
     }

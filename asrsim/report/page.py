@@ -1,4 +1,4 @@
-"""The page itself: what it says of the runs."""
+"""Builds the HTML page of a report."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.summary.table import cells, share
 
 
 def asset(name: str) -> str:
-    """The text of a file that comes with this package."""
+    """Text of a file in this package's assets."""
     return (files("asrsim.report") / "assets" / name).read_text(encoding="utf-8")
 
 
@@ -32,7 +32,7 @@ def build_page(
     compared: Compared | None,
     thinned: bool,
 ) -> str:
-    """The whole page. data: grid, joints and objects for the plots."""
+    """HTML of the whole page. data: grid, joints and objects for the plots."""
     first = runs[0].info
     scenario = Path(first.scenario_path).stem
     title = " · ".join(filter(None, (first.robot, scenario)))
@@ -194,16 +194,16 @@ def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
     if data["objects"]:
         parts.append('<details class="joint" open data-objects="1"><summary><b>Objects</b></summary>'
                      '<div class="plots"></div></details>')  # fmt: skip
-    parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page brings along.</p></noscript>")
+    parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>")
     return section("Plots", "".join(parts))
 
 
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    # Joints and variants with the same parameters share a table.
+    # Joints and variants with equal parameters share a table.
     groups: dict[Any, list[tuple[str, str]]] = {}
     for run, label in zip(runs, labels, strict=True):
         for joint, values in run.parameters.items():
-            # The line differs from joint to joint.
+            # Ignore the line number: it differs from joint to joint.
             key = tuple((p.name, p.value, p.unit, p.origin.split(", line")[0]) for p in values)
             groups.setdefault(key, []).append((label, joint))
     parts = []
@@ -229,7 +229,7 @@ def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence
             key = f"{warning['key']}: " if warning.get("key") else ""
             said[f"{place}{key}{warning.get('message', '')}" + (f". {warning['hint']}" if warning.get("hint") else "")] = None
         if run.status != "complete":
-            said[f"{label}: the run is {run.status}; it is shown as far as it goes"] = None
+            said[f"{label}: the run is {run.status}; the page shows it up to its last sample"] = None
         said |= dict.fromkeys(run.notes)
     said |= dict.fromkeys(notes)
     return section("Warnings and notes", bullets(said)) if said else ""
@@ -246,7 +246,7 @@ def _repeat(runs: Sequence[RunContent]) -> str:
     scenario = (
         f"<details><summary>Scenario as read</summary><pre>{escape(info.scenario)}</pre></details>" if info.scenario else ""
     )
-    text = "<p>From the log alone, compared bit for bit; or anew from the scenario:</p>"
+    text = "<p>Repeat from the log, compared bit for bit, or from the scenario:</p>"
     return section(
         "Repeat it", f"{text}<pre>{escape(chr(10).join(commands))}</pre><p class='note'>{escape(versions)}</p>{scenario}"
     )

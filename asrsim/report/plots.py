@@ -1,4 +1,4 @@
-"""Which interactive plots a page has: the same panels, colours and line styles as the pictures, with recorded curves."""
+"""Interactive plots of a page: panels, colours and line styles of the pictures, with recorded curves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from asrsim.report.series import PageRun, pack
 from asrsim.samples import Array
 
 DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
-"""Of the n-th quantity of several runs, in pixels."""
+"""Dash patterns in pixels, one per quantity, for pages with several runs."""
 
 QUANTITIES: tuple[str, ...] = tuple(
     dict.fromkeys(
@@ -27,7 +27,7 @@ QUANTITIES: tuple[str, ...] = tuple(
         for name in PANELS[key].of_any(several=several)
     )
 )
-"""Everything that a page shows of a joint."""
+"""All panels that a page may show of a joint."""
 
 
 Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
@@ -35,7 +35,7 @@ Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
 
 
 def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
-    """One section a joint: its name, its actuator, and its plots with packed series; time: (count,) s of the page."""
+    """Section of each joint: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     curves = [run.curves for run in runs]
     sections = []
     for joint in joint_names(curves):
@@ -50,7 +50,7 @@ def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> 
             series = []
             plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
-                # A reference that all share belongs to none of them.
+                # A reference shared by all runs is assigned to no run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
                 owner = None if shared else number
@@ -69,7 +69,7 @@ def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> 
 
 
 def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]:
-    """Displacement and contact force of the world's objects. runs: RunCurves with bodies; time: (count,) of the page."""
+    """Plots of displacement and contact force of the world's objects. time: times (count,) of the page, s."""
     plots = []
     for body in dict.fromkeys(name for run in runs for name in run.bodies):
         for panel in body_panels(body):
@@ -78,7 +78,7 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
             for number, run in enumerate(runs):
                 for key, name in panel.entries.items():
                     curve = run.bodies.get(body, {}).get(key)
-                    if curve is None or (key not in plain and number):  # variants have one goal
+                    if curve is None or (key not in plain and number):  # variants share one goal
                         continue
                     values = np.interp(time, curve.time, curve.values, right=np.nan)
                     if len(curve.time) > len(time):
@@ -93,7 +93,9 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
 def _series(
     label: str, quantity: str, unit: str, run: int | None, values: Array, *, dash: list[float], several: bool
 ) -> dict[str, Any]:
-    """run: its number, None for what all share. Of several runs colours tell the runs apart, and dashes the quantities."""
+    """Series of a plot for the page. run: its number, None if all runs share it. With several runs, colours mark runs and
+    dashes quantities.
+    """
     own = several and run is not None
     recorded = quantity == "experiment"
     colour = style.variant_colour(run or 0) if own else style.EXPERIMENT if recorded else style.colour(quantity)
@@ -109,7 +111,7 @@ def _series(
 
 
 def _envelope(grid: Array, time: Array, values: Array) -> Array:
-    """Smallest and largest value of every interval of the grid's pairs."""
+    """Smallest and largest value in every interval of the grid."""
     step = grid[1] - grid[0]
     start = float(grid[0] - 0.5 * step)
     envelope = Envelope(1, start=start, end=start + step * len(grid), bins=len(grid) // 2)

@@ -1,4 +1,4 @@
-"""Time series of runs for the browser: thinned onto one time, packed small."""
+"""Time series of runs for the browser: thinned to common times and packed."""
 
 from __future__ import annotations
 
@@ -18,34 +18,34 @@ from asrsim.plots.world import Curve
 from asrsim.samples import Array
 
 BUDGET = 1_050_000
-"""Bytes that all series of a page may take."""
+"""Largest size of all series of a page, bytes."""
 LEAST, MOST = 200, 4000
-"""Intervals of a thinned series."""
+"""Smallest and largest number of intervals of a thinned series."""
 LEVELS = 65534
-"""Steps between smallest and largest value; both are exact."""
+"""Number of steps between smallest and largest value; both are exact."""
 GAP = 65535
-"""Stands for no value."""
+"""Code of a missing value."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """The times that all series of a page share: evenly spaced."""
+    """Evenly spaced times that all series of a page share."""
 
     start: float
-    """s."""
+    """First time, s."""
     step: float
-    """s."""
+    """Time step, s."""
     count: int
     thinned: bool
-    """Two points stand for each interval: its smallest and largest sample."""
+    """Whether each interval is represented by two points, its smallest and largest sample."""
 
     @property
     def time(self) -> Array:
-        """(count,) s."""
+        """Times (count,), s."""
         return self.start + self.step * np.arange(self.count, dtype=np.float64)
 
     def as_dict(self) -> dict[str, Any]:
-        """For the page; margin: s, of the time before the first point and after the last."""
+        """Grid as data for the page; margin: space before the first point and after the last, s."""
         return {
             "start": self.start, "step": self.step, "count": self.count, "margin": 0.5 * self.step if self.thinned else 0.0,
         }  # fmt: skip
@@ -53,16 +53,16 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PageRun:
-    """A run's series on the page's grid."""
+    """Series of a run on the page's grid."""
 
     curves: RunCurves
-    """Names and descriptions; its curves are the page's series."""
+    """Names and descriptions of the run; its curves are the page's series."""
     series: Mapping[tuple[str, str], Array]
-    """(joint, quantity) -> (count,)."""
+    """(joint, quantity) -> values (count,)."""
 
 
 def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[PageRun]]:
-    """Reads logs onto one grid, fine enough for the budget; every extreme is kept. Raises LogError."""
+    """Common grid as fine as `BUDGET` permits, and the runs' series on it; every extreme is kept. Raises LogError."""
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
@@ -75,7 +75,7 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
         sources.append(source)
         columns += len(source.columns)
     step = min(steps)
-    # Two points an interval, two bytes a point, four letters for three bytes.
+    # Two points per interval, two bytes per point, and four characters for three bytes (base64).
     bins = int(np.clip(BUDGET / (max(columns, 1) * 2 * 2 * 4 / 3), LEAST, MOST))
     samples = round(duration / step) + 1
     alike = all(abs(s - step) <= 1e-9 * step for s in steps)
@@ -104,7 +104,7 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
             envelope = Envelope(len(source.columns), start=0.0, end=duration, bins=grid.count // 2)
         envelope.add(part.time, matrix)
     if not count:
-        raise LogError("the log holds no samples", file=source.reader.path, code="empty-log")
+        raise LogError("the log contains no samples", file=source.reader.path, code="empty-log")
     series: dict[tuple[str, str], Array] = {}
     for index, column in enumerate(source.columns):
         values = whole[:, index] if envelope is None else envelope.pairs(index)
@@ -129,7 +129,7 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
 
 
 def pack(values: Array) -> dict[str, Any]:
-    """A series as text: 16 bits a value between its smallest and largest, which are exact."""
+    """Series as text: 16 bits per value between its smallest and largest value, which are exact."""
     finite = np.isfinite(values)
     low = float(values[finite].min()) if finite.any() else 0.0
     high = float(values[finite].max()) if finite.any() else 0.0
@@ -141,7 +141,7 @@ def pack(values: Array) -> dict[str, Any]:
 
 
 def unpack(packed: Mapping[str, Any], count: int) -> Array:
-    """The inverse of :func:`pack`, as the page does it; to half a step of the range."""
+    """Values of a series packed by `pack`, accurate to half a step."""
     low, high = float(packed["low"]), float(packed["high"])
     if not packed["data"]:
         return np.full(count, low)

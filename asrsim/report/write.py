@@ -1,4 +1,4 @@
-"""`write_report`: a page about the runs of a folder."""
+"""`write_report`: writes a page about the runs of a folder."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def write_report(
     film: bool = True,
     progress: Callable[[str, float], None] | None = None,
 ) -> Path:
-    """Writes one self-contained page about a run's folder, or about a folder of variants.
+    """Write a self-contained page about the run in a folder, or about a folder of variants.
 
     Args:
-        folder: With `log.mcap` (or another log), or with subfolders that have one; or a log.
+        folder: Folder with a log (`log.mcap` or another), or with subfolders that contain a log; or a log.
         path: The page; `report.html` in the folder by default.
-        film: Draw film strips too.
-        progress: Told what is being done, and which fraction of it is.
+        film: Also draw film strips.
+        progress: Called with the current task and the fraction done.
 
     Returns:
-        The page.
+        Path of the page.
 
     Raises:
-        InputError: The folder holds no log. LogError: one cannot be read.
+        InputError: The folder contains no log. LogError: A log cannot be read.
         OutputError: The page cannot be written.
     """
     place = Path(folder)

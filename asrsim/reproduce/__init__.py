@@ -1,6 +1,6 @@
-"""The paper's experiments run again, judged, on one page (`asrsim reproduce`).
+"""Repeats the paper's experiments, checks their claims, and writes one page (`asrsim reproduce`).
 
-The experiments are examples (`examples/paper`), one file a figure; here is what they are made of, and what runs them.
+The experiments are examples (`examples/paper`), one file per figure; this module defines their parts and runs them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Origin = Literal["paper", "theory", "simulation", "beyond"]
 
 @dataclass(frozen=True)
 class Bound:
-    """What a number is claimed to be."""
+    """Condition on the measured number of a claim."""
 
     comparison: str
     """One of `==`, `<`, `<=`, `>`, `>=`; `==` within `tolerance`."""
@@ -51,26 +51,26 @@ below, at_most, above, at_least = (partial(Bound, sign) for sign in ("<", "<=", 
 
 
 def near(value: float, tolerance: float, unit: str = "") -> Bound:
-    """Within the tolerance of the value."""
+    """Condition `==` with a tolerance."""
     return Bound("==", value, unit, tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """One statement about one number."""
+    """Statement about a measured number."""
 
     text: str
-    """The statement in our own words."""
+    """Statement in the words of asrsim's authors."""
     quantity: str
-    """What was measured."""
+    """Name of the measured quantity."""
     measured: float
-    """NaN where it cannot be measured; such a claim does not hold."""
+    """Measured number; NaN if it cannot be measured: the claim then does not hold."""
     bound: Bound
     origin: Origin = "paper"
 
     @property
     def holds(self) -> bool:
-        """Whether the measured number is as claimed."""
+        """Whether the measured number satisfies the condition."""
         return compares(self.measured, self.bound.comparison, self.bound.value, self.bound.tolerance)
 
     @property
@@ -81,19 +81,19 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """A picture, ready to be put into a page."""
+    """Picture for the page."""
 
     name: str
-    """Of its file, without suffix."""
+    """Name of its file, without suffix."""
     caption: str
-    """What it shows, a sentence; also what a screen reader says."""
+    """Sentence that describes the picture, also for screen readers."""
     kind: Literal["svg", "png"]
     data: bytes = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Numbers beside the claims."""
+    """Table of numbers beside the claims."""
 
     caption: str
     headings: tuple[str, ...]
@@ -102,7 +102,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A part of a figure's section: text, claims, numbers and pictures that belong together."""
+    """Part of a figure's section: related text, claims, numbers and pictures."""
 
     title: str
     text: str
@@ -113,52 +113,52 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Heading:
-    """What a figure is about."""
+    """Title and subject of a figure."""
 
     number: int
     title: str
     section: str
-    """Of the paper."""
+    """Section of the paper."""
     paper: str
-    """What the paper claims, in our own words."""
+    """Claim of the paper, in the words of asrsim's authors."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure(Heading):
-    """How to reproduce a figure: the `FIGURE` of a file `figure_N.py`."""
+    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
 
     parts: Callable[[Lab], tuple[Part, ...]]
-    """Runs everything. The first part is the paper's figure; the others are what it could not show."""
+    """Function that runs the experiments. Its first part is the paper's figure; the others extend it."""
     cost: float = 1.0
-    """About how long it takes, relative to the others: long ones are begun first."""
+    """Relative duration; long figures start first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reproduction(Heading):
-    """A figure of the paper, run again."""
+    """Result of reproducing a figure of the paper."""
 
     parts: tuple[Part, ...] = ()
     error: str = ""
-    """Why it could not be run."""
+    """Reason why the figure could not be run."""
     simulated: float = 0.0
-    """s of simulated time."""
+    """Simulated time, s."""
     simulating: float = 0.0
-    """s of wall-clock time in the simulations."""
+    """Wall-clock time of the simulations, s."""
     seconds: float = 0.0
-    """s of wall-clock time, pictures included."""
+    """Wall-clock time including pictures, s."""
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """All claims."""
+        """All claims of the figure."""
         return tuple(claim for part in self.parts for claim in part.claims)
 
     @property
     def holds(self) -> bool:
-        """Whether it could be run and every claim holds."""
+        """Whether the figure could be run and every claim holds."""
         return not self.error and all(claim.holds for claim in self.claims)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, without pictures."""
+        """Result as data for JSON, without pictures."""
         return {
             "figure": self.number, "title": self.title, "section": self.section, "paper": self.paper, "holds": self.holds,
             "error": self.error,
@@ -174,17 +174,17 @@ class Reproduction(Heading):
 
 @dataclass(kw_only=True)
 class Lab:
-    """Where a figure's runs happen: variants of example scenarios. It counts what they take."""
+    """Runs variants of example scenarios for a figure, and sums their simulated time and duration."""
 
     folder: Path
-    """Takes the logs, one folder a run."""
+    """Folder for the logs, with one subfolder per run."""
     simulated: float = 0.0
-    """s simulated so far."""
+    """Simulated time so far, s."""
     simulating: float = 0.0
-    """s of wall-clock time in simulations so far."""
+    """Wall-clock time of the simulations so far, s."""
 
     def scenario(self, name: str, variant: str | None = None, overrides: Sequence[str] = ()) -> Scenario:
-        """A variant of an example scenario. Raises ScenarioError."""
+        """Variant of an example scenario. Raises ScenarioError."""
         from asrsim.scenario import load_scenario
 
         return load_scenario(examples_folder() / "scenarios" / f"{name}.yaml", variant=variant, overrides=overrides)[0]
@@ -193,10 +193,10 @@ class Lab:
         self, name: str, variant: str, *, overrides: Sequence[str] = (), label: str | None = None, robot: Robot | None = None,
         log: bool = True,
     ) -> Result:  # fmt: skip
-        """Run a variant of an example scenario.
+        """Result of a run of an example scenario's variant.
 
-        label: name of the run's folder after the scenario's, the variant if not given; robot: replaces the scenario's; log:
-        write one. Raises what :func:`asrsim.run` raises.
+        label: name of the run's folder inside the scenario's, by default the variant; robot: replaces the scenario's
+        robot; log: write a log. Raises the errors of `asrsim.run`.
         """
         from asrsim.api import run
 
@@ -204,30 +204,30 @@ class Lab:
         began = clock.perf_counter()
         scenario = self.scenario(name, variant, overrides)
         if overrides or robot is not None:
-            # The example's claims are about the unchanged example.
+            # The claims in the example hold for the unchanged example only.
             scenario = replace(scenario, expect=())
         result = run(scenario, robot=robot, out=out, overwrite=True)
         self.count(result.run.simulated_time, clock.perf_counter() - began)
         return result
 
     def pairs(self, name: str, variants: Sequence[str]) -> dict[str, Result]:
-        """Several variants, by name."""
+        """Variant -> result of its run."""
         return {variant: self.run(name, variant) for variant in variants}
 
     def count(self, simulated: float, seconds: float) -> None:
-        """Note simulated time and the wall-clock time that it took."""
+        """Add simulated time and the wall-clock time of a simulation to the totals."""
         self.simulated += simulated
         self.simulating += seconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of all figures."""
+    """Results of all figures."""
 
     figures: tuple[Reproduction, ...]
     page: Path
     seconds: float
-    """Wall-clock time of everything."""
+    """Total wall-clock time, s."""
 
     @property
     def holds(self) -> bool:
@@ -235,7 +235,7 @@ class Outcome:
         return all(figure.holds for figure in self.figures)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Results as data for JSON."""
         return {
             "ok": self.holds, "page": str(self.page), "wall_time": self.seconds,
             "simulated_time": sum(figure.simulated for figure in self.figures),
@@ -245,7 +245,7 @@ class Outcome:
 
 @cache
 def figures() -> dict[str, Figure]:
-    """The figures of `examples/paper` by number, as text. Raises InputError if this installation has no examples."""
+    """Figures of `examples/paper` by number (as text). Raises InputError if this installation has no examples."""
     examples = examples_folder()
     sys.path.insert(0, str(examples))
     try:
@@ -259,11 +259,11 @@ def reproduce(
     names: Sequence[str] = (), folder: Path = Path("out/reproduce"), *, workers: int = 2,
     on_figure: Callable[[Reproduction], None] | None = None,
 ) -> Outcome:  # fmt: skip
-    """Run figures, judge them, and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
+    """Reproduce figures and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
 
-    names: of :func:`figures`, all by default; on_figure: told of each as it ends, in any order. A figure that cannot be run
-    is reported, its claims do not hold, and the others go on.
-    Raises InputError for unknown figures and OutputError where something cannot be written.
+    names: figures to run, all by default; on_figure: called with each result, in any order. For a figure that cannot be run
+    the reason is reported, its claims count as failed, and the other figures continue.
+    Raises InputError for unknown figures and OutputError if a file cannot be written.
     """
     from asrsim.reproduce.page import page
 
@@ -291,7 +291,7 @@ def reproduce(
 
 
 def run_figure(name: str, folder: Path) -> Reproduction:
-    """Run one figure, its logs going into `folder`; an error becomes part of the result."""
+    """Result of one figure, with its logs in `folder`; an error becomes part of the result."""
     began, lab = clock.perf_counter(), Lab(folder=folder)
     try:
         done = _about(name, parts=figures()[name].parts(lab))

@@ -1,4 +1,4 @@
-"""The page: every figure with claims, numbers and pictures in one HTML file that needs nothing else."""
+"""HTML page with the claims, numbers and pictures of every figure, in one self-contained file."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from asrsim.report.html import data_address, document
 from asrsim.reproduce import Claim, Part, Picture, Reproduction, Table
 
 ORIGINS = {
-    "paper": "the paper says so",
-    "theory": "a closed form or a law of mechanics says so",
-    "simulation": "an independent simulation of the same experiment gave this number",
+    "paper": "stated in the paper",
+    "theory": "from a closed form or a law of mechanics",
+    "simulation": "from an independent simulation of the same experiment",
     "beyond": "not in the paper: with link damping that grows with the stiffness",
 }
-"""Where a claim comes from, in words."""
+"""Origin of a claim, in words."""
 SOURCE = (
     "Mengacci, Zambella, Grioli, Caporale, Catalano, Bicchi (2021): An Open-Source ROS-Gazebo Toolbox for Simulating Robots "
     "With Compliant Actuators, Frontiers in Robotics and AI 8"
 )
 SHOWN_ROWS = 9
-"""Rows of a table up to which it is not folded away."""
+"""Largest number of rows of a table that is shown unfolded."""
 
 
 def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
-    """The page as HTML. seconds: wall-clock time of everything."""
+    """HTML of the page. seconds: total wall-clock time."""
     style = files("asrsim.reproduce").joinpath("assets/page.css").read_text(encoding="utf-8")
     failed = ", ".join(str(one.number) for one in reproductions if not one.holds)
     simulated = sum(one.simulated for one in reproductions)
@@ -39,8 +39,8 @@ def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
 <p>{_verdict(not failed, f"claims of figure {failed} do not hold" if failed else "every claim holds")}</p>
 <div class="scroll"><table><thead><tr><th>figure</th><th></th><th class="number">claims that hold</th><th></th></tr></thead>
 <tbody>{overview}</tbody></table></div>
-<p class="small">{escape(SOURCE)}. What the paper claims stands here in our own words. Its plots cannot be laid beside ours:
-claims are checked on numbers. What the paper's figures could not show is folded away.</p>
+<p class="small">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
+data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>
 {"".join(map(_section, reproductions))}
 <footer>Made by asrsim {__version__} with <code>asrsim reproduce</code>: {simulated:.0f} s simulated in {seconds:.0f} s,
 pictures included.</footer>"""
@@ -61,7 +61,7 @@ def _section(one: Reproduction) -> str:
 
 
 def _part(part: Part, *, folded: bool) -> str:
-    """The paper's figure in full; what it could not show is folded away, unless a claim of it fails."""
+    """HTML of a part: the paper's figure is shown unfolded; other parts are folded unless a claim fails."""
     claims = (
         '<table class="wide claims"><thead><tr><th>claim</th><th class="number">measured</th><th class="number">expected</th>'
         f"<th></th></tr></thead><tbody>{''.join(map(_claim, part.claims))}</tbody></table>"

@@ -263,8 +263,7 @@ class Scenario:
         """Key of the scenario -> desired link positions to be learned, by joint."""
         if self.learning is None:
             return {}
-        several = {f"ilc.trajectories.{name}": table for name, table in self.learning.trajectories.items()}
-        return several or {"ilc.trajectory": self.learning.trajectory}
+        return {"ilc.trajectory": self.learning.trajectory}
 
 
 @overload

@@ -16,6 +16,8 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 COMPARED = ("link_position", "link_torque")
+BLOCK = 65_536
+"""Samples that are compared at once."""
 ORDER_TOLERANCE = 0.35
 """By how much the measured order may fall short of the scheme's before it is said."""
 RESOLVED = 1e-12
@@ -69,14 +71,14 @@ def certify(
     then; if it says True there is no certificate. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    runs = [run] if run.samples is not None else []
-    for times in (1, 2, 4)[len(runs) :]:
+    motions = [motion([run.samples])] if run.samples is not None else []
+    for times in (1, 2, 4)[len(motions) :]:
         tell = progress and partial(progress, "finer steps")
         finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
-        if finer.status == "interrupted":
+        if finer.status == "interrupted" or finer.samples is None:
             return None
-        runs.append(finer)
-    motions = [motion([one.samples]) for one in runs if one.samples is not None]
+        motions.append(motion([finer.samples]))
+        del finer
     first, second, whole = (differences(motions[a], motions[b]) for a, b in ((0, 1), (1, 2), (0, 2)))
     joints: dict[str, JointError] = {}
     warnings = []
@@ -124,9 +126,13 @@ def motion(chunks: Iterable[Samples]) -> Array:
 def differences(first: Array, second: Array) -> Array:
     """Largest differences of two motions and the roots of their mean squares, (2, quantities, joints), as far as both go; NaN
     where nothing is compared."""
-    count = min(len(first), len(second))
-    found = np.abs(first[:count] - second[:count])
-    seen = np.isfinite(found).sum(axis=0)
-    largest = np.fmax.reduce(found, axis=0, initial=np.nan)
+    largest = np.full(first.shape[1:], np.nan)
+    squares, seen = np.zeros((2, *first.shape[1:]))
+    for begin in range(0, min(len(first), len(second)), BLOCK):
+        count = min(BLOCK, len(first) - begin, len(second) - begin)
+        found = np.abs(first[begin : begin + count] - second[begin : begin + count])
+        largest = np.fmax(largest, np.fmax.reduce(found, axis=0))
+        squares += np.nansum(found**2, axis=0)
+        seen += np.isfinite(found).sum(axis=0)
     with np.errstate(invalid="ignore"):
-        return np.stack([largest, np.sqrt(np.nansum(found**2, axis=0) / seen)])
+        return np.stack([largest, np.sqrt(squares / seen)])

@@ -208,7 +208,8 @@ class Inputs:
         behind = slice(len(chunk) + first, len(chunk) + last)
         references, cut = (np.where(np.isnan(own), chunk.references[:, :, None, at], own) for at in (slice(begin, end), behind))
         shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-        cut_inputs = np.ascontiguousarray(self._goals(cut).transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
+        goals = self._goals(cut) if last > first else cut
+        cut_inputs = np.ascontiguousarray(goals.transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
         wrenches = np.repeat(wrenches, sets, axis=0)
         return Given(inputs, wrenches, cuts + shifts, np.tile(fractions, sets), np.tile(on_time, sets), cut_inputs), references

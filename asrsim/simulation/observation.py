@@ -44,12 +44,13 @@ class Snapshot:
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
     """States (..., joints, columns) at a whole step, at `time` s; substep in s."""
     motors = np.full((4, *state.shape[:-1]), np.nan)
-    for j, drive in enumerate(drives):
-        lag = drive.stepping.first_drift * substep
-        for i in range(min(drive.dynamic_motors, 2)):
-            m = OWN + i * PER_MOTOR
-            position, velocity = state[..., j, m + MOTOR_POSITION], state[..., j, m + MOTOR_VELOCITY]
-            motors[2 * i, ..., j], motors[2 * i + 1, ..., j] = position + lag * velocity, velocity
+    dynamic = [drive.dynamic_motors for drive in drives]
+    lag = drives[0].stepping.first_drift * substep if drives else 0.0
+    for i in range(min(max(dynamic, default=0), 2)):
+        joints, m = [j for j, count in enumerate(dynamic) if count > i], OWN + i * PER_MOTOR
+        velocity = state[..., joints, m + MOTOR_VELOCITY]
+        motors[2 * i][..., joints] = state[..., joints, m + MOTOR_POSITION] + lag * velocity
+        motors[2 * i + 1][..., joints] = velocity
     return Observation(
         time=time,
         link_position=state[..., POSITION].copy(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
@@ -87,19 +88,24 @@ class Prepared:
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
         """Number of the joint, and the column of an input row of the reference of that name in its mode, or of
         `external_torque`; raises InputError."""
-        names = tuple(drive.name for drive in self.drives)
-        if joint not in names:
+        if joint not in self._slots:
+            names = tuple(self._slots)
             hint = did_you_mean(joint, names)
             raise InputError(f"no joint is called '{joint}'", choices=names, hint=hint, code="unknown-joint")
-        j = names.index(joint)
-        mode = self.drives[j].mode
-        known = references_of(self.drives[j]) or (mode.references if mode else ())
-        if reference == EXTERNAL_TORQUE:
-            return j, EXTERNAL
+        j, known = self._slots[joint]
         if reference not in known:
             message = f"joint '{joint}' has no reference '{reference}'"
-            raise InputError(message, choices=(*known, EXTERNAL_TORQUE), code="unknown-reference")
-        return j, GOALS + known.index(reference)
+            raise InputError(message, choices=tuple(known), code="unknown-reference")
+        return j, known[reference]
+
+    @cached_property
+    def _slots(self) -> dict[str, tuple[int, dict[str, int]]]:
+        """Joint -> its number, and the columns of its references."""
+        found = {}
+        for j, drive in enumerate(self.drives):
+            names = references_of(drive) or (drive.mode.references if drive.mode else ())
+            found[drive.name] = j, {**{name: GOALS + i for i, name in enumerate(names)}, EXTERNAL_TORQUE: EXTERNAL}
+        return found
 
     def start(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> tuple[list[float], list[float]]:
         """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError."""

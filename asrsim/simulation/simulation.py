@@ -219,21 +219,23 @@ class Simulation:
         initial: Mapping[str, float] | None = None,
         *,
         velocities: Mapping[str, float] | None = None,
+        motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
         signals: Scenario | None = None,
     ) -> None:
         """Back to the start, with the bits of a fresh one; references follow the scenario again.
 
-        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); parameters:
-        joint or link -> name -> value, as :meth:`Prepared.vary` takes them; signals: a scenario whose references and external
-        torques replace those of this simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
+        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); motors: of each
+        joint's motors (rad), others begin where their link is; parameters: joint or link -> name -> value, as
+        :meth:`Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
+        simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
         what is unknown, not finite or beyond limits.
         """
         self._check_open()
         if signals is not None:
             own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
             self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
-        start = Start(positions=initial or {}, velocities=velocities or {})
+        start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
         self.prepared.start(start.positions, start.velocities)
         if parameters is not None:
             self.prepared = self.prepared.with_numbers(parameters)

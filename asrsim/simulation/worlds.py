@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -33,6 +34,8 @@ from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
 
+VARIANTS_KEPT = 256
+"""Sets of numbers whose robots, at their starts, are kept: the same numbers come again with other references."""
 Numbers = Mapping[str, Mapping[str, float]]
 """Joint or link -> name -> value, as :meth:`asrsim.Prepared.vary` takes them."""
 Signals = Mapping[str, Mapping[str, Signal]]
@@ -136,6 +139,8 @@ class Worlds:
             """Those that worlds had last, and what they are as inputs."""
             self._inputs = [self._home_inputs] * count
             self._own = [prepared] * count
+            self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
+            """Numbers that worlds had -> the robot with them, at its start."""
             self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
             columns = GOALS + self.core.shape.motors
             self._held = np.full((count, len(self.joints), columns), np.nan)
@@ -248,13 +253,17 @@ class Worlds:
         """
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
-        given = (
-            np.full(len(numbers), np.nan) if values is None else np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
-        )
-        if values is not None and not np.isfinite(given).all():
-            raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         low, high = self.prepared.range_of(joint, reference)
-        self._held[numbers, j, slot] = np.clip(given, low, high)
+        held: Any = np.nan
+        if isinstance(values, float):
+            # As at every step of a controller: without arrays.
+            held, finite = min(max(values, low), high), math.isfinite(values)
+        elif values is not None:
+            given = np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+            held, finite = np.clip(given, low, high), bool(np.isfinite(given).all())
+        if values is not None and not finite:
+            raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
+        self._held[numbers, j, slot] = held
         return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:
@@ -348,9 +357,15 @@ class Worlds:
 
     def _begin_world(self, world: int, start: Start) -> None:
         home = self.prepared
-        varied = home.with_numbers(start.parameters) if start.parameters else home
-        if varied is not home or self._own[world] is not home:
-            self.take_over(world, varied)
+        key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
+        known = self._variants.get(key) if key else home
+        varied = known or home.with_numbers(start.parameters)
+        if varied is not self._own[world]:
+            self.take_over(world, varied, settled=known is not None)
+            if known is None:
+                if len(self._variants) >= VARIANTS_KEPT:
+                    self._variants.clear()
+                self._variants[key] = self._own[world]
         if start.references:
             if self._signals[0] is not start.references:
                 self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
@@ -359,15 +374,16 @@ class Worlds:
             self._inputs[world] = self._home_inputs
         self.place(world, start)
 
-    def take_over(self, world: int, varied: Prepared, *, signals: bool = False) -> Prepared:
+    def take_over(self, world: int, varied: Prepared, *, signals: bool = False, settled: bool = False) -> Prepared:
         """Give a world other numbers, and other signals if they are to change; it has to be placed then. Its engine is that of
-        all unless a link weighs something else. Returns the numbers, with the start at rest if the scenario asks for that."""
+        all unless a link weighs something else. Returns the numbers, with the start at rest if the scenario asks for that;
+        settled: they have it already."""
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
             engine = self._own_engine(world, varied)
-            if engine.model is not None:
+            if engine.model is not None and not settled:
                 check_inertia(varied.drives, engine.model.mass_matrix(varied.initial_positions))
-        self._own[world] = varied = varied.settled(engine.model)
+        self._own[world] = varied = varied if settled else varied.settled(engine.model)
         self._other.pop(world, None)
         selection = self.selection.of(varied.drives)
         if selection.lacking != self.selection.lacking:

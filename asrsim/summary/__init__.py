@@ -1,4 +1,4 @@
-"""The summary of a run: numbers of each joint, claims, warnings, files; as data, as a table, as JSON."""
+"""Summary of a run: measures of each joint, claims, warnings, files; as data, as a table, as JSON."""
 
 from __future__ import annotations
 

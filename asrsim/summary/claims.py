@@ -1,4 +1,4 @@
-"""The scenario's `expect:`, evaluated on a run's samples."""
+"""Evaluation of a scenario's `expect:` on the samples of a run."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
-"""(quantities, joints) -> all samples of those; bodies and contacts always."""
+"""Function (quantities, joints) -> all samples of these series, with bodies and contacts."""
 
 
 def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> None:
-    """Raises ScenarioError with every claim that cannot be evaluated, before time is spent on the run."""
+    """Check before the run that every claim can be evaluated; raises ScenarioError with every claim that cannot."""
     problems: list[Problem] = []
     measurable: set[tuple[object, ...]] = set()
     for claim in claims:
@@ -44,17 +44,17 @@ def check_claims(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, 
 def claim_results(
     claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict, a claim about `"*"` once for each joint. Raises ScenarioError, placed in `file`."""
+    """Every claim with its verdict; a claim about `"*"` has one for each joint. Raises ScenarioError, which names `file`."""
     return Claims(claims, joints, file=file).results(read)
 
 
 class Claims:
-    """Claims about the joints of many runs alike."""
+    """Claims for many runs with the same joints."""
 
     def __init__(
         self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
     ) -> None:
-        """file: in which faults are placed; checked: :func:`check_claims` has passed them already."""
+        """file: named in errors; checked: `check_claims` has accepted the claims already."""
         self._joints, self._file, self._checked = tuple(joints), file, checked
         self._single = [
             (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))
@@ -64,7 +64,7 @@ class Claims:
         ]
 
     def results(self, read: Reader) -> tuple[ExpectationResult, ...]:
-        """Of the run that `read` reads. Raises ScenarioError."""
+        """Verdicts on the run that `read` reads. Raises ScenarioError."""
         if not self._single:
             return ()
         from asrsim.recordings import RecordedSeries
@@ -100,7 +100,7 @@ class Claims:
 
 
 def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem]:
-    """Why a claim's recording cannot serve it, as far as that does not depend on the run."""
+    """Problems of a claim's recording, as far as they do not depend on the run."""
     from asrsim.recordings import require_columns
 
     try:
@@ -117,7 +117,7 @@ def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInf
 
 
 def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> list[str]:
-    """What each result of :func:`claim_results` is about, in its order."""
+    """Description of each result of `claim_results`, in its order."""
     found = []
     for claim in claims:
         names = [claim.body] if claim.body is not None else []
@@ -127,7 +127,7 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
 
 
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """(quantity, joint) of every series that :func:`claim_results` reads, and whether it reads bodies and contacts."""
+    """(quantity, joint) of every series that `claim_results` reads, and whether it reads bodies and contacts."""
     wanted: dict[tuple[str, str], None] = {}
     for claim in claims:
         for joint in _joints_of(claim, joints):
@@ -135,7 +135,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         if claim.against is not None:
             from asrsim.recordings.align import ALIGN_ON
 
-            # A recording is aligned by whatever moves in both, in any of its joints.
+            # A recording may be aligned by any quantity that moves in both, in any of its joints.
             aligning = {source for name in ALIGN_ON for source in (name, *DERIVED_SOURCES.get(name, ()))}
             wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in joint.quantities if name in aligning)
     return tuple(wanted), any(claim.body is not None for claim in claims)
@@ -147,7 +147,7 @@ def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tupl
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:
-    """Derived quantities that a claim needs: its own, and the error where it may compare with the joint's reference."""
+    """Derived quantities that a claim needs: its own, and the error if the claim may use the joint's reference."""
     own = claim.quantity == "link_position" and claim.against is None and claim.reference is None
     compared = own and MEASURES.get(claim.measure).needs != "series"
     asked = (claim.quantity, claim.reference)

@@ -1,4 +1,4 @@
-"""What summary and claims need of a run, taken from its steps as they come: no log is read again for it."""
+"""Collects the data for summary and claims during the run, so that no log is read again."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ if TYPE_CHECKING:
     from asrsim.signals.base import Signal
 
 KEPT = 1_000_000
-"""Samples of all joints together that are looked at; a longer run is thinned evenly, its peaks are not."""
+"""Largest number of samples of all joints together; a longer run is thinned evenly, except its peaks."""
 SHAKEN = 10.0
-"""Overshoot (a fraction of the step) above which there was no step to speak of: the joint was shaken, not moved."""
+"""Overshoot (fraction of the step) above which the motion was a shaking and not a step."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a summary needs of a run's samples."""
+    """Collected data for a summary."""
 
     measures: tuple[JointSummary, ...]
-    """Of each joint."""
+    """Measures of each joint."""
     tip: Mapping[str, float]
-    """Cartesian tasks, m: distance of the tip from its path, `largest`, `rms` and `last`, the mean of the last tenth."""
+    """Cartesian tasks: distance of the tip from its path, m: `largest`, `rms`, and `last` (mean of the last tenth)."""
     travels: tuple[float, ...]
-    """rad or m of each joint, from its lowest to its highest position."""
+    """Range of positions of each joint, rad or m."""
 
 
 class Collector:
-    """A sink that keeps the positions of all joints and, whole, the series that claims are about."""
+    """Sink that keeps the positions of all joints, and the whole series that claims use."""
 
     full_rate = True
-    """It asks for every step, whatever the log takes."""
+    """Whether every step is needed, whatever the rate of the log."""
     bodies: bool
-    """It asks for objects' poses and contacts at every step, too: claims are about them."""
+    """Whether poses and contacts of objects are needed at every step: claims use them."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
     ) -> None:
-        """joints: those of the run's description. samples: how many will come, or more. needs: see
-        :func:`asrsim.summary.claims.needs_of`."""
+        """joints: joints of the run's description. samples: expected number of samples, or more. needs: from
+        `asrsim.summary.claims.needs_of`."""
         self._joints = tuple(joints)
         self._stride = max(1, -(-samples * len(joints) // KEPT))
         self._peaks = np.full(len(joints), np.nan)
@@ -57,14 +57,14 @@ class Collector:
         wanted, self.bodies = needs
         derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
         self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
-        """Names of what it takes from samples."""
+        """Names of the collected quantities."""
         self._whole_time = _Rows(samples if wanted else 0)
         self._whole = {key: _Rows(samples) for key in wanted}
         self._bodies: list[Samples] = []
         self._tip_errors = _Rows(0)
 
     def write(self, samples: Samples) -> None:
-        """The next steps of the run."""
+        """Collect the next steps of the run."""
         places = {name: column for column, name in enumerate(samples.joints)}
         order = [places[joint.name] for joint in self._joints]
         kept = slice((-self._seen) % self._stride, None, self._stride)
@@ -86,9 +86,9 @@ class Collector:
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
     def seen(self, desired: Mapping[str, Signal] | None = None, *, balanced: bool = False) -> Seen:
-        """Summaries; overshoot and settling count from where a joint's reference begins to move, see `step_start`.
+        """Summaries; overshoot and settling count from the start of the reference's motion, see `step_start`.
 
-        desired: motion of joints whose reference is not the position that they should take (a planned or learned input).
+        desired: intended motion of joints whose reference is not their intended position (a planned or learned input).
         balanced: the run begins in equilibrium, so that a constant reference is no step.
         """
         travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
@@ -122,7 +122,7 @@ class Collector:
         return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
 
     def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        """Every step of what the claims need, as :data:`asrsim.summary.claims.Reader` gives it."""
+        """Every step of the series that claims need; a `asrsim.summary.claims.Reader`."""
         if not quantities and not joints:
             return concatenate(self._bodies)
         empty = np.full(len(self._whole_time.values), np.nan)
@@ -130,13 +130,13 @@ class Collector:
             name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
             for name in quantities
         }
-        # One joint's column is not copied: long runs have few claims of few joints.
+        # Do not copy a single column: long runs have few claims about few joints.
         tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
         return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
 
 
 class _Rows:
-    """Numbers that come in pieces, (n,) or (rows, n), in one array that is made once."""
+    """Array that receives its values in pieces, (n,) or (rows, n), and is allocated once."""
 
     def __init__(self, capacity: int, *rows: int) -> None:
         self._array = np.empty((*rows, max(capacity, 1)))
@@ -154,15 +154,16 @@ class _Rows:
 
     @property
     def values(self) -> Array:
-        """All of them."""
+        """All values received."""
         return self._array[..., : self._count]
 
 
 def step_start(reference: Array, initial: float) -> int | None:
-    """Sample at which a reference (n,) that goes one way and then rests begins to move; 0 if it stands off `initial` always.
+    """Sample at which a reference (n,) begins a motion in one direction that ends at rest; 0 if it differs from `initial`
+    throughout.
 
-    None where it goes to and fro, still moves in the last tenth, or never leaves the joint's initial position: such a motion
-    has no overshoot and does not settle.
+    None if it reverses, still moves in the last tenth, or stays at the joint's initial position: such a motion has no
+    overshoot and no settling time.
     """
     changes = reference[1:] - reference[:-1]
     floor = 1e-9 * max(1.0, float(np.abs(reference).max()))

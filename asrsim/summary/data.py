@@ -1,4 +1,4 @@
-"""What a run's summary is: plain data that goes to the terminal and to `summary.json`."""
+"""Data of a run's summary, for the terminal and for `summary.json`."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ _AFTER_SPEED = (
     "step", "log_every", "substeps", "motor_substeps", "total_substeps", "samples", "stepping", "engine", "loop", "seed",
 )  # fmt: skip
 _OF_CLAIM = ("joint", "body", "quantity", "measure", "engine", "reference", "comparison", "value", "tolerance")
-"""What stands in `summary.json` as it is, in its order."""
+"""Entries of a claim that `summary.json` contains unchanged, in this order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointReport:
-    """One joint: measures of its motion, and the limits that it met."""
+    """Measures of a joint's motion, and the number of substeps at each limit."""
 
     name: str
     actuator: str
-    """Registry name; `rigid` for a joint without plugin."""
+    """Registry name of the actuator; `rigid` for a joint without plugin."""
     mode: int | None
     prismatic: bool
     measures: JointSummary
@@ -51,11 +51,11 @@ class JointReport:
     deflection: int
     """Substeps in which a spring was beyond its largest deflection."""
     stop: int
-    """Substeps in which the link was at its position limit; the energy that a stop takes is in no other figure."""
+    """Substeps in which the link was at its position limit; the energy dissipated by a stop appears in no other entry."""
 
     @property
     def limits(self) -> dict[str, int]:
-        """Substeps at each of :data:`asrsim.quantities.LIMITS`."""
+        """Substeps at each limit of `asrsim.quantities.LIMITS`."""
         return {kind: getattr(self, kind) for kind in LIMITS}
 
     def as_dict(self) -> dict[str, Any]:
@@ -66,7 +66,7 @@ class JointReport:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSummary:
-    """One run of one variant."""
+    """Summary of one run of one variant."""
 
     scenario: str
     """Name of the scenario."""
@@ -75,52 +75,52 @@ class RunSummary:
     robot: str
     robot_path: str
     status: str
-    """complete, interrupted or diverged."""
+    """Status: complete, interrupted or diverged."""
     message: str
-    """Why a run diverged."""
+    """Reason for a divergence."""
     duration: float
-    """s asked for."""
+    """Requested duration, s."""
     simulated_time: float
-    """s simulated."""
+    """Simulated time, s."""
     wall_time: float
-    """s that the loop took."""
+    """Wall-clock time of the simulation loop, s."""
     step: float
-    """s."""
+    """Time step, s."""
     log_every: int
     substeps: int
-    """World steps a step."""
+    """Number of world substeps per step."""
     motor_substeps: int
-    """Motor-and-spring steps a world step."""
+    """Number of motor-and-spring substeps per world substep."""
     total_substeps: int
-    """Of the whole run: what the limits' counts are counted in."""
+    """Number of substeps in the run, the total for the counts of the limits."""
     samples: int
-    """Samples of each joint that were logged."""
+    """Number of logged samples per joint."""
     stepping: str
     engine: str
     loop: str
-    """compiled or plain."""
+    """Kind of the simulation loop: compiled or plain."""
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
     """Results of the scenario's `expect:`; empty for a run that did not end."""
     tip: Mapping[str, float] = field(default_factory=dict)
-    """Cartesian tasks: distance of the tip from its path in m, `largest`, `rms`, `last` (mean over the last tenth)."""
+    """Cartesian tasks: distance of the tip from its path in m: `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()
     files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
-    """Kind (log, summary, plots, report) -> what was written."""
+    """Kind (log, summary, plots, report) -> files written."""
     replaced: tuple[Path, ...] = ()
-    """Results of an earlier run that this one replaced."""
+    """Files of an earlier run that this run replaced."""
     certificate: Mapping[str, Any] = field(default_factory=dict)
-    """Numerical error, of a certified run."""
+    """Estimated numerical error of a certified run."""
     cross_check: Mapping[str, Any] = field(default_factory=dict)
-    """Differences to the run in another engine, where that was asked for (:func:`asrsim.simulation.crosscheck.cross_check`)."""
+    """Differences from a run in another engine, if requested (`asrsim.simulation.crosscheck.cross_check`)."""
     live: Mapping[str, Any] = field(default_factory=dict)
-    """Of a run in real time: lateness, load and commands (:class:`asrsim.live.session.Session`)."""
+    """Data of a real-time run: lateness, load and commands (`asrsim.live.session.Session`)."""
     versions: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def speed(self) -> float:
-        """Simulated seconds per second."""
+        """Simulated seconds per wall-clock second."""
         return self.simulated_time / self.wall_time if self.wall_time > 0 else math.inf
 
     @property
@@ -130,15 +130,15 @@ class RunSummary:
 
     @property
     def ok(self) -> bool:
-        """The run came to its end, every claim holds, and no other engine contradicts."""
+        """Whether the run completed, every claim holds, and no cross-check contradicts."""
         return self.status == "complete" and not self.failed_claims and not self.cross_check.get("finding")
 
     def joint(self, name: str) -> JointReport:
-        """The joint of that name; KeyError if there is none."""
+        """Report on the joint with this name; KeyError for an unknown name."""
         return {joint.name: joint for joint in self.joints}[name]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; undefined numbers are null."""
+        """Summary as data for JSON; undefined numbers are null."""
         return {
             "generator": f"asrsim {self.versions.get('asrsim', '')}",
             "format": FORMAT,

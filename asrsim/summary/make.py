@@ -1,4 +1,4 @@
-"""The summary of a run, from the run and its samples."""
+"""Makes the summary of a run from the run and its samples."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
-"""rad or m within which a joint rests on a stop, or at its reference; of a short travel, the share."""
+"""Distance within which a joint rests on a stop or at its reference, rad or m; for a short travel, the fraction of it."""
 STILL = 1e-6
-"""rad or m by which a joint that its friction holds may move."""
+"""Largest motion of a joint that counts as stuck, rad or m."""
 
 
 def make_summary(
@@ -31,9 +31,9 @@ def make_summary(
     files: Mapping[str, Path | tuple[Path, ...]] | None = None,
     replaced: tuple[Path, ...] = (),
 ) -> RunSummary:
-    """Summary of a run. seen: of its steps; samples: how many were logged."""
+    """Summary of a run. seen: data collected from its steps; samples: number of logged samples."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    # Counts come in the order of the robot's moving joints, the description in that of the arrays.
+    # Counts are in the order of the robot's moving joints, the description in the order of the arrays.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
         JointReport(
@@ -78,7 +78,7 @@ def make_summary(
 
 
 def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
-    """Joints that end on a stop to which no reference sends them."""
+    """Warnings about joints that rest on a stop although their reference lies elsewhere."""
     for joint in joints:
         limits = run.robot.joint(joint.name)
         rest, error = joint.measures.steady_state, joint.measures.steady_state_error
@@ -88,12 +88,12 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
             unit = "m" if joint.prismatic else "rad"
             message = f"comes to rest on its joint stop at {stops[0]:g} {unit}"
             message += f", {abs(error):.2g} {unit} from its reference" if math.isfinite(error) else ""
-            hint = "`asrsim check` tells whether springs and motors hold the arm's own weight"
+            hint = "`asrsim check` shows whether springs and motors can carry the arm's own weight"
             yield Problem(message, key=joint.name, hint=hint, code="on-stop")
 
 
 def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
-    """Joints away from their reference that friction never lets go. What begins in balance with its load needs none to stay."""
+    """Warnings about joints that friction keeps away from their reference. Joints that start in equilibrium are exempt."""
     if run.scenario.initial_equilibrium:
         return
     for joint, travel in zip(joints, seen.travels, strict=True):

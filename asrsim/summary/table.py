@@ -1,4 +1,4 @@
-"""The summary as text for people: cells of a table of joints, and lines beside it."""
+"""Summary as text: cells of the table of joints, and the lines around it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.summary.data import JointReport, RunSummary
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column of the table: its heading and a cell for each joint."""
+    """Column of the table: its heading and a cell for each joint."""
 
     heading: str
     cells: tuple[str, ...]
@@ -20,7 +20,7 @@ class Column:
 
 
 def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
-    """The table of joints; columns of limits that no joint met are left out."""
+    """Columns of the table of joints; limits that no joint reached have no column."""
     joints = summary.joints
     length = " or ".join(dict.fromkeys("m" if joint.prismatic else "rad" for joint in joints)) or "rad"
     columns = [
@@ -40,7 +40,7 @@ def joint_columns(summary: RunSummary) -> tuple[Column, ...]:
 
 
 def headline(summary: RunSummary) -> str:
-    """One line: what ran, how far, how fast."""
+    """Line with the scenario, simulated time, speed and step."""
     words = {"complete": "", "interrupted": "interrupted, ", "diverged": "diverged, "}
     status = words.get(summary.status, f"{summary.status}, ")
     of = f" of {summary.duration:g} s" if summary.status != "complete" else ""
@@ -53,10 +53,10 @@ def headline(summary: RunSummary) -> str:
 
 
 def limit_note(summary: RunSummary) -> str | None:
-    """What the limits' columns mean, if there are any; or that no limit was met."""
+    """Explanation of the limits' columns, or the statement that no limit was reached."""
     if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
-    return "no limit of effort, velocity, motor torque, deflection or position was met"
+    return "no limit of effort, velocity, motor torque, deflection or position was reached"
 
 
 def _actuator(joint: JointReport) -> str:
@@ -64,13 +64,13 @@ def _actuator(joint: JointReport) -> str:
 
 
 def cells(values: Sequence[float], form: str = "{:.5g}") -> tuple[str, ...]:
-    """Numbers for a table; a dash where there is none."""
-    # A picometre is rounding, and no number to read.
+    """Numbers as text for a table; a dash for a missing number."""
+    # Values below 1e-12 are rounding errors: show 0.
     return tuple(form.format(round(value, 12) + 0.0) if math.isfinite(value) else "-" for value in values)
 
 
 def share(count: int, total: int) -> str:
-    """A count as a share of the total, for a table's cell."""
+    """Fraction of the total as text for a cell of a table."""
     if not count:
         return "-"
     percent = 100.0 * count / total

@@ -1,4 +1,4 @@
-"""Sweeps: thousands of runs of varied scenarios, on all cores or a cluster, as rows of a table (`asrsim sweep`)."""
+"""Sweeps: many runs of varied scenarios, on all cores or a cluster, as rows of a table (`asrsim sweep`)."""
 
 from __future__ import annotations
 

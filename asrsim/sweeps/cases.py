@@ -1,4 +1,4 @@
-"""A study made ready for workers: scenarios read, robots loaded, keys planned, columns known. All of it can be pickled."""
+"""Prepares a study for the workers: reads scenarios, loads robots, plans keys and columns. The result can be pickled."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ UNITS = {"steady_state": "rad", "steady_state_error": "rad", "peak_deflection": 
 """Measure -> unit."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096
-"""Runs among which those with extreme values are sought."""
+"""Number of runs among which the runs with extreme values are selected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One variant."""
+    """Variant of the scenario, with its robot and its plan of the varied keys."""
 
     name: str
     variant: str
@@ -46,7 +46,7 @@ class Case:
     base_dir: Path
     files: Mapping[str, Path]
     robot: Robot
-    """As its file has it."""
+    """Robot as read from its file."""
     plan: Plan
     substeps: Mapping[str, int]
     """`substeps` and `motor_substeps` of every run; empty: each run chooses its own."""
@@ -54,27 +54,27 @@ class Case:
     claims: tuple[str, ...]
 
     def scenario(self, settings: Mapping[str, Any]) -> Scenario:
-        """The scenario with keys set. Raises ScenarioError."""
+        """Scenario with some keys set. Raises ScenarioError."""
         return scenario_from_data(
             self.resolved, base_dir=self.base_dir, files=self.files, name=self.name, variant=self.variant,
             overrides={**settings, **self.substeps},
         )  # fmt: skip
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
-        """The robot at a point; None: another file has to be read."""
+        """Robot with the values of a run; None: another robot file must be read."""
         if self.plan.reads_robot:
             return None
         changes = self.plan.changes(values, robot_only=True)
         return varied_robot(self.robot, changes) if changes else self.robot
 
     def prepared(self, values: Mapping[str, Any]) -> Prepared:
-        """The scenario prepared at a point. Raises AsrsimError."""
+        """Scenario prepared with the values of a run. Raises AsrsimError."""
         return prepare(self.scenario(self.plan.settings(values)), self.robot_of(values))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """All that a worker needs."""
+    """Data that a worker needs."""
 
     study: Study
     cases: Mapping[str, Case]
@@ -83,12 +83,12 @@ class Payload:
 
     @cached_property
     def kinds(self) -> dict[str, str]:
-        """Column -> kind."""
+        """Column -> kind of its cells."""
         return {name: kind for name, kind, _ in self.columns}
 
 
 def make_payload(study: Study) -> Payload:
-    """Read and check everything. Raises InputError or SimulationError where no run of the study can succeed."""
+    """Data for the workers, checked. Raises InputError or SimulationError if no run of the study can succeed."""
     from asrsim.actuators.user import load_plugin_file
 
     for plugin in study.plugins:
@@ -139,10 +139,9 @@ def _case(study: Study, scenario: Scenario, numeric: Mapping[str, bool]) -> Case
 
 
 def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
-    """A point that can be prepared, and substeps for all runs, enough for the most demanding of the extreme ones.
+    """Prepared scenario of a run, and the substeps for all runs: the largest numbers that the runs with extreme values need.
 
-    Every run has the bits of `asrsim run` with these substeps. Raises the error of the first point where no point can be
-    prepared.
+    With these substeps every run equals `asrsim run` bit for bit. If no run can be prepared, raises the error of the first.
     """
     found: Prepared | None = None
     first: AsrsimError | None = None
@@ -151,7 +150,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
         try:
             prepared = case.prepared(study.point(run)[1])
         except AsrsimError as error:
-            # The row of this run will have the error as its reason.
+            # The row of this run reports the error.
             first = first or error
             continue
         prepared.make_engine().close()
@@ -166,7 +165,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 
 
 def extreme_runs(study: Study, variant: str) -> list[int]:
-    """Runs of a variant at the ends of every key, and some between them. Quick for studies of any size."""
+    """Numbers of a variant's runs with extreme values of each key, and of some runs between. Fast for studies of any size."""
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)
     runs = np.unique(np.linspace(first, first + per - 1, min(per, PROBES)).round().astype(np.int64)).tolist()
@@ -213,8 +212,8 @@ def _columns(
 
 
 def _unit(key: str, case: Case) -> str:
-    """Unit of a number of the robot, or of a key of the scenario that declares one."""
-    # Workers import this module; only here are names of fits needed.
+    """Unit of a number of the robot, or of a scenario key with a unit."""
+    # Imported here: workers import this module but do not need the names of fits.
     from asrsim.identification.keys import parameters_of
 
     numbers = parameters_of(case.robot, (), {})

@@ -1,4 +1,4 @@
-"""Parameters drawn together from the result of a fit: mean, covariance, bounds and ties."""
+"""Parameters drawn jointly from the result of a fit: mean, covariance, bounds and ties."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ SHAPE = {
     "ties?": [{"key": str, "to": str, "factor": float, "*": object}], "fits?": bool,
     "estimates?": [{"key": str, "verdict": str, "*": object}], "*": object,
 }  # fmt: skip
-"""Shape of the data, see :func:`asrsim.plain.misfit`."""
+"""Expected structure of the data, see `asrsim.plain.misfit`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A multivariate normal distribution of keys."""
+    """Multivariate normal distribution of several keys."""
 
     keys: tuple[str, ...]
     mean: Array
-    """(n,), of the logarithm for logarithmic keys."""
+    """Mean (n,); of the logarithm for logarithmic keys."""
     root: Array
-    """(n, n), with root root' = covariance."""
+    """Matrix root (n, n) of the covariance: root root' = covariance."""
     logarithmic: Array
-    """(n,) whether mean and covariance are those of the key's logarithm."""
+    """Whether mean and covariance are those of the key's logarithm (n,)."""
     low: Array
     high: Array
-    """(n,) bounds; a draw beyond a bound is moved to the bound."""
+    """Bounds (n,); a draw beyond a bound is moved to the bound."""
     ties: tuple[tuple[str, str, float], ...]
     """(key, drawn key, factor) of keys that follow a drawn key."""
     fits: bool
-    """Whether the fit says that its model fits."""
+    """Whether the model fits the recordings, according to the fit."""
     warnings: tuple[str, ...]
 
     @property
@@ -61,7 +61,7 @@ class Joint:
 
 
 def load_fit(path: Path) -> Any:
-    """The plain data of a file such as fit.json. Raises InputError for another kind of file."""
+    """Data of a file such as fit.json. Raises InputError for another kind of file."""
     data = read_yaml(path)[0].plain()
     other = mistaken(path, "fit.json of asrsim identify")
     if other is not None and not (isinstance(data, Mapping) and "keys" in data):
@@ -70,7 +70,7 @@ def load_fit(path: Path) -> Any:
 
 
 def joint_of(data: Any, file: Path | None = None) -> Joint:
-    """The distribution that plain data describe, as `asrsim identify` writes them. Raises InputError."""
+    """Distribution described by data in the format of `asrsim identify`. Raises InputError."""
 
     def wrong(message: str) -> InputError:
         hint = "It has `keys` (n names), `mean` (n numbers) and `covariance` (n rows of n numbers)"
@@ -89,10 +89,10 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     high = np.array([np.inf if pair[1] is None else pair[1] for pair in pairs])
     scale = float(np.abs(covariance).max())
     if not (np.isfinite(mean).all() and np.isfinite(scale) and (low <= high).all()):
-        raise wrong("mean and covariance must be finite, and bounds have the least first")
+        raise wrong("mean and covariance must be finite, and bounds must be ordered (lower, upper)")
     values, vectors = np.linalg.eigh(covariance)
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or values[0] < -1e-9 * scale:
-        raise wrong("is no covariance: it must be symmetric and have no negative eigenvalue")
+        raise wrong("is not a covariance matrix: it must be symmetric and positive semidefinite")
     ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
     return Joint(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),

@@ -1,4 +1,4 @@
-"""The folder of a study: its description `study.json`, and files of rows, checked before they are read."""
+"""Folder of a study: its description `study.json`, and its files of rows, which are checked before they are read."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from asrsim.extras import library
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
 SECONDS, RATIO = 300.0, 16
-"""Longest time of checking the rows of a study in s, and its memory in bytes for each byte of their files."""
+"""Time limit of the check of the rows, s, and its memory limit in bytes per byte of the files."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The description of a study. Raises InputError where there is none, or somebody edited it."""
+    """Description of a study. Raises InputError if it is missing or was edited."""
     path = folder / MANIFEST
     try:
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
-        raise InputError(f"holds no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study") from None
+        raise InputError(f"contains no study ({MANIFEST})", file=folder, hint=NEW_STUDY, code="no-study") from None
     if not isinstance(data, dict) or data.pop("seal", None) != _seal(data):
-        raise InputError("is no study as asrsim wrote it: its seal is another", file=path, hint=NEW_STUDY, code="no-study")
+        raise InputError("was changed after asrsim wrote it: the checksum differs", file=path, hint=NEW_STUDY, code="no-study")
     return data
 
 
 def sealed(manifest: Mapping[str, Any]) -> str:
-    """A description as text, with a seal that shows later edits."""
+    """Description as text, with a checksum that reveals later edits."""
     data = json.loads(json.dumps(manifest, default=str))
     return json.dumps({**data, "seal": _seal(data)}, indent=1) + "\n"
 
@@ -41,7 +41,7 @@ def _seal(data: Mapping[str, Any]) -> str:
 
 
 def schema_of(columns: Sequence[Sequence[str]]) -> Any:
-    """Arrow's schema of (name, kind, unit) columns. Raises InputError where pyarrow is not installed."""
+    """Arrow schema of (name, kind, unit) columns. Raises InputError if pyarrow is not installed."""
     pa = library("pyarrow", "sweep")
     kinds = {
         "int": pa.int64(),
@@ -54,15 +54,15 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files with some of the rows, in their order."""
+    """Files with a part of the rows, in order."""
     return sorted(folder.glob("part-*.parquet"))
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
-    """All files of rows. They are read once in a process of its own, since a foreign file may crash Parquet's library or
-    fill the memory. Raises InputError with every file that is broken or has other columns.
+    """Files of rows, checked. They are read once in a separate process, since a foreign file may crash the Parquet library
+    or exhaust the memory. Raises InputError with every file that is broken or has other columns.
 
-    checked: this process has checked or written them.
+    checked: this process has checked or written the files already.
     """
     files = [path for path in [folder / ROWS, *parts_of(folder)] if path.exists()]
     if checked or not files:
@@ -75,13 +75,13 @@ def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[P
     except ConfinedError as error:
         faults = [(files[0] if len(files) == 1 else folder, f"cannot be read: reading rows {error}")]
     if faults:
-        hint = "Take it away: its runs are then done again by --resume"
+        hint = "Remove the file: --resume then repeats its runs"
         raise InputError([Problem(fault, file=path, hint=hint, code="sweep-part") for path, fault in faults])
     return files
 
 
 def read_rows(files: Sequence[Path], schema: Any, **options: Any) -> Any:
-    """A pyarrow.Table of checked files; options: of `pyarrow.dataset.Dataset.to_table`."""
+    """Rows of checked files as a pyarrow.Table; options: of `pyarrow.dataset.Dataset.to_table`."""
     import pyarrow.dataset as ds
 
     return (

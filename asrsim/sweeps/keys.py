@@ -1,4 +1,4 @@
-"""What each varied key needs: a number that a prepared scenario takes as it stands, or a scenario that is read again."""
+"""How each varied key is applied: as a number set in a prepared scenario, or by reading the scenario again."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
-"""Keys of the scenario under which every run chooses its own substeps."""
+"""Scenario keys that make every run choose its own substeps."""
 Places = tuple[tuple[str, str], ...]
 """Pairs of (joint or link, name of its number or reference)."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The varied keys of one variant, sorted by what they need."""
+    """Varied keys of one variant, grouped by the way they are applied."""
 
     numbers: Mapping[str, Places]
-    """Key -> numbers of the robot that :class:`asrsim.Start` takes as `parameters`."""
+    """Key -> numbers of the robot that `asrsim.Start` accepts as `parameters`."""
     references: Mapping[str, Places]
     """Key -> references that are constant in every run."""
     signals: frozenset[str]
@@ -36,27 +36,27 @@ class Plan:
     texts: Mapping[str, str]
     """Key -> the key that `--set` takes. Numbers that only the robot's file sets are missing here."""
     own_resolution: bool
-    """Every run chooses its own substeps."""
+    """Whether every run chooses its own substeps."""
     still: bool
-    """A prepared scenario takes other numbers: it has no start at equilibrium, no planned references, no own substeps."""
+    """Whether a prepared scenario accepts other numbers: it has no start at equilibrium, planned references or own substeps."""
 
     @property
     def in_place(self) -> frozenset[str]:
-        """Keys that a prepared scenario takes as it stands."""
+        """Keys that can be set in a prepared scenario."""
         return frozenset((*self.numbers, *self.references, *self.signals))
 
     @property
     def reads_robot(self) -> bool:
-        """Another robot file is read for each run."""
+        """Whether each run reads another robot file."""
         return any(text.partition(".")[0] == "robot" for text in self.texts.values())
 
     @property
     def varies_in_place(self) -> bool:
-        """A prepared scenario takes some of the values as it stands."""
+        """Whether some values are set in a prepared scenario."""
         return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
-        """Joint or link -> name -> value at a point. A joint's own entry replaces an entry for all joints (`*`).
+        """Joint or link -> name -> value for a run. A joint's own entry replaces an entry for all joints (`*`).
 
         robot_only: without the numbers that `--set` takes.
         """
@@ -67,16 +67,16 @@ class Plan:
         return found
 
     def read_again(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value, of the keys for which the scenario is read again."""
+        """`--set` key -> value, for the keys that require reading the scenario again."""
         return {text: values[key] for key, text in self.texts.items() if key not in self.in_place}
 
     def settings(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """`--set` key -> value, of all keys that `--set` takes."""
+        """`--set` key -> value, for all keys that `--set` accepts."""
         return {text: values[key] for key, text in self.texts.items()}
 
 
 def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> Plan:
-    """Plan how each key is varied. Raises InputError with every unknown key, and every key without effect.
+    """Plan of the varied keys. Raises InputError with every unknown key and every key without effect.
 
     numeric: whether all values of a key are numbers; robot: the scenario's robot with its actuators.
     """
@@ -94,9 +94,9 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         elif numeric[key]:
             numbers[key] = places
         else:
-            problems.append(Problem("takes numbers only", key=key, code="sweep-values"))
+            problems.append(Problem("accepts only numbers", key=key, code="sweep-values"))
     own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for text in texts.values())
-    # The equilibrium, planned references and substeps follow from all numbers: such a scenario is prepared for each run.
+    # Equilibrium, planned references and substeps depend on all numbers: prepare such a scenario for each run.
     planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
     references: dict[str, Places] = {}
@@ -123,7 +123,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[Places, str | None]:
-    """The numbers that a key of the robot means, or the key that `--set` takes."""
+    """Numbers of the robot that a key sets, or the key for `--set`."""
     parts = split_path(key)
     blocks = {block.joint: block for block in robot.actuators}
     joints = {joint.name: joint for joint in robot.joints}
@@ -140,7 +140,7 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, str | None]:
         return (), key
     if owners:
         known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
-        raise InputError(Problem("has no such number", key=key, choices=known, meant=name, code="key"))
+        raise InputError(Problem("has no number of this name", key=key, choices=known, meant=name, code="key"))
     message = f"there is no key, joint or link '{parts[0]}'"
     raise InputError(message, key=key, hint=did_you_mean(parts[0], (*scenario_keys, *joints, *links)), code="unknown-key")
 
@@ -153,7 +153,7 @@ def _no_effect(key: str, joint: str) -> Problem:
 
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """The parameters that a key sets; None for a name that no actuator has, which the scenario's own check reports."""
+    """Parameters that a key sets; None for an unknown name, which the check of the scenario reports."""
     names = {block.joint: parameter_name(ACTUATORS.get(block.actuator), key) for block in robot.actuators}
     if not any(names.values()):
         return None
@@ -167,7 +167,7 @@ def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) ->
 
 
 def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """The references that a key sets; None where effects on commands change them on their way to the joint."""
+    """References that a key sets; None if effects on commands change them before they reach the joint."""
     places = tuple(
         (block.joint, name)
         for block in robot.actuators

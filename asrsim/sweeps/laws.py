@@ -1,4 +1,4 @@
-"""The values that a varied key takes: a list of values, or a distribution with its inverse cumulative distribution."""
+"""Values of a varied key: a list of values, or a distribution with its inverse cumulative distribution function."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DISTRIBUTIONS = {
     "normal": ("mean", "deviation"),
     "lognormal": ("median", "sigma"),
 }
-"""Names and arguments of distributions. lognormal: sigma is the standard deviation of the logarithm."""
+"""Distributions with the names of their arguments. lognormal: sigma is the standard deviation of the logarithm."""
 FORMS = (
     "[A, B, ...]",
     "LOW:HIGH:COUNT",
@@ -28,12 +28,12 @@ FORMS = (
 )
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
 MOST_VALUES = 10_000_000
-"""Largest count of a range."""
+"""Largest number of values in a range."""
 
 
 @dataclass(frozen=True)
 class Values:
-    """A list of values, or a range."""
+    """List of values, or range."""
 
     values: tuple[Any, ...]
 
@@ -43,7 +43,7 @@ class Values:
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution and its two arguments, in the order of :data:`DISTRIBUTIONS`."""
+    """Distribution and its two arguments, in the order of `DISTRIBUTIONS`."""
 
     name: str
     first: float
@@ -63,7 +63,7 @@ class Distribution:
 
 
 def law_of(value: Any, key: str) -> Values | Distribution:
-    """The values or the distribution that a text (`--over`) or a value of a study file describes. Raises InputError."""
+    """Values or distribution described by a text (`--over`) or by a value in a study file. Raises InputError."""
     if isinstance(value, Values | Distribution):
         return value
     if isinstance(value, list | tuple):
@@ -71,7 +71,7 @@ def law_of(value: Any, key: str) -> Values | Distribution:
             raise _wrong(key, "the list is empty", value)
         return Values(tuple(value))
     if isinstance(value, dict):
-        raise _wrong(key, "a single mapping must stand in a list", value)
+        raise _wrong(key, "a single mapping must be an element of a list", value)
     if isinstance(value, str):
         return _from_text(value, key)
     return Values((value,))
@@ -95,7 +95,7 @@ def _from_text(text: str, key: str) -> Values | Distribution:
         raise _wrong(key, f"cannot be read: {error.problems[0].message}", text) from None
     if isinstance(read, list | dict):
         return law_of(read, key)
-    raise _wrong(key, "describes neither values nor a distribution", text)
+    raise _wrong(key, "is neither a list of values nor a distribution", text)
 
 
 def _range(key: str, text: str, parts: Sequence[str], *, logarithmic: bool) -> Values:
@@ -112,7 +112,7 @@ def _range(key: str, text: str, parts: Sequence[str], *, logarithmic: bool) -> V
 def _distribution(key: str, name: str, arguments: Sequence[Any]) -> Distribution:
     wanted = DISTRIBUTIONS[name]
     if len(arguments) != len(wanted):
-        raise _wrong(key, f"{name} takes ({', '.join(wanted)})", list(arguments))
+        raise _wrong(key, f"{name} has the arguments ({', '.join(wanted)})", list(arguments))
     first, second = (_number(key, argument) for argument in arguments)
     if name.endswith("uniform") and not second > first:
         raise _wrong(key, f"the high end of a {name} distribution must be above the low one", [first, second])
@@ -136,5 +136,5 @@ def _number(key: str, value: Any) -> float:
 
 
 def _wrong(key: str, message: str, value: Any, choices: tuple[str, ...] = ()) -> InputError:
-    hint = None if choices else f"Forms are {', '.join(FORMS)}"
+    hint = None if choices else f"Valid forms: {', '.join(FORMS)}"
     return InputError(message, key=key, value=value, choices=choices, hint=hint, code="sweep-values")

@@ -1,4 +1,4 @@
-"""A study as one HTML page: tables and pictures, small whatever the size of the study."""
+"""Study as one HTML page with tables and pictures; its size does not grow with the number of runs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from asrsim.sweeps.show import HEADS, chosen_results, result_rows
 from asrsim.sweeps.table import Table, shares
 
 DPI = 110
-"""Dots per inch of the page's pictures."""
+"""Resolution of the page's pictures, dots per inch."""
 
 
 def write_page(study: Table, results: Sequence[str] = ()) -> Path:
-    """Write `report.html` into the study's folder, with pictures of the named results or the first that differ. Raises
-    OutputError, InputError.
+    """Write `report.html` into the study's folder, with pictures of the named results (default: the first that vary), and
+    return its path. Raises OutputError, InputError.
     """
     rows, shown = result_rows(study), chosen_results(study, results, MOST)
     with styled(mathematics=False):
@@ -50,10 +50,10 @@ def _head(table: Table) -> str:
         f"scenario {study.scenario}, variants {', '.join(study.variants)}",
         f"varied: {', '.join(study.keys)}; design {study.design if study.groups else 'grid'}, seed {study.seed}",
         f"{statuses.get('complete', 0)} runs complete" + (f", {bad}" if bad else ""),
-        f"a run again, with its log: {again} N",
+        f"to repeat run N with a log: {again} N",
     ]
     if table.missing:
-        items.append(f"{table.missing} runs are missing: asrsim sweep --resume does them")
+        items.append(f"{table.missing} runs are missing: complete them with asrsim sweep --resume")
     return bullets(items)
 
 
@@ -66,7 +66,7 @@ def _influences(study: Table, results: Sequence[str]) -> str:
             total = f"{index.total:.3f} ± {index.total_error:.3f}" if index else ""
             rows.append((name, one.key, number(one.rank), number(one.low), number(one.high), first, total))
     heads = ("result", "key", "rank correlation", "mean, key low", "mean, key high", "Sobol, first", "Sobol, total")
-    return (table(heads, rows) if rows else "<p>Too few runs to say.</p>") + bullets(notes(study, results))
+    return (table(heads, rows) if rows else "<p>There are too few runs.</p>") + bullets(notes(study, results))
 
 
 def _picture(figure: Any) -> str:

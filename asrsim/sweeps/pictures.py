@@ -1,4 +1,4 @@
-"""Pictures of a study: results over a key, distributions, influences, and bands of kept signals."""
+"""Pictures of a study: results over keys, distributions, influences, and bands of recorded signals."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST = 6
-"""Results in a picture."""
+"""Largest number of results in a picture."""
 CELL = 4.4, 3.1
-"""inches of a panel."""
+"""Width and height of a panel, inch."""
 LINES = 8
 """Largest number of lines in a panel."""
 POINTS = 5000
-"""Largest number of runs that are drawn as points."""
+"""Largest number of runs drawn as points."""
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
-    """Write the study's pictures into its folder, of the named results or the first that differ. Raises OutputError,
-    InputError.
+    """Write pictures of the named results (default: the first that vary) into the study's folder, and return the files.
+    Raises OutputError, InputError.
     """
     chosen = chosen_results(table, results, MOST)
     with styled(mathematics=False):
@@ -40,7 +40,7 @@ def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
 
 
 def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
-    """Name -> figure; call it inside :func:`asrsim.plots.output.styled`."""
+    """Name -> figure; call it inside `asrsim.plots.output.styled`."""
     keys = numeric_keys(table)
     panels: dict[str, tuple[Sequence[str], Callable[[Table, str, Axes], None]]] = {
         "results": (results if keys else (), _over_key),
@@ -67,12 +67,12 @@ def _panels(table: Table, names: Sequence[str], draw: Callable[[Table, str, Axes
         axes = figure.add_subplot(rows, columns, place)
         axes.margins(0.03, 0.06)
         draw(table, name, axes)
-        # Few numbers on an axis, so that long ones do not overlap.
+        # Limit the number of tick labels, so that long labels do not overlap.
         axes.locator_params(axis="x", nbins=5)
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(axis.get_major_formatter(), ScalarFormatter):
                 axis.set_major_formatter(Plain())
-    # One legend for all panels.
+    # All panels share one legend.
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 4), fontsize="x-small")
@@ -86,7 +86,7 @@ def _label(table: Table, name: str) -> str:
 
 
 def _over_key(table: Table, result: str, axes: Axes) -> None:
-    """A grid: lines over the key with most values. Draws: points over the key with most influence."""
+    """Draw a result over a key: lines over the longest axis of a grid, or points over the most influential drawn key."""
     from matplotlib import colormaps
 
     numeric, variants = numeric_keys(table), table["variant"].astype(str)
@@ -111,7 +111,7 @@ def _over_key(table: Table, result: str, axes: Axes) -> None:
         axes.plot(table[key][mine], table[result][mine], marker=".", color=shade, label=name, **style)
     if len(names) > LINES:
         axes.plot([], [], " ", label=f"{LINES} of {len(names)} lines")
-    # All values of the key, also where the result is undefined.
+    # Show all values of the key, including those where the result is undefined.
     low, high = float(table[key].min()), float(table[key].max())
     axes.set_xlim(low - 0.03 * (high - low), high + 0.03 * (high - low))
     axes.set(xlabel=_label(table, key), ylabel=_label(table, result))
@@ -128,7 +128,7 @@ def _distribution(table: Table, result: str, axes: Axes) -> None:
 
 
 def _tornado(table: Table, result: str, axes: Axes) -> None:
-    """Mean of the result in the lowest and the highest fifth of each key."""
+    """Draw the mean of the result in the lowest and in the highest fifth of each key."""
     found = influences(table, result)[:10][::-1]
     middle = float(np.nanmean(table[result]))
     places = np.arange(len(found))
@@ -141,7 +141,7 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
 
 
 def _band(table: Table, name: str, axes: Axes) -> None:
-    """Median of a signal, and bands that hold 50 and 90 % of the runs, for each variant."""
+    """Draw the median of a signal and the bands that contain 50 and 90 % of the runs, for each variant."""
     for number, variant in enumerate(table.study.variants):
         runs = [np.asarray(run) for run in table[name][table["variant"].astype(str) == variant] if run is not None and len(run)]
         rows: Array = np.full((len(runs), max(map(len, runs), default=0)), np.nan)

@@ -1,4 +1,4 @@
-"""Runs of a study as rows: worlds of one scenario that differ in numbers run together, other runs alone."""
+"""Runs of a study as rows: runs that differ only in numbers share simulation worlds; other runs are done alone."""
 
 from __future__ import annotations
 
@@ -31,32 +31,32 @@ from asrsim.sweeps.study import Study
 
 Row = tuple[Any, ...]
 KINDS = 8
-"""Prepared scenarios that a worker keeps."""
+"""Number of prepared scenarios that a worker keeps."""
 LONGEST_RUN = 20 * LONGEST_NUMBERS
-"""Numbers of a run's series above which the run is streamed, and not kept whole."""
+"""Size of a run's series (numbers) above which the run is streamed instead of stored."""
 
 
 @dataclass(frozen=True)
 class _Point:
-    """A run that is to be done."""
+    """Run that is waiting to be done."""
 
     number: int
-    """Number of the worker's item."""
+    """Number of the run in the worker's list."""
     run: int
     case: Case
     values: Mapping[str, Any]
 
     @property
     def kind(self) -> tuple[str, str]:
-        """Equal for runs of one prepared scenario."""
+        """Key that is equal for runs of the same prepared scenario."""
         return self.case.variant, repr(self.case.plan.read_again(self.values))
 
 
 class Runner:
-    """A task for :mod:`asrsim.workers`: rows of the runs of a study. Rows do not depend on their order."""
+    """Task for `asrsim.workers` that computes the rows of a study's runs. Rows do not depend on their order."""
 
     def __init__(self, payload: Payload, share: int = 1) -> None:
-        """share: number of runners that share the study's runs."""
+        """share: number of runners among which the study's runs are divided."""
         self.payload, self._share = payload, share
         self._kinds: OrderedDict[tuple[str, str], _Kind | None] = OrderedDict()
 
@@ -64,11 +64,11 @@ class Runner:
         return Runner, (self.payload, self._share)
 
     def __call__(self, run: int) -> Row:
-        """The row of a run, in the payload's columns."""
+        """Row of a run, in the payload's columns."""
         return next(self.several([(run, run)]))[1]
 
     def several(self, items: Iterable[tuple[int, int]]) -> Iterator[tuple[int, Row]]:
-        """Rows of (number, run) pairs with their numbers; short runs of one prepared scenario are done together."""
+        """Rows of (number, run) pairs with their numbers; short runs of one prepared scenario are simulated together."""
         waiting: dict[tuple[str, str], list[_Point]] = {}
         for number, run in items:
             variant, values = self.payload.study.point(run)
@@ -91,12 +91,12 @@ class Runner:
             kind.worlds.close()
 
     def _kind(self, point: _Point) -> _Kind | None:
-        """The worlds for a run; None for a run that is done alone."""
+        """Worlds for a run; None for a run that is done alone."""
         if point.kind not in self._kinds:
             try:
                 self._kinds[point.kind] = _make_kind(self.payload.study, point, self._share)
             except Exception:
-                # The run alone finds the reason.
+                # The run is then done alone, which finds the reason.
                 self._kinds[point.kind] = None
             if len(self._kinds) > KINDS:
                 self._drop(self._kinds.popitem(last=False)[1])
@@ -104,7 +104,7 @@ class Runner:
         return self._kinds[point.kind]
 
     def _rows(self, points: Sequence[_Point]) -> Iterator[tuple[int, Row]]:
-        """Rows of runs of one prepared scenario. A run that the worlds cannot do is done alone."""
+        """Rows of runs of one prepared scenario. A run that the shared worlds cannot do is done alone."""
         began = clock.perf_counter()
         kind = self._kind(points[0])
         found: dict[int, dict[str, Any]] = {}
@@ -112,7 +112,7 @@ class Runner:
             if kind is not None:
                 found = kind.run([point.values for point in points])
         except Exception:
-            # A user's law may raise on the numbers of one run; the worlds are then in an unknown state.
+            # User code may raise an error for one run; the worlds are then in an unknown state: discard them.
             self._drop(self._kinds.pop(points[0].kind))
         each = (clock.perf_counter() - began) / len(points)
         for place, point in enumerate(points):
@@ -125,7 +125,7 @@ class Runner:
             try:
                 cells |= found[place] if place in found else alone(self.payload.study, point.case, point.values)
             except Exception as error:
-                # Laws and measures may be a user's.
+                # Actuators and measures may be user code, which raises errors of any kind.
                 name = "" if isinstance(error, AsrsimError) else f"{type(error).__name__}: "
                 cells |= {"status": "failed", "reason": name + _one_line(error), "ok": False}
             cells["seconds"] = each + clock.perf_counter() - began
@@ -133,7 +133,7 @@ class Runner:
 
 
 class _Kind:
-    """Worlds for runs of one prepared scenario."""
+    """Simulation worlds for runs of one prepared scenario."""
 
     def __init__(self, study: Study, case: Case, prepared: Prepared, size: int, expected_substeps: int) -> None:
         self._study, self._case, self.size = study, case, size
@@ -142,7 +142,7 @@ class _Kind:
         self.worlds = Worlds(prepared, size, names=tuple(names), expected_substeps=expected_substeps)
 
     def run(self, points: Sequence[Mapping[str, Any]]) -> dict[int, dict[str, Any]]:
-        """Place of a run -> its cells, of at most `size` runs; runs that cannot be set or are not sane are missing."""
+        """Index of a run -> its cells, for at most `size` runs; invalid and diverged runs are missing."""
         worlds, began = self.worlds, clock.perf_counter()
         ready = [world for world, values in enumerate(points) if self._is_set(world, values)]
         if not ready:
@@ -162,13 +162,13 @@ class _Kind:
                 prepared, worlds.counts(world), "complete", wall_time=(clock.perf_counter() - began) / len(points),
                 simulated_time=prepared.last_substep(None) * prepared.substep, compiled=worlds.compiled,
             )  # fmt: skip
-            # A claim that cannot be judged has its reason in the row of the run alone.
+            # If a claim cannot be evaluated, the run is done alone and its row gives the reason.
             with suppress(AsrsimError):
                 cells[world] = collector.cells(run)
         return cells
 
     def _is_set(self, world: int, values: Mapping[str, Any]) -> bool:
-        """Put a world at the start of a run; False where a value is refused, or a reference is out of its range."""
+        """Set a world to the start of a run and return True; return False if a value is invalid or a reference out of range."""
         plan, worlds = self._case.plan, self.worlds
         references: dict[str, dict[str, Any]] = {}
         try:
@@ -190,28 +190,28 @@ class _Kind:
 
 
 def _make_kind(study: Study, point: _Point, share: int) -> _Kind | None:
-    """Worlds for the runs of a point's kind; None where these are done alone. Raises AsrsimError."""
+    """Worlds for runs of the point's kind; None if these runs must be done alone. Raises AsrsimError."""
     case, plan = point.case, point.case.plan
     if not plan.varies_in_place:
         return None
-    # Numbers of the study's first point: the same whichever run comes first.
+    # Use the study's first point, so that the worlds do not depend on the order of the runs.
     first = study.point(0)[1]
     prepared = case.prepared({name: (first if name in plan.in_place else point.values)[name] for name in point.values})
     scenario = prepared.scenario
     check_claims(scenario.expect, prepared.info.joints, file=scenario.path)
     numbers = scenario.steps * len(prepared.drives)
-    # Poses and contacts are read from the engine during a run.
+    # Poses and contacts must be read from the engine during a run: not possible in shared worlds.
     if scenario.task is not None or not (scenario.world.empty and scenario.fixed_base) or numbers > LONGEST_RUN:
         return None
     runs = 1 if plan.read_again(point.values) else math.prod(study.grid) * study.draws
-    # The record of so many worlds fits into the processor's cache.
+    # Limit the number of worlds so that their records fit into the processor's cache.
     size = min(runs, max(1, LONGEST_NUMBERS // numbers))
     substeps = scenario.steps * prepared.resolution.substeps
     return _Kind(study, case, prepared, size, max(substeps, substeps * runs // share) // size)
 
 
 def alone(study: Study, case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Cells of a run that is prepared for itself. Raises AsrsimError."""
+    """Cells of a run with its own preparation. Raises AsrsimError."""
     with blame_laws():
         prepared = case.prepared(values)
         collector = RowCollector(prepared, study, claims_of(prepared, checked=False))
@@ -226,13 +226,13 @@ def alone(study: Study, case: Case, values: Mapping[str, Any]) -> dict[str, Any]
 
 
 def claims_of(prepared: Prepared, *, checked: bool) -> Claims:
-    """The claims of a scenario; checked: :func:`check_claims` has passed them."""
+    """Claims of a scenario; checked: `check_claims` has accepted them already."""
     scenario = prepared.scenario
     return Claims(scenario.expect, prepared.info.joints, file=scenario.path, checked=checked)
 
 
 class RowCollector:
-    """A sink that takes from a run's samples what its row needs: measures, claims and kept signals."""
+    """Sink that collects the data of a run's row: measures, claims and recorded signals."""
 
     full_rate = True
 
@@ -251,12 +251,12 @@ class RowCollector:
 
     @property
     def quantities(self) -> frozenset[str]:
-        """Quantities that it takes from samples."""
+        """Quantities that the row needs from the samples."""
         sources = (source for _, name in self._signals for source in DERIVED_SOURCES.get(name, (name,)))
         return self._summary.quantities | frozenset(sources)
 
     def write(self, samples: Samples) -> None:
-        """The next chunk."""
+        """Collect the next chunk."""
         self._summary.write(samples)
         rows = slice((-self._rows) % self._every, None, self._every)
         self._rows += len(samples.time)
@@ -266,7 +266,7 @@ class RowCollector:
                 kept += table[rows, samples.joints.index(joint)].astype(np.float32).tolist()
 
     def cells(self, run: Run) -> dict[str, Any]:
-        """Cells of the run's row. Raises ScenarioError for claims that cannot be judged."""
+        """Cells of the run's row. Raises ScenarioError for claims that cannot be evaluated."""
         claims = self._claims.results(self._summary.read) if run.status == "complete" else ()
         seen = self._summary.seen(self._scenario.desired, balanced=self._scenario.initial_equilibrium)
         signals = {f"signal:{joint}.{name}": kept for (joint, name), kept in self._signals.items() if kept}
@@ -274,7 +274,7 @@ class RowCollector:
 
 
 def summary_cells(summary: RunSummary) -> dict[str, Any]:
-    """Cells of the results of a run."""
+    """Cells with the results of a run."""
     cells: dict[str, Any] = {
         "status": summary.status,
         "reason": summary.message or None,
@@ -305,7 +305,7 @@ def varied_cells(values: Mapping[str, Any], payload: Payload) -> dict[str, Any]:
 
 
 def crashed_row(payload: Payload, run: int, reason: str) -> Row:
-    """The row of a run whose workers died."""
+    """Row of a run during which its workers crashed."""
     variant, values = payload.study.point(run)
     cells = {"run": run, "variant": variant, **varied_cells(values, payload)}
     cells |= {"status": "crashed", "reason": reason, "ok": False}

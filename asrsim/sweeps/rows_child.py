@@ -1,6 +1,6 @@
-"""Run as a script by :mod:`asrsim.confined`: reads files of rows whole, and says what is wrong with each.
+"""Script of `asrsim.confined`: reads files of rows completely and reports their faults.
 
-Reads a request in JSON from stdin, writes pairs of a file's number and its fault to stdout. It imports nothing of asrsim.
+Reads a JSON request from stdin and writes pairs (number of the file, fault) to stdout. It imports nothing of asrsim.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 
 
 def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
-    """What is wrong with a file, or nothing; tables: those of files before, kept so that memory bounds the whole folder."""
+    """Fault of a file, or an empty text; tables: previous files, kept so that the memory limit applies to the whole folder."""
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         if not file.schema_arrow.equals(schema):

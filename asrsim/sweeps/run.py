@@ -1,4 +1,4 @@
-"""A study from beginning to end: prepared, shared out among workers, written. A run of it again, with its log."""
+"""Runs a study: prepares it, distributes it among workers, writes the rows. Repeats a single run with its log."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from asrsim.workers.cluster import Cluster
 from asrsim.workers.local import Processes
 
 THREADS = 8
-"""Threads of a cluster that are assumed where runs decide whether compiling is worth its time."""
+"""Assumed number of threads of a cluster, to decide whether compiling is worth its time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """How far a study is."""
+    """Progress of a study."""
 
     done: int
     total: int
     elapsed: float
-    """s of this session."""
+    """Time since the start of this session, s."""
     here: int
-    """Runs of this session."""
+    """Number of runs done in this session."""
     statuses: Mapping[str, int]
-    """Status -> rows of this session."""
+    """Status -> number of rows of this session."""
 
     @property
     def rate(self) -> float:
-        """Runs a second."""
+        """Runs per second."""
         return self.here / self.elapsed if self.elapsed > 0.0 else 0.0
 
 
@@ -63,27 +63,27 @@ def sweep(
     stop: Callable[[], bool] | None = None,
     **options: Any,
 ) -> Table:
-    """Run a study: everything that `asrsim sweep` does without the pictures.
+    """Run a study and return its table: all of `asrsim sweep` except the pictures.
 
         table = asrsim.sweep("arm.yaml", {"parameters.*.spring_stiffness": "10:200:20"}, workers=2)
         table.to_pandas()
 
     Args:
-        scenario: Scenario file, or a study: a file with the key `scenario`, or one made by :func:`make_study`.
+        scenario: Scenario file, or a study: a file with the key `scenario`, or a result of `make_study`.
         over: Key -> list, range as text, or distribution; see docs/sweep.md.
-        workers: Processes; None: one a core.
-        cluster: Address of a Dask scheduler, in place of processes here.
-        out: Folder for the rows; None: a temporary one, which goes with the table.
-        resume: Go on with the rows in `out`; overwrite: begin anew.
-        progress: Called as rows come. stop: called often; True ends the study with the rows that there are.
-        options: Of a study: variants, overrides, design, samples, seed, fit, signals, rate, plugins.
+        workers: Number of processes; None: one per core.
+        cluster: Address of a Dask scheduler, used instead of processes on this machine.
+        out: Folder for the rows; None: a temporary folder, deleted with the table.
+        resume: Continue with the rows in `out`; overwrite: start again.
+        progress: Called when rows arrive. stop: called often; True ends the study with the rows done so far.
+        options: Options of a study: variants, overrides, design, samples, seed, fit, signals, rate, plugins.
 
     Raises:
-        InputError: No run of the study can succeed: unknown keys, values out of range; or `out` holds another study.
+        InputError: No run of the study can succeed: unknown keys, values out of range; or `out` contains another study.
         SimulationError: Workers cannot start, or the cluster cannot be used.
-        OutputError: Rows cannot be written; those before are kept.
+        OutputError: Rows cannot be written; rows written before remain.
     """
-    # A missing library is reported before the study is prepared, which takes seconds.
+    # Report a missing library before preparing the study, which takes seconds.
     library("pyarrow", "sweep")
     if workers is not None and workers < 1:
         raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
@@ -99,7 +99,7 @@ def sweep(
         if not store.missing:
             executor, share = Here(), 1
         elif cluster is None:
-            # One worker is a process too: a run that kills its process is a row.
+            # A single worker is a process too, so that a run that crashes its process becomes a row.
             share = workers or cores()
             executor = Processes(share, plugins)
         else:
@@ -109,7 +109,7 @@ def sweep(
 
 
 def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
-    """A study as it is, from its file, or of a scenario. Raises InputError, and SimulationError for options beside a study."""
+    """Study from an object, a study file or a scenario. Raises InputError, and SimulationError for options beside a study."""
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):
@@ -119,7 +119,7 @@ def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]
         return make_study(scenario, over, **options)
     if over or options:
         names = ", ".join(["over"] if over else [*options])
-        raise SimulationError(f"a study says itself what is varied: {names} goes with a scenario only")
+        raise SimulationError(f"{names} is valid with a scenario only: a study defines its own variations")
     return study
 
 
@@ -141,12 +141,12 @@ def _run(
                     done = int(store.done.sum())
                     progress(Progress(done=done, total=store.total, elapsed=elapsed, here=here, statuses=statuses))
     finally:
-        # Rows that have come are kept, whatever ended the study.
+        # Write the rows that have arrived, whatever ended the study.
         store.finish()
 
 
 def manifest(payload: Payload) -> dict[str, Any]:
-    """The content of `study.json`: all from which the rows follow, and their columns."""
+    """Content of `study.json`: all data that determine the rows, and their columns."""
     study = payload.study
     left = ("scenario", "plugins")
     return {
@@ -165,7 +165,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
 
 
 def _inputs_digest(payload: Payload) -> str:
-    """Digest of scenarios, robots, the files that they name, and plugins."""
+    """Digest of the scenarios, robots, files named in them, and plugins."""
     digest = sha256()
     for case in payload.cases.values():
         digest.update(repr(case.resolved).encode() + case.robot.text.encode())
@@ -177,8 +177,8 @@ def _inputs_digest(payload: Payload) -> str:
 
 
 def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str] = ()) -> RunSummary:
-    """Do a run of a study again, with log and summary in `folder`; plugins: files of users' actuators that it may run.
-    Raises InputError where there is no such row.
+    """Repeat a run of a study with a log and a summary in `folder`, and return the summary; plugins: files of users'
+    actuators that may run. Raises InputError if the study has no row of this run.
     """
     study = table.study
     check_named(study.plugins, plugins, file=table.folder)

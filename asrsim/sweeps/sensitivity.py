@@ -1,4 +1,4 @@
-"""Which keys change a result: rank correlations and swings for any study, Sobol indices for a Saltelli design."""
+"""Influence of keys on a result: rank correlations and swings for any study, Sobol indices for a Saltelli design."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from asrsim.samples import Array
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
-"""Runs that a correlation needs."""
+"""Smallest number of runs for a correlation."""
 RESAMPLES = 200
-"""Resamples of the bootstrap."""
+"""Number of bootstrap resamples."""
 FEWEST_SAMPLES = 16
-"""Complete base samples that Sobol indices need."""
+"""Smallest number of complete base samples for Sobol indices."""
 
 
 class Index(NamedTuple):
-    """Sobol indices of a key, each with half the width of its 95 % interval by bootstrap over the base samples."""
+    """Sobol indices of a key, each with the half-width of its 95 % interval (bootstrap over the base samples)."""
 
     first: float
-    """Share of the variance that the key has alone."""
+    """First-order index: fraction of the variance due to the key alone."""
     total: float
-    """Share with all its interactions."""
+    """Total index: fraction of the variance including all interactions of the key."""
     first_error: float
     total_error: float
 
@@ -41,23 +41,23 @@ class Influence:
 
     key: str
     rank: float
-    """Spearman's correlation over all runs that have the result."""
+    """Spearman's rank correlation over all runs that have the result."""
     low: float
-    """Mean of the result over the fifth of the runs in which the key is least."""
+    """Mean of the result over the fifth of the runs with the smallest values of the key."""
     high: float
-    """Over the fifth in which it is largest."""
+    """Mean of the result over the fifth of the runs with the largest values of the key."""
     sobol: Index | None = None
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Keys with numbers that differ. Of tied keys only the first is named."""
+    """Keys with varying numbers; of tied keys only the first."""
     study = table.study
     tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
     return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
 
 
 def influences(table: Table, result: str) -> list[Influence]:
-    """Influence of every key on a result, the largest swing first; empty where too few runs have the result."""
+    """Influence of every key on a result, the largest swing first; empty if too few runs have the result."""
     from scipy.stats import rankdata
 
     there = np.isfinite(table[result])
@@ -83,13 +83,13 @@ class SobolIndices:
     """Sobol indices of all drawn keys on one result."""
 
     indices: dict[str, Index]
-    """By key; the mean over several variants."""
+    """Key -> indices; the mean over several variants."""
     samples: int
-    """Base samples of all variants."""
+    """Number of base samples of all variants."""
     left_out: int
-    """Base samples left out, because a run of them has no value."""
+    """Number of base samples excluded because one of their runs has no value."""
     reason: str = ""
-    """Why there are no indices."""
+    """Reason for missing indices."""
 
     def __str__(self) -> str:
         if self.reason:
@@ -99,9 +99,9 @@ class SobolIndices:
 
 @lru_cache(maxsize=16)
 def sobol(table: Table, result: str) -> SobolIndices | None:
-    """Sobol indices of a result; None for another design.
+    """Sobol indices of a result; None for a study with another design.
 
-    First order as in Saltelli et al. (2010), total as in Jansen (1999).
+    First-order index after Saltelli et al. (2010), total index after Jansen (1999).
     """
     study = table.study
     if study.design != "saltelli" or not study.groups:
@@ -132,7 +132,7 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
 
 
 def _estimates(blocks: Array) -> Array:
-    """(2, keys): first-order and total indices of values (2 + keys, samples)."""
+    """First-order and total indices (2, keys) from values (2 + keys, samples)."""
     both = blocks[:2]
     blocks, variance = blocks - both.mean(), both.var()
     first = np.mean(blocks[1] * (blocks[2:] - blocks[0]), axis=1) / variance
@@ -141,7 +141,7 @@ def _estimates(blocks: Array) -> Array:
 
 
 def notes(table: Table, results: Sequence[str]) -> list[str]:
-    """Results without Sobol indices and the reason; base samples that were left out."""
+    """Notes on results without Sobol indices, and on excluded base samples."""
     grouped: dict[str, list[str]] = {}
     for result in results:
         found = sobol(table, result)

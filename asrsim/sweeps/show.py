@@ -1,4 +1,4 @@
-"""The results of a study as text: counts, quantiles of results, shares of claims met."""
+"""Results of a study as text: counts, quantiles of results, fractions of runs that satisfy the claims."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
 ROUNDING = 1e-12
-"""Change of a result, relative or in SI units, that counts as rounding."""
+"""Change of a result, relative or in SI units, below which it is rounding."""
 SHARE = 0.1
-"""Share of the runs that must have a result; other results come last."""
+"""Fraction of the runs that must have a result; results with fewer runs come last."""
 
 
 def say_summary(table: Table) -> Iterator[str]:
-    """Lines for people."""
+    """Lines of text about the study."""
     statuses = table.statuses()
     bad = shares(statuses)
     head = f"{table.study.name}: {len(table)} of {table.manifest['runs']} runs, {statuses.get('complete', 0)} complete"
@@ -37,7 +37,7 @@ def say_summary(table: Table) -> Iterator[str]:
 
 
 def result_rows(table: Table) -> list[tuple[str, ...]]:
-    """Rows under :data:`HEADS`, one for each result that differs."""
+    """Rows of a table with the heads `HEADS`, one for each varying result."""
     rows = []
     for name in varying(table):
         found = table.quantiles(name)
@@ -49,7 +49,7 @@ def result_rows(table: Table) -> list[tuple[str, ...]]:
 
 
 def varying(table: Table) -> list[str]:
-    """Results that differ between runs by more than rounding: those of varied joints first, then by relative change."""
+    """Results that vary between runs by more than rounding: results of varied joints first, then by relative change."""
     varied = {part for key in table.keys for part in key.split(".")}
     found = []
     for name in table.results:
@@ -64,17 +64,17 @@ def varying(table: Table) -> list[str]:
 
 
 def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]:
-    """The named results, or the first that differ. Raises InputError for unknown results, and those that no run has."""
+    """Named results, or the first varying ones. Raises InputError for unknown results, and for results that no run has."""
     for name in results:
         if name not in table.results:
             raise InputError(Problem("is no result of this study", key=name, choices=table.results, meant=name, code="result"))
         if table.quantiles(name) is None:
-            raise InputError("no run has a value of it", key=name, code="result")
+            raise InputError("no run has a value of this result", key=name, code="result")
     return list(results) or varying(table)[:most]
 
 
 def as_dict(table: Table) -> dict[str, Any]:
-    """Plain values for JSON."""
+    """Study as data for JSON."""
     quantiles = {name: table.quantiles(name) for name in varying(table)}
     return {
         "ok": table.missing == 0,

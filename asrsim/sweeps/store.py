@@ -1,6 +1,6 @@
-"""Writes the rows of a study: parts while runs end, one file at the end. A killed program loses at most the last seconds.
+"""Writes the rows of a study: parts during the study, one file at the end. A killed program loses a few seconds of rows.
 
-A part is written beside its place and moved there, so that it is whole or missing. Runs without a row are done again.
+A part is written under a temporary name and then renamed, so that it is complete or missing. Runs without a row are repeated.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from asrsim.sweeps.folder import MANIFEST, ROWS, checked_files, parts_of, read_m
 from asrsim.sweeps.rows import Row
 
 GROUP = 20_000
-"""Rows of a group of the whole file, and the most of a part."""
+"""Number of rows in a group of the final file, and largest number of rows in a part."""
 PATIENCE = 3.0
-"""s after which rows are written: a killed program loses at most these."""
+"""Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 SAME = {
-    "study": "its study varies other things", "inputs": "its scenario, robot or other files have changed",
+    "study": "its study varies other keys", "inputs": "its scenario, robot or other files have changed",
     "versions": "it was done with other versions", "columns": "its rows have other columns",
 }  # fmt: skip
-"""Entry of a description that must be the same when a study goes on -> what differs otherwise."""
+"""Entry of a description that must be unchanged when a study continues -> the explanation if it has changed."""
 
 
 class Store:
-    """A folder of rows that grows."""
+    """Rows of a study in a folder, written as they arrive."""
 
     def __init__(self, folder: Path, columns: Sequence[Sequence[str]], total: int) -> None:
-        """Raises InputError where a file of rows is broken."""
+        """Open the folder. Raises InputError if a file of rows is broken."""
         self.folder, self.total = folder, total
         self._schema = schema_of(columns)
         self._waiting: list[Row] = []
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
-        """Runs that have a row, written or waiting."""
+        """Whether each run has a row, written or waiting."""
         files = checked_files(folder, self._schema)
         runs = read_rows(files, self._schema, columns=["run"])["run"].to_numpy()
         if len(runs) and not 0 <= runs.min() <= runs.max() < total:
-            raise InputError(f"has rows of runs beyond the study's {total}", file=folder, code="sweep-part")
+            raise InputError(f"contains rows of runs beyond the study's {total}", file=folder, code="sweep-part")
         self.done[runs] = True
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
 
@@ -54,7 +54,7 @@ class Store:
         return np.flatnonzero(~self.done).tolist()
 
     def add(self, rows: Sequence[Row]) -> list[Row]:
-        """Take rows; returns those of runs that had none yet. Raises OutputError."""
+        """Add rows, and return the rows of runs that had none yet. Raises OutputError."""
         new = []
         for row in rows:
             if not self.done[row[0]]:
@@ -78,7 +78,7 @@ class Store:
         self._waiting, self._part = [], self._part + 1
 
     def finish(self) -> None:
-        """Write the waiting rows, and where no run is missing all rows as one file. Raises OutputError."""
+        """Write the waiting rows; if no run is missing, write all rows as one file. Raises OutputError."""
         self.write()
         parts, path = parts_of(self.folder), self.folder / ROWS
         if self.done.all() and (parts or not path.exists()):
@@ -87,7 +87,7 @@ class Store:
                 part.unlink(missing_ok=True)
 
     def _sorted(self) -> Iterator[Any]:
-        """Tables of at most a group, in the order of the runs, each run once."""
+        """Tables of at most one group, in the order of the runs, with each run once."""
         import pyarrow.compute as pc
 
         files = checked_files(self.folder, self._schema, checked=True)
@@ -100,7 +100,7 @@ class Store:
         import pyarrow.parquet as pq
 
         try:
-            # The study's description proves that the folder is ours.
+            # The study's description proves that asrsim wrote the folder.
             with written(path, "rows", replace=True) as stream:
                 with pq.ParquetWriter(stream, self._schema, compression="zstd", write_page_checksum=True) as writer:
                     for table in tables:
@@ -109,30 +109,30 @@ class Store:
                 os.fsync(stream.fileno())
         except OutputError as error:
             count = int(self.done.sum()) - len(self._waiting)
-            raise OutputError(f"{error}; {count} rows are kept, --resume does the others") from error
+            raise OutputError(f"{error}; {count} rows are kept; continue with --resume") from error
 
 
 def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overwrite: bool) -> Store:
-    """The store of a study in its folder. Raises InputError where the folder holds rows and neither option is given, or rows
-    of another study.
+    """Store of a study in its folder. Raises InputError if the folder contains rows and neither option is given, or rows of
+    another study.
     """
     known = folder / MANIFEST
     rows = (folder / ROWS).exists() or bool(parts_of(folder))
-    # A study that ended before its first row, for example for want of a scheduler, is no obstacle.
+    # A study that ended before its first row, for example without a scheduler, may be replaced.
     begun = rows or (resume and known.exists())
     if (rows or known.exists()) and not is_ours(known, "json"):
-        message = "holds rows, but no study of asrsim's (study.json) that they belong to"
-        raise InputError(message, file=folder, hint="Take another folder by --out", code="sweep-folder")
+        message = "contains rows without the description of their study (study.json)"
+        raise InputError(message, file=folder, hint="Choose another folder with --out", code="sweep-folder")
     if begun and not (resume or overwrite):
-        hint = "--resume does what is missing, --overwrite begins anew, --out takes another folder"
-        raise InputError("holds rows of a study", file=folder, hint=hint, code="sweep-folder")
+        hint = "Continue with --resume, start again with --overwrite, or choose another folder with --out"
+        raise InputError("contains rows of a study", file=folder, hint=hint, code="sweep-folder")
     going_on = begun and resume
     if going_on:
         before, now = read_manifest(folder), json.loads(json.dumps(manifest, default=str))
         for key, difference in SAME.items():
             if before[key] != now[key]:
-                hint = "Begin anew with --overwrite, or take another folder by --out"
-                message = f"cannot be gone on with: {difference}"
+                hint = "Start again with --overwrite, or choose another folder with --out"
+                message = f"cannot be continued: {difference}"
                 raise InputError(Problem(message, file=folder, hint=hint, code="sweep-resume"))
     make_folder(folder)
     left = [*folder.glob(".part-*.new"), *([] if going_on else [*parts_of(folder), folder / ROWS])]

@@ -1,4 +1,4 @@
-"""A study as plain data: what is varied, how draws are placed, what is kept. A point follows from its number alone."""
+"""A study as plain data: varied keys, design of the draws, recorded signals. The number of a run determines its point."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
 
 DESIGNS = ("random", "lhs", "sobol", "saltelli")
-"""How draws are placed. saltelli: samples x (drawn axes + 2) draws, from which Sobol indices follow."""
+"""Designs of the draws. saltelli: samples x (drawn axes + 2) draws, which give Sobol indices."""
 SAMPLES = 100
-"""Draws of a study with distributions that names no number."""
+"""Default number of draws of a study with distributions."""
 MOST_RUNS = 100_000_000
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Keys that vary together, and the values that they take."""
+    """Keys that vary together, and their values."""
 
     keys: tuple[str, ...]
     """Dotted keys. Several keys take the same value, or one entry each of a list with as many entries."""
@@ -45,23 +45,23 @@ class Axis:
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Name of the axis for people."""
         return " & ".join(self.keys)
 
     def assign(self, value: Any) -> dict[str, Any]:
-        """Key -> value."""
+        """Key -> value of this axis."""
         if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):
             return dict(zip(self.keys, value, strict=True))
         return dict.fromkeys(self.keys, value)
 
 
 def axis_of(name: str, value: Any) -> Axis:
-    """The axis of `key` or `key & key` (tied), with values as :func:`law_of` reads them. Raises InputError."""
+    """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
     return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
 
 
 class _Law(AnyData):
-    """Values of a key; see :mod:`asrsim.sweeps.laws`."""
+    """Values of a key; see `asrsim.sweeps.laws`."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
         try:
@@ -78,7 +78,7 @@ class _Law(AnyData):
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A study, and the keys of a study file."""
+    """Study, with the keys of a study file as fields."""
 
     scenario: Path = declare(File(noun="scenario"), doc="scenario file that is varied")
     over: Mapping[str, Any] = declare(
@@ -106,27 +106,27 @@ class Study:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """Axes of `over`."""
+        """Axes of the varied keys in `over`."""
         return tuple(axis_of(name, value) for name, value in self.over.items())
 
     @cached_property
     def joint(self) -> Joint | None:
-        """The distribution of the fit."""
+        """Joint distribution from the fit, None without a fit."""
         return None if self.fit is None else joint_of(self.fit)
 
     @cached_property
     def listed(self) -> tuple[tuple[Axis, Values], ...]:
-        """Axes of the grid."""
+        """Axes with listed values, which form the grid."""
         return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Values))
 
     @cached_property
     def drawn(self) -> tuple[tuple[Axis, Distribution], ...]:
-        """Axes that are drawn, without those of the fit."""
+        """Axes with distributions, except those of the fit."""
         return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Distribution))
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Drawn keys; each group is one independent number of a draw."""
+        """Groups of drawn keys; each group is one independent number of a draw."""
         return (*(axis.keys for axis, _ in self.drawn), *(self.joint.groups if self.joint else ()))
 
     @cached_property
@@ -137,7 +137,7 @@ class Study:
 
     @cached_property
     def draws(self) -> int:
-        """Draws at every point of the grid."""
+        """Number of draws at every point of the grid."""
         if not self.groups:
             return 1
         return self.base_samples * (len(self.groups) + 2 if self.design == "saltelli" else 1)
@@ -157,7 +157,7 @@ class Study:
         return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
-        """Variant and key -> value of a run, counted from 0: variants outermost, then the grid, then the draws."""
+        """Variant and key -> value of a run, counted from 0: variants vary slowest, then the grid, then the draws."""
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
         values: dict[str, Any] = {}
@@ -173,11 +173,11 @@ class Study:
 
     @cached_property
     def table(self) -> Array:
-        """(draws, groups): every draw."""
+        """All draws (draws, groups)."""
         from scipy.special import ndtri
 
         unit = _unit_points(self.design, self.base_samples, len(self.groups), self.seed)
-        # The first point of a sequence may be 0, where a normal distribution has no value.
+        # The first point of a sequence may be 0, where the quantile of a normal distribution is infinite.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
         columns = [law.quantile(column) for (_, law), column in zip(self.drawn, unit.T, strict=False)]
         if self.joint:
@@ -186,7 +186,7 @@ class Study:
 
 
 def _unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array:
-    """(n, dimensions) in the unit cube; the same for the same arguments.
+    """Points (n, dimensions) in the unit cube; equal arguments give equal points.
 
     saltelli: blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), n = samples (dimensions + 2).
     """
@@ -196,7 +196,7 @@ def _unit_points(design: str, samples: int, dimensions: int, seed: int) -> Array
         return np.random.default_rng(seed).random((samples, dimensions))
     if design == "lhs":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=seed).random(samples))
-    # Drawn up to the next power of two, of which SciPy does not warn; the first points are the same.
+    # Draw up to the next power of two, for which SciPy gives no warning; the first points are the same.
     power = max(0, math.ceil(math.log2(samples)))
     sequence = qmc.Sobol(2 * dimensions if design == "saltelli" else dimensions, rng=seed)
     points = np.asarray(sequence.random_base2(power))[:samples]
@@ -211,12 +211,12 @@ STUDY = block_of(Study, "study")
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is a study, not a scenario."""
+    """Whether a file is a study file and not a scenario."""
     return kind_of(path) == "study"
 
 
 def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
-    """A study file; plugins: files of users' actuators that it may run. Raises InputError with every problem."""
+    """Study from a file; plugins: files of users' actuators that may run. Raises InputError with every problem."""
     found = read_file(STUDY, path)
     check_named(found.plugins, plugins, file=path)
     try:
@@ -230,13 +230,13 @@ def make_study(
     scenario: str | Path, over: Mapping[str, Any] | Sequence[str] = (), *, fit: str | Path | Mapping[str, Any] | None = None,
     plugins: Sequence[str | Path] = (), name: str | None = None, **options: Any,
 ) -> Study:  # fmt: skip
-    """A study from plain data. Raises InputError with every problem.
+    """Study from plain data. Raises InputError with every problem.
 
     Args:
         scenario: Scenario file.
         over: Dotted key -> list, text as `10:200:20`, or distribution; or a list of texts `key=values`.
-        fit: File or data with `keys`, `mean` and `covariance`, drawn together.
-        options: variants, overrides, design, samples, seed, signals, rate: as in :class:`Study`.
+        fit: File or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
+        options: variants, overrides, design, samples, seed, signals, rate: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
     pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
@@ -250,13 +250,13 @@ def make_study(
                "overrides": override_texts(options.get("overrides", ()))},
         )  # fmt: skip
     except TypeError as error:
-        raise InputError(f"a study takes no such option: {error}", code="usage") from None
+        raise InputError(f"unknown option of a study: {error}", code="usage") from None
     _check(study, pairs, None if isinstance(fit, Mapping) or fit is None else Path(fit))
     return study
 
 
 def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> None:
-    """Raises InputError with every problem of a study."""
+    """Raise InputError with every problem of a study."""
     problems: list[Problem] = []
     for name, value in pairs:
         try:
@@ -276,13 +276,13 @@ def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> 
     if study.design not in DESIGNS:
         problems.append(Problem(f"there is no design '{study.design}'", key="design", choices=DESIGNS, code="choice"))
     if not keys:
-        hint = "Give --over KEY=VALUES, or `over:` in a study file"
-        problems.append(Problem("nothing is varied", key="over", hint=hint, code="sweep-empty"))
+        hint = "Add --over KEY=VALUES, or `over:` in a study file"
+        problems.append(Problem("no key is varied", key="over", hint=hint, code="sweep-empty"))
     if study.samples is not None and not (drawn and 1 <= study.samples <= MOST_RUNS):
-        message = f"must be 1 to {MOST_RUNS}" if drawn else "has a number, but no key is drawn from a distribution"
+        message = f"must be 1 to {MOST_RUNS}" if drawn else "is given, but no key has a distribution"
         problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
     if study.design == "saltelli" and (joint or study.listed):
-        message = "Sobol indices need independent draws: the design saltelli takes neither a fit nor listed values"
+        message = "Sobol indices need independent draws: the design saltelli allows neither a fit nor listed values"
         problems.append(Problem(message, key="design", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
@@ -294,5 +294,5 @@ def _split(text: str) -> tuple[str, str]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
         hint = "Write KEY=VALUES, such as references.joint_1.stiffness_preset=[0.2, 0.6]"
-        raise InputError("is no KEY=VALUES", key="over", value=text, hint=hint, code="override")
+        raise InputError("is not of the form KEY=VALUES", key="over", value=text, hint=hint, code="override")
     return key.strip(), value.strip()

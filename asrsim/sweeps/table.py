@@ -1,4 +1,4 @@
-"""The rows of a study: columns as arrays, quantiles, shares of claims."""
+"""Rows of a study: columns as arrays, quantiles, fractions of runs that satisfy the claims."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ class Quantiles:
     count: int
     least: float
     low: float
-    """5 %."""
+    """5 % quantile."""
     median: float
     high: float
-    """95 %."""
+    """95 % quantile."""
     largest: float
     least_run: int
     largest_run: int
 
 
 class Table:
-    """Rows of a study in its folder. Columns are read when they are needed."""
+    """Rows of a study in its folder. A column is read when it is first used."""
 
     def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
-        """keep: lives as long as the table (a temporary folder); checked: this process wrote or checked the rows.
+        """keep: object that must live as long as the table (a temporary folder); checked: skip the check of the rows.
 
-        Raises InputError where there is no study, or a file of it is broken.
+        Raises InputError if there is no study, or one of its files is broken.
         """
         self.folder = Path(folder)
         self._keep = keep
@@ -49,13 +49,13 @@ class Table:
         self._schema = schema_of(self.manifest["columns"])
         self.files = checked_files(self.folder, self._schema, checked=checked)
         self.kinds: dict[str, str] = {name: kind for name, kind, _ in self.manifest["columns"]}
-        """Column -> int, float, bool, text or floats."""
+        """Column -> kind: int, float, bool, text or floats."""
         self._units: dict[str, str] = {name: unit for name, _, unit in self.manifest["columns"]}
         self._columns: dict[str, Array] = {}
 
     @cached_property
     def study(self) -> Study:
-        """What was varied, and how."""
+        """The study, from its description."""
         given = self.manifest["study"]
         plugins = tuple(map(Path, self.manifest["plugins"]))
         return Study(
@@ -74,13 +74,13 @@ class Table:
 
     @property
     def results(self) -> tuple[str, ...]:
-        """Numbers that came out: measures, the tip's errors, measured values of claims."""
+        """Columns with results: measures, errors of the tip, measured values of claims."""
         left = {*BOOKKEEPING, *self.keys}
         return tuple(name for name, kind in self.kinds.items() if name not in left and kind == "float")
 
     @property
     def missing(self) -> int:
-        """Runs of the study without a row."""
+        """Number of runs without a row."""
         return int(self.manifest["runs"]) - len(self)
 
     @cached_property
@@ -92,7 +92,7 @@ class Table:
         return len(self._order)
 
     def __getitem__(self, name: str) -> Array:
-        """A column (n,) in the order of the runs; missing numbers are NaN."""
+        """Column (n,) in the order of the runs; missing numbers are NaN."""
         if name not in self._columns:
             if name not in self.columns:
                 hint = did_you_mean(name, self.columns)
@@ -101,25 +101,25 @@ class Table:
         return self._columns[name]
 
     def to_arrow(self, columns: Sequence[str] | None = None) -> Any:
-        """A pyarrow.Table of all columns or some, in the order of the runs."""
+        """All or some columns as a pyarrow.Table, in the order of the runs."""
         return read_rows(self.files, self._schema, columns=columns).take(self._order)
 
     def to_pandas(self) -> Any:
-        """A DataFrame of all columns, in the order of the runs; needs pandas."""
+        """All columns as a pandas.DataFrame, in the order of the runs; needs pandas."""
         library("pandas", "notebook")
         return self.to_arrow().to_pandas()
 
     def unit(self, name: str) -> str:
-        """SI unit of a column; empty for counts and shares."""
+        """SI unit of a column; empty for counts and fractions."""
         return self._units.get(name, "")
 
     def statuses(self) -> dict[str, int]:
-        """Status -> runs."""
+        """Status -> number of runs."""
         names, counts = np.unique(self["status"].astype(str), return_counts=True)
         return dict(zip(names.tolist(), map(int, counts), strict=True))
 
     def quantiles(self, name: str) -> Quantiles | None:
-        """Quantiles of a result; None where no run has it."""
+        """Quantiles of a result; None if no run has the result."""
         values, runs = self[name], self["run"]
         there = np.isfinite(values)
         if not there.any():
@@ -130,7 +130,7 @@ class Table:
         return Quantiles(len(values), least, low, median, high, largest, *ends)
 
     def claims(self) -> dict[str, float]:
-        """Claim -> share of the completed runs that meet it; by variant where they differ."""
+        """Claim -> fraction of the completed runs that satisfy it; by variant if the variants' claims differ."""
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1
         for variant, titles in self.manifest["claims"].items():
@@ -145,5 +145,5 @@ class Table:
 
 
 def shares(statuses: Mapping[str, int]) -> str:
-    """The runs that did not complete, for people."""
+    """Numbers of runs that did not complete, as text."""
     return ", ".join(f"{statuses[name]} {name}" for name in ("diverged", "failed", "crashed") if statuses.get(name))

@@ -1,4 +1,4 @@
-"""Workers: one task done on many items, here, in processes of this machine or on a cluster, behind one small interface."""
+"""Workers: apply a task to many items, in this process, in processes of this machine or on a cluster, with one interface."""
 
 from __future__ import annotations
 
@@ -18,64 +18,64 @@ from typing import Any
 from asrsim.errors import SimulationError
 
 DEATHS = 3
-"""Deaths of workers over one item, done by itself, after which the item is given up."""
+"""Number of crashes over a single item after which the item is given up."""
 MOST = 500
-"""Items that a worker takes at a time."""
+"""Largest number of items per message to a worker."""
 
 Task = Callable[[Any], Any]
-"""A function of an item that can be pickled. It may keep in a worker what it makes ready. Results depend neither on the worker
-nor on the order. Two methods are optional: `close` is called in the end; `several` takes (number, item) pairs one by one, and
-gives (number, result) pairs in any order."""
+"""Function of an item that can be pickled. A worker may keep its prepared data. Results depend neither on the worker nor
+on the order. Two methods are optional: `close` is called at the end; `several` takes (number, item) pairs one by one and
+yields (number, result) pairs in any order."""
 Numbered = list[tuple[int, Any]]
 """(number of an item, result) pairs."""
 Stop = Callable[[], bool]
 
 
 class Lost:
-    """The result of an item over which workers died again and again."""
+    """Result of an item over which workers crashed repeatedly."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
 
 class Executor(ABC):
-    """Does tasks somewhere. A context: at its end no worker is left."""
+    """Executes tasks. A context manager: after it no worker is left."""
 
     def __enter__(self) -> Executor:
         return self
 
     @abstractmethod
     def __exit__(self, *_: object) -> None:
-        """End the workers; work that is not done is dropped."""
+        """End the workers; unfinished work is dropped."""
 
     @abstractmethod
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Results as they come, in any order, each once; ends early where `stop` returns True.
+        """Results in order of arrival, each item once; ends early if `stop` returns True.
 
-        Raises what the task raises, and SimulationError where there are no workers.
+        Raises the errors of the task, and SimulationError if there are no workers.
         """
 
 
 class Here(Executor):
-    """This process does the work."""
+    """Executor that does the work in this process."""
 
     def __exit__(self, *_: object) -> None:
         pass
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See :class:`Executor`."""
+        """See `Executor`."""
         for done in _several(task, _until(enumerate(items), stop)):
             yield [done]
         _close(task)
 
 
 class Pool(Executor):
-    """Workers that a library keeps. They take pieces of several items, and return the results of a piece when it ends."""
+    """Workers managed by a library. A worker receives a piece with several items and returns its results together."""
 
     died: tuple[type[Exception], ...] = ()
-    """Exceptions of a piece whose worker died."""
+    """Exceptions that mean: the worker of a piece crashed."""
     again: tuple[type[Exception], ...] = ()
-    """Exceptions of a piece that has to be done again."""
+    """Exceptions that mean: the piece must be done again."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -83,22 +83,22 @@ class Pool(Executor):
 
     @abstractmethod
     def slots(self, sent: bytes) -> int:
-        """Pieces of this task that may be out at a time; 0: there is no worker at the moment."""
+        """Number of pieces of this task that may be in progress; 0: there is no worker at the moment."""
 
     @abstractmethod
     def submit(self, sent: bytes, items: Numbered) -> Any:
-        """A future of :func:`do_items`."""
+        """Future result of `do_items`."""
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
         """Drop these futures."""
 
     def renew(self) -> None:
-        """Send the task again: workers may have lost it."""
+        """Send the task again, because workers may have lost it."""
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See :class:`Executor`. Pieces whose worker died are done again one by one, and halved where a worker dies again: so
-        the item that kills its worker is found."""
+        """See `Executor`. A piece whose worker crashed is repeated item by item, and halved after a further crash, to find the
+        item that crashes its worker."""
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
         except Exception as error:
@@ -142,7 +142,7 @@ class Pool(Executor):
 
 
 def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
-    """So many processes of this machine, which load `plugins` first; 1: this process itself. Results are the same."""
+    """Executor with so many processes of this machine, which load `plugins` first; 1: this process. Results are equal."""
     if processes <= 1:
         return Here()
     from asrsim.workers.local import Processes
@@ -151,7 +151,7 @@ def executor(processes: int, plugins: Sequence[Path] = ()) -> Executor:
 
 
 def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
-    """Results of all items, in their order. Raises SimulationError for a lost item, and what the task raises."""
+    """Results of all items, in their order. Raises SimulationError for a lost item, and the errors of the task."""
     found = dict(pair for some in workers.results(task, items) for pair in some)
     for result in found.values():
         if isinstance(result, Lost):
@@ -160,32 +160,34 @@ def in_order(workers: Executor, task: Task, items: Sequence[Any]) -> list[Any]:
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
-    """Set before NumPy is imported: its library's threads cost more than they save on a robot's small matrices (80 joints: a
-    run takes 2.4 times as long), and compete for the cores of our other processes."""
+    """Limit NumPy to one thread; call before NumPy is imported. More threads slow down a robot's small matrices (80 joints:
+    2.4 times) and compete with other processes for the cores."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         environment.setdefault(name, "1")
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """The same for a while, where NumPy is loaded already, as in a script: a fit takes a third of the processor's time."""
+    """Context that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the processor
+    time.
+    """
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:
-        # An installation from before it was required is only slower.
+        # threadpoolctl is missing in installations older than the requirement: the run is only slower.
         return nullcontext()
-    # It has a library of its own, whose threads can be set only once it is loaded.
+    # SciPy has a BLAS library of its own, whose threads can be limited only after it is loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)
     return limits
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def do_items(sent: bytes, items: Numbered, seconds: float) -> Numbered:
-    """In a worker: results of the items that are begun within so many seconds, at least of the first. The task is kept for
+    """Results, in a worker, of the items begun within `seconds`, at least of the first item. The worker keeps the task for
     its next piece."""
     if getattr(_OWN, "sent", b"") != sent:
         _close(getattr(_OWN, "task", None))
@@ -209,7 +211,7 @@ def _load(plugin: Path) -> None:
 
 
 def _until(pairs: Iterable[tuple[int, Any]], stop: Stop | None, *first: tuple[int, Any]) -> Iterator[tuple[int, Any]]:
-    """`first`, then pairs until `stop` returns True."""
+    """`first`, then the pairs until `stop` returns True."""
     yield from first
     for pair in pairs:
         if stop is not None and stop():

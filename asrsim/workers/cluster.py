@@ -1,4 +1,4 @@
-"""Dask: tasks on the workers of a scheduler; results stream back."""
+"""Workers of a Dask scheduler; results arrive as they are done."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from asrsim.versions import numeric_versions
 from asrsim.workers import Numbered, Pool, Stop, Task, do_items
 
 PATIENCE = 10.0
-"""s that a scheduler, and the first worker, have to answer."""
+"""Time in which a scheduler and its first worker must answer, s."""
 PIECE, SHARE = 2.0, 0.01
-"""s of work of a Dask task, at least, and for each thread: scheduler and client take some 4 ms for every task, and must have
-time to spare with a thousand threads too."""
+"""Smallest duration of a Dask task, s, and additional duration per worker thread, s: scheduler and client need about 4 ms per
+task, also with a thousand threads.
+"""
 AHEAD = 3
-"""Tasks for each worker thread, done or waiting: bounds the memory of scheduler and client."""
+"""Number of tasks per worker thread, done or waiting: limits the memory of scheduler and client."""
 COMPARED = ("python", "asrsim", "numpy", "mujoco", "pybullet")
-"""Versions that must be the same everywhere, so that results are."""
+"""Packages whose versions must agree on all machines, so that results agree."""
 
 
 class Cluster(Pool):
-    """The workers of a Dask scheduler. They read the study's files at the paths that these have here."""
+    """Workers of a Dask scheduler. They read the study's files at the same paths as this machine."""
 
     again = (CancelledError,)
 
     def __init__(self, address: str, plugins: Sequence[Path] = ()) -> None:
-        """address: of a scheduler, such as tcp://host:8786; plugins: loaded first by the workers. Raises InputError without
-        Dask."""
+        """address: address of a scheduler, such as tcp://host:8786; plugins: files that the workers load first. Raises
+        InputError without Dask."""
         super().__init__(plugins)
         self._distributed = library("distributed", "cluster")
         self.died = (self._distributed.KilledWorker,)
@@ -57,11 +58,11 @@ class Cluster(Pool):
             self._client.close()
 
     def _compare(self) -> None:
-        """Raises SimulationError where there are no workers, or workers with other versions."""
+        """Raise SimulationError if there are no workers, or workers with other versions."""
         try:
             self._client.wait_for_workers(1, timeout=PATIENCE)
         except Exception as error:
-            hint = f"start some: dask worker {self._address}"
+            hint = f"start workers with: dask worker {self._address}"
             raise SimulationError(f"the scheduler at {self._address} has no workers: {hint}") from error
         mine = numeric_versions()
         try:
@@ -79,7 +80,7 @@ class Cluster(Pool):
             raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
     def slots(self, sent: bytes) -> int:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         threads = sum(self._client.nthreads().values())
         self._seconds = max(PIECE, SHARE * threads)
         if self._data is None and threads:
@@ -88,23 +89,23 @@ class Cluster(Pool):
         return 0 if self._data is None else AHEAD * threads
 
     def submit(self, sent: bytes, items: Numbered) -> Any:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         return self._client.submit(do_items, self._data, items, self._seconds, pure=False, retries=0)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         with suppress(Exception):
             self._client.cancel(list(futures))
 
     def renew(self) -> None:
-        """See :class:`Pool`. The scheduler cancels pieces whose workers are all lost, and with them the task."""
+        """See `Pool`. If all workers of a piece are lost, the scheduler cancels the piece and the task."""
         self._data = None
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         self._data = None
         try:
             yield from super().results(task, items, stop=stop)
         except OSError as error:
-            message = f"the scheduler at {self._address} has gone; rows that have come are kept, go on by --resume"
+            message = f"the scheduler at {self._address} has stopped; rows received are kept, continue with --resume"
             raise SimulationError(message) from error

@@ -1,4 +1,4 @@
-"""Worker processes of this machine, kept by loky, which does not import the script that started them."""
+"""Worker processes on this machine, managed by loky, which does not import the script that started them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from loky.process_executor import BrokenProcessPool
 from asrsim.workers import Numbered, Pool, do_items, use_one_thread
 
 PIECE = 0.5
-"""s of work that a worker takes at a time: longer pieces save messages, shorter ones keep all workers busy at the end."""
+"""Duration of a worker's piece, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
 
 
 class Processes(Pool):
-    """`count` processes. They start with the first task, and stay for the next."""
+    """Pool of `count` processes. They start with the first task and remain for the next."""
 
     died = (BrokenProcessPool,)
 
@@ -35,11 +35,11 @@ class Processes(Pool):
             self._pool = None
 
     def slots(self, sent: bytes) -> int:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         return 2 * self._count
 
     def submit(self, sent: bytes, items: Numbered) -> Any:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         if self._pool is not None:
             try:
                 return self._pool.submit(do_items, sent, items, PIECE)
@@ -52,13 +52,13 @@ class Processes(Pool):
         return self._pool.submit(do_items, sent, items, PIECE)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """See :class:`Pool`."""
+        """See `Pool`."""
         if futures:
             self.__exit__()
 
 
 def _begin(parent: int) -> None:
-    """In a worker: ignore Ctrl-C, print to stderr, end when the parent ends."""
+    """Set up a worker process: ignore Ctrl-C, print to stderr, end when the parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
 

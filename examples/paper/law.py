@@ -20,13 +20,15 @@ RATIO = 0.3
 
 
 def damping_overrides(result: Result) -> tuple[str, ...]:
-    """Overrides that switch the law on, with each joint's inertia taken from the mass matrix where the run ended."""
+    """Overrides that switch the law on, with each joint's inertia at the end of the run: torque per
+    unit acceleration while the others rest."""
     from asrsim.kinematics.engine_model import model_of
 
     run = result.run
     with model_of(run.scenario, run.robot) as model:
         end = np.array([float(result[joint].link_position[-1]) for joint in model.joints])
-        inertias = np.diag(model.mass_matrix(end))
+        rows, still, unit = np.tile(end, (len(end), 1)), np.zeros((len(end),) * 2), np.eye(len(end))
+        inertias = np.diag(model.inverse_dynamics(rows, still, unit) - model.gravity_torques(end))
     return tuple(
         f"link_damping.{joint}={{ratio: {RATIO}, inertia: {float(inertia)!r}}}"
         for joint, inertia in zip(model.joints, inertias, strict=True)

@@ -24,8 +24,6 @@ from asrsim.robot.reader import MAX_MOVING
 from asrsim.scenario import Scenario
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 REFUSED = ("Traceback", "unexpected error")
 
@@ -335,7 +333,7 @@ def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "words"), [("raise RuntimeError('boom')", "RuntimeError: boom"), ("Nope = 3", "no class derived")]
+    ("code", "words"), [("raise RuntimeError('boom')", "RuntimeError: boom"), ("Nope = 3", "not a class derived")]
 )
 def test_an_installed_actuator_that_is_broken_harms_nobody_else(code: str, words: str, tiny) -> None:
     info = tiny.folder / "mine-1.dist-info"

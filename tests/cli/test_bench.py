@@ -47,7 +47,6 @@ def run_case(folder: Path, case: dict, table: np.ndarray, columns: list[str]) ->
     return dict(zip(rows[0], values.T, strict=True))
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("actuator", ACTUATORS)
 def test_toolbox_stepping_gives_the_released_codes_numbers(actuator: str, shared: Path, tmp_path: Path) -> None:
     description = json.loads((shared / "data/oracle.json").read_text())

@@ -38,7 +38,6 @@ def test_what_moves_or_hides_does_not(text: str, tmp_path: Path) -> None:
     assert MOVING_CODES.split("\x1b[1A\x1b[2K")[1::2] == ["\x1b[1A", "\x1b[2K"]
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("character", ["\x1b", "\x9b", "\x07", "\x7f", "\u202e"])
 @pytest.mark.parametrize("place", ["robot", "joint", "plugin", "key", "value", "file"])
 def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command) -> None:

@@ -13,6 +13,9 @@ import pytest
 
 import asrsim
 from asrsim.errors import AsrsimError, InputError, RecordingError
+from asrsim.learning import LearningProblem
+from asrsim.learning.state import load_state, save_state, state_origin
+from asrsim.learning.trial import Trial
 from asrsim.log import Log, LogWriter, read_log
 from asrsim.log import writer as writing
 from asrsim.plots import draw_run
@@ -20,9 +23,9 @@ from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
+from asrsim.scenario.learning_keys import Learning
+from asrsim.signals.pieces import Constant
 from support.edits import changed, edits
-
-pytestmark = pytest.mark.once
 
 
 @pytest.fixture(scope="module")
@@ -117,13 +120,18 @@ def test_edited_summaries_and_metrics(tmp_path: Path, run: asrsim.Result, seed: 
             assert "elbow" in write_report(tmp_path, film=False).read_text(encoding="utf-8")
 
 
+def _learned() -> tuple[LearningProblem, Learning, Trial]:
+    numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
+    problem = LearningProblem(joints=("a", "b"), time=np.arange(10.0), reference=numbers, first_guess=numbers)
+    settings = Learning(trajectory={"a": Constant(value=0.0)}, tolerance=0.1)
+    return problem, settings, problem.trial(0, numbers, 0.5 * numbers, 1.0)
+
+
 @pytest.mark.parametrize("flips", [60, pytest.param(3000, marks=pytest.mark.slow)])
 def test_flipped_bits_of_a_learning_state(tmp_path: Path, flips: int) -> None:
-    from asrsim.learning.state import load_state, save_state, state_origin
-
-    trials = _trials()
+    problem, settings, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, "mark", trials, origin=("here", ""))
+    save_state(path, problem, settings, [trial])
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):
@@ -132,36 +140,23 @@ def test_flipped_bits_of_a_learning_state(tmp_path: Path, flips: int) -> None:
         path.write_bytes(data)
         state_origin(path)
         try:
-            again = load_state(path, "mark")
+            again = load_state(path, problem, settings)
         except InputError:
             continue
-        assert np.array_equal(again[0].inputs, trials[0].inputs)
+        assert np.array_equal(again[0].inputs, trial.inputs)
 
 
 def test_edited_learning_states(tmp_path: Path) -> None:
-    from asrsim.learning.state import load_state, save_state, state_origin
-
+    problem, settings, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, "mark", _trials(), origin=("here", ""))
+    save_state(path, problem, settings, [trial])
     with np.load(path) as stored:
         arrays = dict(stored)
     for other in edits(json.loads(str(arrays["head"])), seed=0, most=300):
         np.savez(path, **{**arrays, "head": np.array(json.dumps(other))})
         state_origin(path)
         with suppress(InputError):
-            assert all(len(trial.largest) == len(trial.rms) == 2 for trial in load_state(path, "mark"))
-
-
-def _trials() -> list[Any]:
-    from asrsim.learning import iterate
-
-    numbers = np.linspace(0.0, 1.0, 20).reshape(10, 2)
-    return [
-        iterate.Trial(
-            number=0, largest=(0.1, 0.2), norm=0.3, rms=(0.1, 0.1), seconds=1.0, ratio=None,
-            inputs=numbers, outputs=numbers,
-        )
-    ]  # fmt: skip
+            assert all(len(one.largest) == len(one.rms) == 2 for one in load_state(path, problem, settings))
 
 
 PARTS: dict[str, Callable[[str], str]] = {

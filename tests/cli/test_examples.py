@@ -47,7 +47,6 @@ def run_command(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.once
 def test_every_example_of_the_help_runs_after_asrsim_examples(asrsim_command):
     tried = ["asrsim examples", *examples_of_the_help()]
     assert len(tried) > 10
@@ -89,7 +88,6 @@ def test_a_file_in_place_of_the_folder_is_one_clear_error(tmp_path):
         copy_examples(tmp_path / "examples")
 
 
-@pytest.mark.once
 def test_the_recorded_sample_is_made_by_its_script(tmp_path):
     shutil.copytree(ROOT / "examples" / "urdf", tmp_path / "urdf")
     place = tmp_path / "recordings"

@@ -23,7 +23,7 @@ def test_more_draws_than_a_study_may_have_are_refused() -> None:
 @pytest.mark.parametrize(
     ("fit", "message"),
     [
-        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys is no list"),
+        ({"keys": 5, "mean": [1.0], "covariance": [[1.0]]}, "keys is not a list"),
         ({"keys": [], "mean": [], "covariance": []}, "0 keys need"),
     ],
 )

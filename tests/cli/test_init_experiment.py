@@ -24,8 +24,6 @@ from asrsim.scenario import Scenario, apply_to_robot, check_against_robot, load_
 from support.bags import ARM_ELBOW, ARM_TIME, write_arm
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 EXAMPLES = ROOT / "examples" / "urdf"
 TIME = np.arange(0, 0.8, 0.01)
 STEP = np.where(TIME >= 0.2, 0.3, 0.05)
@@ -156,7 +154,7 @@ def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: P
     """The fit beside the scenario, the scenario itself; --force changes nothing in that."""
     text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
     (tmp_path / name).write_bytes(text)
-    with pytest.raises(AsrsimError, match="is read by this command"):
+    with pytest.raises(AsrsimError, match="is an input of this command"):
         make(tmp_path, tmp_path / name, force=True)
     assert (tmp_path / name).read_bytes() == text
 

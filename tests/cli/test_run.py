@@ -478,7 +478,6 @@ def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
     assert json.loads(outcome.out)["status"] == "diverged"
 
 
-@pytest.mark.once
 def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
     plugin = tiny.folder / "my_drive.py"
     plugin.write_text(

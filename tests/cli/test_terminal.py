@@ -49,7 +49,6 @@ def test_our_own_styles_stay_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> N
     assert "\x1b" not in shown(text)
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("options", [[], ["--json"]])
 def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
     """Tables have lines and signs that ASCII has not, and so may names; JSON loses none."""

@@ -5,11 +5,7 @@ from __future__ import annotations
 import re
 import runpy
 
-import pytest
-
 from support.paths import ROOT
-
-pytestmark = pytest.mark.once
 
 PAGE = ROOT / "docs" / "tutorial.md"
 

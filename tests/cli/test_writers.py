@@ -20,8 +20,6 @@ from asrsim.errors import OutputError
 from asrsim.log import open_log
 from asrsim.runs.lock import owned
 
-pytestmark = pytest.mark.once
-
 HAND = "written by hand; asrsim run scenario.yaml\n"
 LIFT = """\
 robot: pendulum.urdf
@@ -105,10 +103,10 @@ def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("render made --out film.gif", "is the name of a folder, and film.gif reads like a file's"),
-        ("rerun made/log.mcap --out made/log.mcap", "log.mcap reads like a file's"),
-        ("init pendulum.urdf --out here", "ends in .yaml or .yml, not here"),
-        ("report made --out page", "ends in .html or .htm, not page"),
+        ("render made --out film.gif", "must be a folder, but film.gif has the suffix of a file"),
+        ("rerun made/log.mcap --out made/log.mcap", "log.mcap has the suffix of a file"),
+        ("init pendulum.urdf --out here", "must end in .yaml or .yml, not here"),
+        ("report made --out page", "must end in .html or .htm, not page"),
     ],
 )  # fmt: skip
 def test_a_folder_is_no_file_and_a_file_no_folder(place: Path, asrsim_command, arguments: str, said: str) -> None:
@@ -123,7 +121,7 @@ def test_a_run_does_not_replace_the_log_that_it_compares_with(place: Path, asrsi
     (place / "step.yaml").write_text((place / "step.yaml").read_text() + claim)
     outcome = asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot")
     assert outcome.code == 1
-    assert "is read by this command" in outcome.err
+    assert "is an input of this command" in outcome.err
     assert open_log(place / "made/log.mcap").status == "complete"
 
 

@@ -66,7 +66,6 @@ def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: f
     }
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize(("stepping", "integral"), [("leapfrog", 0.0), ("leapfrog", 30.0), ("euler", 0.0), ("toolbox", 0.0)])

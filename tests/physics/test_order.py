@@ -12,8 +12,6 @@ from validation.models import Body, chain, run
 from validation.order import FASTEST, errors, jump_cases, smooth_cases
 from validation.planar import Planar, solve
 
-pytestmark = pytest.mark.once
-
 CASES = {case.name: case for case in (*smooth_cases(), *jump_cases())}
 QUICK = (
     "double pendulum, free",

@@ -18,7 +18,6 @@ from validation.models import INSTALLED, LOAD, Body, chain, column, run
 STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("mode", [5, 6])
 def test_stiff_springs_with_motors_are_not_stopped(mode: int) -> None:
     """Deflections of a milliradian: the released order of a step makes more energy than they hold."""

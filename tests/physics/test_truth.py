@@ -11,8 +11,6 @@ import pytest
 from validation.check import Check, Section, available, installed_engines, on
 from validation.sections import SECTIONS
 
-pytestmark = pytest.mark.once
-
 
 def _measures(recorded: bool) -> Iterator[Any]:
     for section in SECTIONS:

@@ -14,8 +14,6 @@ import pytest
 
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 PACKAGE = ROOT / "asrsim"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 HEAVY = ("matplotlib", "scipy", "numba", "pybullet", "trimesh", "rosbags", "xacro", "lxml")

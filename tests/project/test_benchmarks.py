@@ -29,7 +29,6 @@ def benchmark(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.once
 def test_json_has_ratio_goal_and_machine() -> None:
     result = benchmark("--json", "--only", "reset", "--repeats", "1")
     assert result.returncode == 0, result.stderr

@@ -60,7 +60,6 @@ def snippets(language: str) -> list[str]:
     return [code.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&") for code in cells] + fenced
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_generated_parts_are_current(page):
     """Renew them by: python docs/generate.py."""

@@ -120,7 +120,6 @@ def files_below(folder: str) -> list[Path]:
     return [path for path in found if path.suffix not in (".nbi", ".nbc")]
 
 
-@pytest.mark.once
 def test_the_wheel_holds_the_package_and_its_data(distributions):
     (wheel,) = distributions.glob("*.whl")
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
@@ -130,7 +129,6 @@ def test_the_wheel_holds_the_package_and_its_data(distributions):
     assert "asrsim/py.typed" in held
 
 
-@pytest.mark.once
 def test_the_source_distribution_can_be_tested(distributions):
     source = next(path for path in distributions.iterdir() if path.is_dir())
     for name in ("README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "requirements.lock", ".ci/run", "docs/index.md"):
@@ -139,7 +137,6 @@ def test_the_source_distribution_can_be_tested(distributions):
     assert (source / "tests/project/test_packaging.py").is_file()
 
 
-@pytest.mark.once
 def test_the_wheel_works_away_from_the_repository(distributions, tmp_path):
     """The wheel unpacked into an environment that has our requirements and nothing of the repository."""
     (wheel,) = distributions.glob("*.whl")

@@ -132,7 +132,6 @@ MOTORS = {
 }
 
 
-@pytest.mark.once
 @pytest.mark.parametrize(
     ("what", "masses", "damping", "friction"),
     [("none", 1.0, 0.065, 0.025), ("masses", 1.25, 0.065, 0.025), ("damping", 1.0, 0.08125, 0.025),

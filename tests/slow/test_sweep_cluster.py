@@ -124,7 +124,7 @@ def test_a_worker_of_another_version_is_refused(address: str, tmp_path: Path, mo
 @pytest.mark.slow
 def test_missing_workers_and_schedulers_are_reported_before_any_run(address: str, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
-    with pytest.raises(SimulationError, match="has no workers: start some: dask worker"):
+    with pytest.raises(SimulationError, match="has no workers: start workers with: dask worker"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
     with pytest.raises(SimulationError, match="no scheduler answers at tcp"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster="tcp://127.0.0.1:9")
@@ -136,7 +136,7 @@ def test_rows_are_kept_when_the_scheduler_disappears(scheduler: tuple[str, subpr
     address, process = scheduler
     worker = start_worker(address)
     try:
-        with pytest.raises(SimulationError, match="has gone; rows that have come are kept"):
+        with pytest.raises(SimulationError, match="has stopped; rows received are kept"):
             asrsim.sweep(study_of(3000), out=tmp_path / "s", cluster=address, progress=lambda _: process.kill())
     finally:
         worker.kill()

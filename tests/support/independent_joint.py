@@ -30,13 +30,13 @@ def _spring(law: int, a: float, k: float, x: float) -> float:
 
 
 @njit(cache=False)
-def _rate(y, goals, held, p, out):  # type: ignore[no-untyped-def]
-    """Torque on the link but its friction; out: the state's rate.
+def _rate(y, goals, outer, held, p, out):  # type: ignore[no-untyped-def]
+    """Torque on the link but its friction; out: the state's rate. outer: N m on the link from outside.
 
     y: place and speed of the link, then place, speed and bristles of each motor; held: direction of the link's slip, 0: stuck.
     """
     law, a, k, inertia, damping, friction, weight, rotor, brake, level, other = p
-    push = -damping * y[1] - weight * np.sin(y[0])
+    push = outer - damping * y[1] - weight * np.sin(y[0])
     for i in range(len(goals)):
         theta, omega, bent = y[2 + 3 * i], y[3 + 3 * i], y[4 + 3 * i]
         torque = _spring(int(law), a, k if i == 0 else other, theta - y[0])
@@ -61,14 +61,14 @@ def _goal(goals, at):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=False)
-def _advance(y, goals, begin, end, step, held, p):  # type: ignore[no-untyped-def]
+def _advance(y, goals, outer, begin, end, step, held, p):  # type: ignore[no-untyped-def]
     """The state after a part of a step, Runge-Kutta of fourth order."""
     k1, k2, k3, k4 = np.empty(len(y)), np.empty(len(y)), np.empty(len(y)), np.empty(len(y))
     h, middle = (end - begin) * step, _goal(goals, 0.5 * (begin + end))
-    _rate(y, _goal(goals, begin), held, p, k1)
-    _rate(y + 0.5 * h * k1, middle, held, p, k2)
-    _rate(y + 0.5 * h * k2, middle, held, p, k3)
-    _rate(y + h * k3, _goal(goals, end), held, p, k4)
+    _rate(y, _goal(goals, begin), outer, held, p, k1)
+    _rate(y + 0.5 * h * k1, middle, outer, held, p, k2)
+    _rate(y + 0.5 * h * k2, middle, outer, held, p, k3)
+    _rate(y + h * k3, _goal(goals, end), outer, held, p, k4)
     there = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     most = p[9] / BRISTLES
     for i in range(4, len(y), 3):
@@ -77,8 +77,10 @@ def _advance(y, goals, begin, end, step, held, p):  # type: ignore[no-untyped-de
 
 
 @njit(cache=False)
-def _integrate(goals, every, step, p):  # type: ignore[no-untyped-def]
-    """goals: (2 n + 1, motors) at half steps. Rows every so many steps: link, motors' places."""
+def _integrate(goals, outer, every, step, p):  # type: ignore[no-untyped-def]
+    """goals: (2 n + 1, motors) at half steps; outer: (n,) N m on the link in each step.
+
+    Rows every so many steps: link, motors' places."""
     motors, n, friction = goals.shape[1], (len(goals) - 1) // 2, p[5]
     y, slope, rows = np.zeros(2 + 3 * motors), np.empty(2 + 3 * motors), np.empty((n // every + 1, 1 + motors))
     for i in range(motors):
@@ -94,20 +96,20 @@ def _integrate(goals, every, step, p):  # type: ignore[no-untyped-def]
         here, done = goals[2 * s : 2 * s + 3], 0.0
         for _ in range(4):
             if held == 0.0:
-                push = _rate(y, _goal(here, done), 0.0, p, slope)
+                push = _rate(y, _goal(here, done), outer[s], 0.0, p, slope)
                 held = np.sign(push) if abs(push) > friction else 0.0
-            there = _advance(y, here, done, 1.0, step, held, p)
+            there = _advance(y, here, outer[s], done, 1.0, step, held, p)
             if friction == 0.0 or held == 0.0 or held * there[1] >= 0.0:
                 break
             # The link comes to rest within this step: as far as there by bisection, then on from rest.
             low, high = done, 1.0
             for _ in range(30):
                 middle = 0.5 * (low + high)
-                if held * _advance(y, here, done, middle, step, held, p)[1] >= 0.0:
+                if held * _advance(y, here, outer[s], done, middle, step, held, p)[1] >= 0.0:
                     low = middle
                 else:
                     high = middle
-            y = _advance(y, here, done, low, step, held, p)
+            y = _advance(y, here, outer[s], done, low, step, held, p)
             y[1], held, done = 0.0, 0.0, low
         y = there
     return rows
@@ -129,8 +131,8 @@ class Joint:
         """(n, motors) of the link's goal: qbMove's motors stand beside it by a preset of 0.3 rad."""
         return np.column_stack([command + 0.3, command - 0.3]) if self.motors == 2 else command[:, None]
 
-    def move(self, command: Array, every: int, step: float = FINE) -> Array:
-        """Link and motors' places (rows, 1 + motors); command: at half steps."""
+    def move(self, command: Array, every: int, step: float = FINE, outer: Array | None = None) -> Array:
+        """Link and motors' places (rows, 1 + motors); command: at half steps; outer: N m on the link in each step."""
         n = self.numbers
         weight = MASS * GRAVITY * ARM if self.gravity else 0.0
         inertia = n["izz"] + MASS * ARM**2
@@ -140,7 +142,7 @@ class Joint:
             n["friction"], weight, n["motor_1_inertia"], n["motor_1_damping"], n["motor_1_friction_torque"],
             n.get("spring_k_2", n.get("spring_k_1", 0.0)),
         )  # fmt: skip
-        return _integrate(self.goals(command), every, step, p)
+        return _integrate(self.goals(command), np.zeros(len(command) // 2) if outer is None else outer, every, step, p)
 
     @property
     def keys(self) -> dict[str, float]:

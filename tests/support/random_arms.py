@@ -107,7 +107,7 @@ def random_arm(seed: int, *, friction: bool = True) -> Arm:
         "duration": DURATIONS[motion],
         "gravity": [0.0, 0.0, -9.81] if gravity else [0.0, 0.0, 0.0],
         "references": presets,
-        "ilc": {"trajectory": trajectory, "tolerance": 0.005, "max_iterations": 15, "keep_logs": "none"},
+        "ilc": {"trajectory": trajectory, "tolerance": 0.005, "max_iterations": 15},
     }
     urdf = f'<?xml version="1.0"?>\n<robot name="arm_{seed}">' + "\n".join(parts) + "</robot>\n"
     return Arm(seed=seed, kind=kind, joints=count, motion=motion, gravity=gravity, urdf=urdf, scenario=scenario)
@@ -134,25 +134,3 @@ def _motion(generator, motion: str) -> dict:
             "offset": float(amplitudes.sum()),
         }
     }
-
-
-STIFFNESS = {"sea": ("spring_stiffness",), "qbmove": ("spring_k_1", "spring_k_2"), "bavs": ("spring_k",)}
-
-
-def differing_draw(arm: Arm, joints, seed: int = 0, *, share: float = 0.25, losses: float = 0.5, delay: float = 0.01) -> dict:
-    """A robot that differs from its model: masses and stiffnesses by up to `share`, damping and friction by `losses`."""
-    generator = np.random.default_rng([7, arm.seed, seed])
-    draw = {"delay": delay}
-    for joint in joints:
-        draw[f"mass.{joint}"] = generator.uniform(-share, share)
-        stiffness = generator.uniform(-share, share)
-        draw |= {f"parameters.{joint}.{name}": stiffness for name in STIFFNESS[arm.kind]}
-        draw[f"damping.{joint}"] = generator.uniform(-losses, losses)
-        draw[f"friction.{joint}"] = generator.uniform(-losses, losses)
-    return draw
-
-
-def noisy(outputs, seed: int, deviation: float = 1e-3):
-    """A plant whose link positions are read with noise."""
-    generator = np.random.default_rng([13, seed])
-    return lambda inputs: (found := outputs(inputs)) + generator.normal(0.0, deviation, found.shape)

@@ -288,7 +288,6 @@ def test_good_laws_pass(actuator: type[Actuator]) -> None:
     assert len(report.checks) == 9
 
 
-@pytest.mark.once
 @pytest.mark.parametrize(
     ("actuator", "failed"),
     [

@@ -129,7 +129,6 @@ def test_every_exported_name_is_there() -> None:
         _ = asrsim.nothing_of_that_name
 
 
-@pytest.mark.once
 def test_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(ROOT / "examples/urdf/dof1_qbmove.urdf", tmp_path / "arm.urdf")
     text = (ROOT / "examples/scenarios/step_1dof_qbmove.yaml").read_text()

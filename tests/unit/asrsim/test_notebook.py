@@ -11,8 +11,6 @@ import asrsim
 from asrsim.errors import InputError, ScenarioError
 from support.robots import write_plain_arm
 
-pytestmark = pytest.mark.once
-
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):

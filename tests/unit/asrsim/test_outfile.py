@@ -25,7 +25,7 @@ def test_a_file_of_ours_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path
 def test_a_file_of_somebody_else_stays(tmp_path: Path, kind: str):
     path = tmp_path / "file"
     path.write_text("# a file about asrsim, by hand: asrsim run scenario.yaml\n")
-    with pytest.raises(OutputError, match="asrsim did not write it"):
+    with pytest.raises(OutputError, match="was not written by asrsim"):
         write_text(path, "new", kind)
     assert path.read_text().startswith("# a file about asrsim")
     write_text(path, "new", kind, replace=True)
@@ -57,7 +57,7 @@ def test_an_input_is_never_an_output_even_when_allowed(tmp_path: Path):
     path.write_text(PAGE)
     os.link(path, other)
     for one in (path, other, tmp_path / "." / "page.html"):
-        with pytest.raises(OutputError, match="is read by this command"):
+        with pytest.raises(OutputError, match="is an input of this command"):
             check_output(one, "page", inputs=[path], replace=True)
 
 

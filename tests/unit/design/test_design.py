@@ -96,3 +96,17 @@ def test_parameter_that_no_motion_shows_is_named_before_the_search(limits):
 def test_what_cannot_be_designed_is_said_in_words(limits, text, options, said):
     with pytest.raises(asrsim.InputError, match=said):
         design(SEA, limits(text), **{"variant": "soft", "free": FREE, **options})
+
+
+def test_a_start_that_breaks_a_limit_is_named_with_its_quantity_and_its_cure(limits):
+    """Motors that begin away from their presets need more torque than the limit at once."""
+    robot = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
+    scenario = limits(f"robot: {robot}\nduration: 1\nmodes: 6\nreferences: {{joint_1: {{stiffness_preset: 0.3}}}}\n")
+    scenario = scenario.rename(scenario.with_name("lab.yaml"))
+    path = limits("limits: {joint_1: {link_position: 1, motor_torque: 5}}\n")
+    with pytest.raises(asrsim.InputError, match=r"motor_1_torque reaches .* times its limit") as error:
+        design(scenario, path, free=["joint_1.damping"], seconds=1.0)
+    assert error.value.problems[0].key == "limits.joint_1.motor_1_torque"
+    assert "initial: equilibrium" in error.value.problems[0].hint
+    path = limits("limits: {joint_1: {link_position: 1, motor_torque: 5}}\n")
+    assert design(scenario, path, free=["joint_1.damping"], seconds=1.0, rounds=0, overrides=["initial=equilibrium"]).keys

@@ -13,8 +13,6 @@ from asrsim import identify
 from asrsim.identification.verdicts import doubted
 from support.independent_joint import FINE, QBMOVE, SEA, Joint, command, record
 
-pytestmark = pytest.mark.once
-
 RECORDINGS = {
     "white": {},
     "coloured": {"memory": 0.02},

@@ -33,8 +33,6 @@ from asrsim.scenario.starter_recording import make_plan
 from asrsim.sweeps.run import run_again
 from support.identify_files import CHIRP, SEA, record, write
 
-pytestmark = pytest.mark.once
-
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
 

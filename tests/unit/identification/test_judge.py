@@ -18,8 +18,6 @@ from asrsim.identification.judge import ChannelFit, channel_fits, faults, fits_n
 from asrsim.identification.verdicts import Estimate
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
-pytestmark = pytest.mark.once
-
 NAN = float("nan")
 NUMBERS: dict[str, Any] = {
     "recording": "a", "key": "j.q", "unit": "rad", "noise": 1.0, "before": 9.0, "after": 1.0, "held_before": 9.0,

@@ -25,8 +25,6 @@ from asrsim.identification.noise import (
 )
 from asrsim.identification.problem import huber
 
-pytestmark = pytest.mark.once
-
 
 def test_noise_and_steps_are_found_in_a_smooth_record() -> None:
     generator, time = np.random.default_rng(0), np.linspace(0.0, 4.0, 4000)

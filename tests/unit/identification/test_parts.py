@@ -19,8 +19,6 @@ from asrsim.identification.setup import Setup, set_up
 from asrsim.identification.uncertainty import Uncertainty
 from support.identify_files import CHIRP, SEA, record, write
 
-pytestmark = pytest.mark.once
-
 
 def setup_of(
     stack: ExitStack, folder: Path, columns: dict[str, np.ndarray], numbers: dict[str, object], free: list[str]

@@ -16,8 +16,6 @@ from asrsim.identification.problem import Problem, jacobian, solve
 from asrsim.identification.setup import set_up
 from asrsim.identification.track import Track
 
-pytestmark = pytest.mark.once
-
 LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.009"/></inertial></link>
 <joint name="joint_{i}" type="revolute"><parent link="world"/><child link="link_{i}"/><axis xyz="0 0 1"/>

@@ -10,8 +10,6 @@ from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario, make_scenario
 from support.paths import EXAMPLES
 
-pytestmark = pytest.mark.once
-
 ARM = EXAMPLES / "urdf" / "dof5_arm.urdf"
 TIP = (0.094, 0.02, 0.03)
 

@@ -19,8 +19,6 @@ from support.paths import ROOT
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
 
-pytestmark = pytest.mark.once
-
 SCENARIOS = ROOT / "examples" / "scenarios"
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from asrsim.errors import InputError
-from asrsim.learning import LearningProblem, learn, updated, write_inputs, zero_phase
-from asrsim.learning.law import FixedGain
-from asrsim.learning.settings import gains_at
-from asrsim.learning.trial import Trial
+from asrsim.learning import FixedGain, LearningProblem, zero_phase
+from asrsim.learning import learn as learn_by
+from asrsim.learning.playback import write_inputs
 from asrsim.scenario.learning_keys import Filter, Learning
 from asrsim.signals import parse_signal
 from asrsim.signals.pieces import Constant
@@ -46,18 +43,16 @@ def static_plant(inputs):
     return inputs * SHARE
 
 
-def test_the_paper_s_gain_falls_to_a_third_in_ten_updates():
-    paper = settings(gain_decay=10.0)
-    assert gains_at(paper, ("one", "two")) == (0.5, 0.5)
-    assert gains_at(paper, ("one", "two"), 10)[0] == pytest.approx(0.5 / math.e)
+def learn(problem, simulate, settings, on_trial=None, **options):
+    return learn_by(problem, simulate, settings, on_trial, law=FixedGain(problem, settings), **options)
 
 
 def test_without_extras_the_update_is_equation_13_to_the_last_bit():
     generator = np.random.default_rng(1)
-    inputs, error = generator.normal(size=(2, 50, 2))
-    gain = 0.5 * math.exp(-3 / 10)
-    following = updated(problem(), inputs, error, 3, settings(gain_decay=10.0))
-    assert np.array_equal(following, inputs + gain * error)
+    inputs, outputs = generator.normal(size=(2, len(TIME), 2))
+    trial = problem().trial(3, inputs, outputs)
+    following = FixedGain(problem(), settings(gain_decay=10.0)).propose([trial])
+    assert np.array_equal(following, inputs + 0.5 * math.exp(-3 / 10) * (reference() - outputs))
 
 
 def test_errors_of_a_static_plant_shrink_by_one_minus_share_times_gain():
@@ -87,7 +82,7 @@ def test_learning_that_makes_things_worse_stops_and_says_where():
     assert "grown in 3 iterations in a row" in result.reason
     assert "two" in result.reason
     assert result.iterations == 4  # the other joint's error hides the first growth
-    assert result.best < result.iterations
+    assert result.best.number < result.iterations
 
 
 def test_a_diverged_simulation_ends_the_learning():
@@ -98,7 +93,7 @@ def test_a_diverged_simulation_ends_the_learning():
 def test_learning_ends_after_the_largest_number_of_iterations():
     result = learn(problem(), static_plant, settings(max_iterations=3))
     assert (result.outcome, result.iterations, len(result.trials)) == ("exhausted", 3, 4)
-    assert result.best == 3
+    assert result.best.number == 3
 
 
 def test_the_learning_filter_has_no_delay_and_half_the_amplitude_at_its_cutoff():
@@ -182,7 +177,7 @@ def test_a_damaged_state_is_refused_by_name(tmp_path):
 def test_the_learned_input_plays_back_with_the_same_bits(tmp_path):
     path = tmp_path / "learned.csv"
     inputs = np.random.default_rng(2).normal(size=(len(TIME), 2))
-    write_inputs(path, TIME, ("one", "two"), inputs, comment="learned by a test\nin two lines")
+    write_inputs(path, TIME, ["one [rad]", "two [rad]"], inputs, comment="learned by a test\nin two lines")
     assert "time [s],one [rad],two [rad]" in path.read_text()
     signal = parse_signal({"playback": {"file": str(path), "column": "two"}})
     assert np.array_equal(signal.values(TIME), inputs[:, 1])
@@ -208,38 +203,13 @@ def test_a_state_that_would_unpack_to_more_than_its_file_is_refused_before_it_is
         learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
 
 
-def test_every_flipped_bit_of_a_state_is_named_or_harmless(tmp_path):
-    state = tmp_path / "state.npz"
-    learn(problem(), static_plant, settings(max_iterations=1), state=state)
-    whole = state.read_bytes()
-    generator = np.random.default_rng(3)
-    # The headers, where a flip changes what the numbers mean, and places anywhere.
-    places = [*generator.integers(0, 2000, 60), *generator.integers(len(whole) - 800, len(whole), 60)]
-    for place in places:
-        damaged = bytearray(whole)
-        damaged[place] ^= 1 << int(generator.integers(8))
-        state.write_bytes(damaged)
-        said = "state.npz"
-        with suppress(InputError):
-            try:
-                learn(problem(), static_plant, settings(max_iterations=1), state=state, resume=True)
-            except InputError as error:
-                said = str(error)
-                raise
-        assert "state.npz" in said
-
-
 GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], True), "up and down": ([1.0, 1.2, 1.1], False),
           "once": ([1.0, 1.2], False), "after the best": ([2.0, 1.0, 1.05, 1.2], True)}  # fmt: skip
 
 
 @pytest.mark.parametrize(("worst", "ends"), GROWTH.values(), ids=GROWTH)
 def test_fixed_gains_give_up_when_the_error_grows_twice_by_more_than_a_creep(worst, ends):
-    problem = SimpleNamespace(reference=np.zeros((2, 1)), joints=("one",), units=(), step=1.0, times=np.arange(2.0))
-    trials = [
-        Trial(number=number, largest=(error,), norm=error, rms=(error,), seconds=0.0, inputs=np.zeros((2, 1)),
-              outputs=np.full((2, 1), error), ratio=None)
-        for number, error in enumerate(worst)
-    ]  # fmt: skip
-    found = FixedGain(problem, settings()).verdict(trials, 2)
+    given = LearningProblem(joints=("one",), time=np.arange(2.0), reference=np.zeros((2, 1)), first_guess=np.zeros((2, 1)))
+    trials = [given.trial(number, np.zeros((2, 1)), np.full((2, 1), error)) for number, error in enumerate(worst)]
+    found = FixedGain(given, settings()).verdict(trials, 2)
     assert (found is not None) == ends

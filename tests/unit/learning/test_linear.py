@@ -1,21 +1,18 @@
-"""The linearised joints against closed forms and against the simulation; gains and cutoffs that are safe."""
+"""The linearised joints against closed forms and against the simulation."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove, Sea
 from asrsim.kinematics.desired import DesiredMotion
-from asrsim.learning import choose_gains, factors, learnable, linearise_along, safe_filter
-from asrsim.learning.arm import learning_model
-from asrsim.learning.contraction import FREQUENCIES, responses, rows_of, zero_phase_amplitude
-from asrsim.learning.lifted import EVERY, Band, lift
-from asrsim.learning.linear import spring_slopes
+from asrsim.learning.linear import linearise_along, spring_slopes
+from asrsim.learning.model import learning_model
+from asrsim.learning.optimal import EVERY, Band, lift
 from asrsim.learning.plant import make_plant
 from support.random_arms import random_arm
 from support.robots import drive_with
@@ -48,7 +45,8 @@ def linear_at(drive, position=0.0, motors=(0.0, 0.0), damping=0.0, count=41, end
 
 
 def response(linear, omega):
-    return complex(responses(linear, 0, np.array([omega / (2 * math.pi)]))[0, 0, 0])
+    change, inputs = (values[0] for values in linear.continuous)
+    return complex(np.linalg.solve(1j * omega * np.eye(len(change)) - change, inputs)[0, 0])
 
 
 def test_response_of_a_pendulum_on_a_spring_is_the_second_order_system():
@@ -110,54 +108,10 @@ def test_the_step_response_in_time_is_that_of_the_pendulum():
     assert lift(linear, Band.over(2.0, 0.0), [0.0])[:, 0].sum(axis=1) == pytest.approx(expected, abs=3e-3)
 
 
-def test_the_chosen_gain_levels_the_slowest_errors():
-    soft, stiff = (responses(linear_at(sea(k=k)), 0, np.zeros(1))[0, 0, 0].real for k in (1.0, 5.0))
-    (gain,) = choose_gains(linear_at(sea(k=1.0)), largest=10.0)
-    assert gain == pytest.approx(1.0 / soft, rel=1e-6)
-    assert choose_gains(linear_at(sea(k=5.0)), largest=10.0)[0] == pytest.approx(1.0 / stiff, rel=1e-6)
-    assert choose_gains(linear_at(sea(k=1.0))) == (1.0,)
-
-
-def test_over_a_motion_the_chosen_gain_leaves_as_much_at_the_stiffest_posture_as_at_the_softest():
-    time = np.linspace(0.0, 2.0, 41)
-    positions = (0.5 * math.pi * time)[:, None]  # from hanging to standing upright
-    still = np.zeros_like(positions)
-    motion = DesiredMotion(time=time, positions=positions, velocities=still, accelerations=still)
-    linear = linearise_along(Pendulum(), [sea(k=2.0)], motion, np.full((41, 1, 2), [2.0, 0.0]), [0.0])
-    weight = MASS * GRAVITY * LENGTH
-    smallest, largest = 2.0 / (2.0 + weight), 2.0 / (2.0 - weight)
-    (gain,) = choose_gains(linear, largest=10.0)
-    assert gain == pytest.approx(2.0 / (smallest + largest), rel=1e-6)
-    assert 1.0 - gain * smallest == pytest.approx(gain * largest - 1.0, rel=1e-6)
-
-
-def test_errors_beyond_the_learnable_band_do_not_shrink():
-    linear = linear_at(sea(), damping=0.005)
-    band = learnable(linear, (0.5,))
-    assert 0.0 < band < 20.0
-    above = FREQUENCIES[np.flatnonzero(band < FREQUENCIES)[0]]
-    assert np.all(factors(linear, (0.5,), FREQUENCIES[band >= FREQUENCIES]) < 1.0)
-    assert factors(linear, (0.5,), np.array([above])) >= 1.0
-
-
 @pytest.mark.parametrize("motor", [0.81, 3.0, -3.0])
 def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     """At the limit it has no slope, and nothing could be learned from there."""
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
-
-
-@pytest.mark.parametrize("damping", [0.0005, 0.005, 0.05])
-@pytest.mark.parametrize("gain", [0.5, 1.0, 3.0])
-def test_a_safe_filter_lets_no_error_grow(damping, gain):
-    linear = linear_at(sea(mode=6), damping=damping)
-    gains, cutoff = safe_filter(linear, (gain,), 2)
-    assert gains[0] <= gain
-    amplification = factors(linear, gains)
-    assert (zero_phase_amplitude(FREQUENCIES, cutoff, 2) * amplification).max() < 1.0
-    # It gives no more away than it must: with the next cutoff an error would hardly shrink, or grow.
-    higher = FREQUENCIES[np.searchsorted(FREQUENCIES, 1.0001 * cutoff) :]
-    if len(higher):
-        assert (zero_phase_amplitude(FREQUENCIES, float(higher[0]), 2) * amplification).max() > max(0.95, amplification[0])
 
 
 @pytest.mark.once
@@ -168,19 +122,10 @@ def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     plant = make_plant(arm.make(tmp_path))
     bump = 0.02 * np.exp(-(((plant.time - 0.5 * plant.time[-1]) / 0.15) ** 2))[:, None] * np.ones(len(plant.joints))
     with learning_model(plant) as model:
-        inverse = model.inverse(plant.reference)
-        linear, band = model.linear(inverse), Band.over(plant.time[-1], 0.0)
+        linear, band = model.linear, Band.over(plant.time[-1], 0.0)
         splines = np.linalg.lstsq(band.at(plant.time).toarray(), bump, rcond=None)[0].ravel()
         expected = lift(linear, band, [0.0] * len(plant.joints)) @ splines
         rows = np.searchsorted(plant.time, linear.time[EVERY::EVERY] - 1e-9)
-        inputs = inverse.inputs_at(plant.time)
+        inputs = model.guess
     moved = (plant.outputs(inputs + bump) - plant.outputs(inputs))[rows]
     assert np.abs(moved - expected).max() < 0.03 * np.abs(moved).max()
-
-
-@pytest.mark.parametrize("length", [2, 3, 6, 101])
-def test_postures_are_spread_over_all_of_a_motion(length):
-    rows = rows_of(SimpleNamespace(time=np.zeros(length)))
-    assert (rows[0], rows[-1]) == (0, length - 1)
-    assert len(rows) == min(length, 5)
-    assert np.ptp(np.diff(rows)) <= 1

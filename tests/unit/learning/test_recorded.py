@@ -19,7 +19,7 @@ MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.5}}, "joint_2": 
 
 @pytest.fixture(scope="module")
 def plant():
-    block = {"trajectory": MOTION, "tolerance": 1e-3, "keep_logs": "none"}
+    block = {"trajectory": MOTION, "tolerance": 1e-3}
     return make_plant(make_scenario(ARM, duration=2.5, references={"*": {"stiffness_preset": 0.3}}, ilc=block))
 
 

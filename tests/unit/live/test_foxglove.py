@@ -130,7 +130,7 @@ def test_the_server_behind_the_proxy_has_an_unusual_address(transport):
 
 @pytest.mark.parametrize("text", ["lab.example", "https://lab.example/page", "*", "https://"])
 def test_an_origin_is_a_scheme_and_a_host(text):
-    with pytest.raises(InputError, match="is no origin"):
+    with pytest.raises(InputError, match="is not an origin"):
         origin_of(text)
 
 

@@ -27,8 +27,6 @@ from asrsim.samples import Samples
 from support.log_example import INFO, assert_same, example_samples, part
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 COUNT = 6000
 
 

@@ -21,8 +21,6 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 EXAMPLES = ROOT / "examples/scenarios"
 
 
@@ -33,19 +31,6 @@ def as_file(folder: Path) -> list[Path]:
         EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4", path], out=folder, certify=True
     )
     return [result.log]
-
-
-def as_learned(folder: Path) -> list[Path]:
-    """`asrsim ilc`, every trial and the last."""
-    from asrsim.learning.plant import make_plant
-    from asrsim.learning.session import run_session
-
-    motion = "ilc.trajectory={'*': {minimum_jerk: {duration: 1, to: 0.8}}}"
-    short = ["duration=1", "ilc.max_iterations=2", motion]
-    (scenario,) = load_scenario(EXAMPLES / "ilc_2dof.yaml", overrides=short)
-    for keep in ("all", "last"):
-        run_session(make_plant(scenario), folder / keep, keep_logs=keep, picture=False)
-    return sorted(folder.rglob("*.mcap"))
 
 
 def as_changed(folder: Path) -> list[Path]:
@@ -69,7 +54,7 @@ def as_changed(folder: Path) -> list[Path]:
     return [asrsim.run(changed, robot=robot, out=folder).log]
 
 
-PRODUCERS = (as_file, as_learned, as_changed)
+PRODUCERS = (as_file, as_changed)
 
 
 @pytest.mark.parametrize("produce", PRODUCERS)

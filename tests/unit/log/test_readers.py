@@ -20,8 +20,6 @@ from asrsim.log.structure import read_structure
 from asrsim.samples import Samples
 from support.log_example import INFO, example_samples
 
-pytestmark = pytest.mark.once
-
 COUNT = 1500
 BODIES, CONTACTS = ("box", "ball"), ("box/ground", "box/finger-1")
 TIMES = [round(0.002 * 1e9) * n for n in range(COUNT)]

@@ -14,8 +14,6 @@ from asrsim.metrics.local import local_rational
 from asrsim.metrics.periodic import by_periods
 from asrsim.metrics.spectra import welch
 
-pytestmark = pytest.mark.once
-
 MOTOR_INERTIA, MOTOR_DAMPING, SPRING, LINK_INERTIA, LINK_DAMPING, LOOP = 0.01, 0.05, 4.0, 0.004, 0.01, 6.0
 """kg m^2, N m s/rad, N m/rad, kg m^2, N m s/rad; proportional gain of the motor's position loop, N m/rad."""
 STEP = 1e-3

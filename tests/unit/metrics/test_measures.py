@@ -14,8 +14,6 @@ from asrsim.metrics import MEASURES, MetricRow, measure, summarise, write_metric
 from asrsim.metrics.lag import _chance_by_samples as chance_by_samples
 from asrsim.metrics.lag import estimate_lag
 
-pytestmark = pytest.mark.once
-
 TIME = np.linspace(0, 10, 10_001)
 
 

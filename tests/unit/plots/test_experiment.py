@@ -23,8 +23,6 @@ from asrsim.plots.world import WorldEnvelope
 from asrsim.samples import Samples
 from support.plot_example import made_up_log, simulated_log
 
-pytestmark = pytest.mark.once
-
 
 def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", rate: float = 0.004) -> Path:
     """A recording of the made-up run: its position times a gain, its clock late."""
@@ -302,8 +300,8 @@ def test_forces_on_an_object_count_on_whichever_side_of_a_pair_it_stands() -> No
 @pytest.mark.parametrize(
     ("status", "said"),
     [
-        ("truncated", "log.mcap: the run is truncated, drawn as far as it goes"),
-        ("diverged", "log.mcap: the run is diverged, drawn as far as it goes; its claims are not judged"),
+        ("truncated", "log.mcap: the run is truncated, drawn up to its last sample"),
+        ("diverged", "log.mcap: the run is diverged, drawn up to its last sample; its claims are not evaluated"),
     ],
 )
 def test_a_run_that_did_not_end_well_is_drawn_and_said_to_be(tmp_path: Path, asrsim_command, status: str, said: str) -> None:

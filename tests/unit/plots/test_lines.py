@@ -18,8 +18,6 @@ from asrsim.plots.world import Curve
 from asrsim.samples import JointInfo
 from support.plot_example import made_up_log
 
-pytestmark = pytest.mark.once
-
 TIME = np.linspace(0.0, 1.0, 21)
 
 

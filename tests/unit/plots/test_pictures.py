@@ -23,8 +23,6 @@ from asrsim.plots.ticks import Plain
 from support.log_example import INFO, example_samples
 from support.plot_example import made_up_log, simulated_log
 
-pytestmark = pytest.mark.once
-
 
 def lines(axes) -> dict[str, object]:
     return {line.get_gid(): line for line in axes.get_lines()}

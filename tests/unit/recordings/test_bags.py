@@ -19,8 +19,6 @@ from rosbags.rosbag2 import StoragePlugin  # noqa: E402
 from rosbags.rosbag2 import Writer as Writer2  # noqa: E402
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
 
-pytestmark = pytest.mark.once
-
 N = 40
 ZERO = 1_700_000_000_000_000_000
 STAMPS = ZERO + 10_000_000 * np.arange(N)

@@ -16,9 +16,6 @@ from asrsim.samples import JointInfo, Samples
 from asrsim.scenario.data import Expectation
 from asrsim.summary.claims import check_claims, claim_results
 
-pytestmark = pytest.mark.once
-
-
 TIME = 0.001 * np.arange(5001)
 
 

@@ -11,8 +11,6 @@ import pytest
 
 from asrsim.recordings import Recording, read_recording, suspect_scale
 
-pytestmark = pytest.mark.once
-
 DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
 Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3

@@ -12,9 +12,6 @@ from asrsim.errors import Problem, RecordingError
 from asrsim.recordings import read_recording
 from asrsim.recordings.times import rising
 
-pytestmark = pytest.mark.once
-
-
 N = 50
 TIME = np.arange(N) * 0.01
 Q1 = np.sin(2 * np.pi * TIME)

@@ -9,8 +9,6 @@ import pytest
 
 from asrsim.render.mesh_files import read_mesh
 
-pytestmark = pytest.mark.once
-
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 3]], float)
 FANS = SQUARE[[[0, 1, 2], [0, 2, 3]]]
 VERTEX = '<input semantic="VERTEX" source="#v" offset="0"/>'

@@ -22,8 +22,6 @@ from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
 from support.plot_example import EXAMPLES, made_up_log, simulated_log
 
-pytestmark = pytest.mark.once
-
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -18,8 +18,6 @@ from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
 from support.plot_example import made_up_log
 
-pytestmark = pytest.mark.once
-
 
 def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
     time = np.arange(1001) * 0.001

@@ -27,8 +27,6 @@ from asrsim.runs.folder import find_logs
 from support.browser import CHROMIUM, Browser
 from support.plot_example import made_up_log, simulated_log
 
-pytestmark = pytest.mark.once
-
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 
 

@@ -23,8 +23,6 @@ from paper.law import swings
 from paper.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
 from support.paths import EXAMPLES
 
-pytestmark = pytest.mark.once
-
 EQUILIBRIA = {
     ("sea", "soft"): (0.79972, 200.0), ("awas_ii", "soft"): (0.77988, 2.741), ("awas_ii", "stiff"): (0.79998, 3555.6),
     ("bavs", "soft"): (0.79442, 10.05), ("bavs", "stiff"): (0.79877, 45.57), ("qbmove", "soft"): (0.57767, 0.400),

@@ -19,8 +19,6 @@ from support.damage import damaged
 from support.paths import ROOT
 from support.tiny import PENDULUM
 
-pytestmark = pytest.mark.once
-
 URDFS = sorted((ROOT / "examples/urdf").glob("dof*.urdf"))
 TEXTS = [PENDULUM, *(path.read_text() for path in URDFS)]
 

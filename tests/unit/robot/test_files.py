@@ -276,7 +276,6 @@ def test_file_finds_its_own_package(read: Callable[..., Robot], tmp_path: Path) 
     assert read(xacro('<xacro:include filename="$(find mine)/links/a.xacro"/>'), "urdf/r.xacro").links[1].name == "b"
 
 
-@pytest.mark.once
 @pytest.mark.parametrize(
     "expression",
     [

@@ -17,8 +17,6 @@ from asrsim.simulation.run import simulate
 from support.pinocchio_model import ALTEREGO, dynamics, farthest
 from support.random_robots import random_urdf
 
-pytestmark = pytest.mark.once
-
 BLOCK = (
     '<gazebo><plugin name="{0}" filename="libsea_plugin.so"><joint>{0}</joint><operation_mode>3</operation_mode>'
     "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau><spring_k>500</spring_k>"

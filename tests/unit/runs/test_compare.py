@@ -18,8 +18,6 @@ from asrsim.runs.folder import find_logs, new_log, open_folder
 from asrsim.samples import Samples
 from support.log_example import INFO, example_samples, part
 
-pytestmark = pytest.mark.once
-
 COUNT = 60
 
 

@@ -19,8 +19,6 @@ from asrsim.scenario.data import Effects, LinkDamping
 from asrsim.scenario.keys import KEYS
 from asrsim.signals import Constant, Step
 
-pytestmark = pytest.mark.once
-
 BASE = "robot: arm.urdf\nduration: 2\n"
 
 
@@ -106,7 +104,7 @@ world:
     ball: {shape: sphere, size: 0.03}
     hand: {shape: mesh, mesh: hand.stl}
 task: {link: tip, poses: [{time: 0, position: [0,0,1], rpy: [0,0,0]}, {time: 1, position: [0,1,1], rpy: [0,0,0]}], preset: 0.3}
-ilc: {trajectory: {a: {minimum_jerk: {to: 0.8, duration: 1}}}, tolerance: 0.08, gain: model, joint_gains: {a: 0.3}}
+ilc: {trajectory: {a: {minimum_jerk: {to: 0.8, duration: 1}}}, tolerance: 0.08, gain: 0.4, joint_gains: {a: 0.3}}
 expect:
   - {joint: a, quantity: link_position, measure: steady_state, value: 1, tolerance: 0.1}
   - {body: box, quantity: displacement, measure: maximum, comparison: "<", value: 0.001}
@@ -181,7 +179,7 @@ expect:
         ),
         ("task: {link: a, poses: []}", 3, "task.poses", "at least 1 entries"),
         ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),
-        ("ilc: {trajectory: {a: 1}, tolerance: 1, gain: modle}", 3, "ilc.gain", "number or model"),
+        ("ilc: {trajectory: {a: 1}, tolerance: 1, law: atuo}", 3, "ilc.law", "auto"),
         ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint, or body"),
         ("expect: [{joint: a, quantity: link_positon, measure: x, value: 1}]", 3, "expect.0.quantity", "'link_position'"),
         ("expect: [{body: box, quantity: x, measure: x, value: 1}]", 3, "expect.0.body", "no object 'box'"),
@@ -411,7 +409,7 @@ def test_keys_of_the_log_and_of_the_velocity_limit(tmp_path):
     [
         "world: {objects: {'*': {shape: sphere, size: 1}}}", "references: {a: {'*': 1}}", "parameters: {a: {'*': 1}}",
         "reference_ranges: {a: {'*': [0, 1]}}",
-        "ilc: {trajectory: {a: 1}, tolerance: 1, transfer: {spread: {parameters: {'*': 0.1}}}}",
+        "ilc: {trajectory: {a: 1}, tolerance: 1, joint_gains: {'*': 0.1}}",
         "expect: [{joint: a, quantity: link_position, measure: final, value: 0, options: {'*': 1}}]",
     ],
 )  # fmt: skip

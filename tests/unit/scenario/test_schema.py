@@ -17,8 +17,6 @@ from asrsim.scenario.schema import json_schema
 from asrsim.signals import parse_signal
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 EXAMPLES = sorted((ROOT / "examples" / "scenarios").glob("*.yaml"))
 
 

@@ -121,7 +121,6 @@ def test_a_reset_to_other_positions_is_a_fresh_start_there(tmp_path: Path, engin
     assert_same(record(moved, WHOLE), found)
 
 
-@pytest.mark.once
 @pytest.mark.parametrize(
     ("engine", "fixed"),
     [

@@ -113,7 +113,6 @@ def test_equal_bits_of_every_actuator_in_every_mode(tmp_path: Path) -> None:
     assert_equal(*both(robot, replace(scenario, references=references, modes=modes)))
 
 
-@pytest.mark.once
 @pytest.mark.parametrize(("stepping", "mode"), [("leapfrog", 6), ("euler", 3)])
 def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode: int, stepping: str) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode, damping=0.05, effort=0.1)
@@ -124,7 +123,6 @@ def test_equal_bits_with_damping_limits_and_motor_substeps(tmp_path: Path, mode:
     assert np.array_equal(plain.counts.effort, fast.counts.effort)
 
 
-@pytest.mark.once
 def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plugin = tmp_path / "tabled.py"
     plugin.write_text(PLAIN_PYTHON)
@@ -152,14 +150,12 @@ def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, mon
         simulate(replace(scenario, compiled=True), robot)
 
 
-@pytest.mark.once
 def test_equal_bits_on_the_bench(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("qbmove",), 6)
     motion = {"j0": Sinusoid(amplitude=0.2, frequency=3.0)}
     assert_equal(*both(robot, make_scenario(robot, 6, engine="bench", motion=motion)))
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("mode", range(7))
 def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
@@ -171,7 +167,6 @@ def kernels() -> list[Path]:
     return [] if folder is None else sorted(folder.parent.glob("*.py"))
 
 
-@pytest.mark.once
 def test_a_kernel_serves_other_robots_with_the_same_actuators(tmp_path: Path) -> None:
     robot = make_robot(tmp_path, ("sea",), 6)
     scenario = make_scenario(robot, 6, compiled=True)
@@ -186,7 +181,6 @@ def test_a_kernel_serves_other_robots_with_the_same_actuators(tmp_path: Path) ->
     assert kernels() == kept
 
 
-@pytest.mark.once
 def test_a_changed_law_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 3)
     scenario = make_scenario(robot, 3)
@@ -198,7 +192,6 @@ def test_a_changed_law_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.Monk
     assert not np.array_equal(first.samples.values["link_position"], second.samples.values["link_position"])  # type: ignore[union-attr]
 
 
-@pytest.mark.once
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and permissions of files")
 @pytest.mark.parametrize("fault", ["folder of others", "writable folder", "linked folder", "linked file", "writable file"])
 def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
@@ -228,7 +221,6 @@ def doubled(value: float) -> float:
     return 2.0 * value
 
 
-@pytest.mark.once
 def test_a_damaged_cache_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

@@ -24,8 +24,6 @@ from asrsim.summary.make import make_summary
 from asrsim.summary.table import headline, joint_columns, limit_note, share
 from support.paths import EXAMPLES, ROOT
 
-pytestmark = pytest.mark.once
-
 
 def test_numbers_are_those_of_the_samples(tiny) -> None:
     result = asrsim.run(tiny.scenario, overrides=["duration=3"])

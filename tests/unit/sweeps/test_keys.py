@@ -107,7 +107,6 @@ BAD = {
 }
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("key", BAD)
 def test_a_wrong_value_is_a_row_with_the_reason(key):
     good, bad, word = BAD[key]

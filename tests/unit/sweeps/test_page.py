@@ -15,8 +15,6 @@ from support.browser import CHROMIUM, Browser
 from support.overlaps import overlapping
 from support.paths import ROOT
 
-pytestmark = pytest.mark.once
-
 pytest.importorskip("pyarrow")
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 

@@ -131,7 +131,7 @@ def test_tied_keys_follow_bounded_draws_of_a_fit():
 @pytest.mark.parametrize(
     ("over", "options", "word"),
     [
-        ({"a": "1:2"}, {}, "Forms are"),
+        ({"a": "1:2"}, {}, "Valid forms"),
         ({"a": "uniform(0,)"}, {"samples": 5}, "^a: must be a finite number"),
         ({"a": "normal(1, 0)"}, {}, "above 0"),
         ({"a": "uniform(2, 2)"}, {}, "must be above the low one"),
@@ -141,13 +141,13 @@ def test_tied_keys_follow_bounded_draws_of_a_fit():
         ({"a": "1:2:0"}, {}, "at least 1"),
         ({"a": "gauss(1, 2)"}, {}, "no distribution 'gauss'"),
         ({"a": []}, {}, "empty"),
-        ({}, {}, "nothing is varied"),
+        ({}, {}, "no key is varied"),
         ({"a": "1:2:3", "b & a": [1]}, {}, "varied twice"),
-        ({"a": "1:2:3"}, {"samples": 5}, "no key is drawn"),
+        ({"a": "1:2:3"}, {"samples": 5}, "no key has a distribution"),
         ({"a": "normal(1,1)"}, {"design": "magic"}, "magic"),
         ({"a": "normal(1,1)", "b": [1, 2]}, {"design": "saltelli"}, "neither a fit nor listed values"),
         (["a=1:2:3", "a=[5]"], {}, "varied twice"),
-        ({}, {"fit": {"keys": ["a"], "mean": [1], "covariance": [[-1]]}}, "no covariance"),
+        ({}, {"fit": {"keys": ["a"], "mean": [1], "covariance": [[-1]]}}, "not a covariance"),
     ],
 )
 def test_what_no_study_is(over, options, word):
@@ -159,7 +159,7 @@ def test_what_no_study_is(over, options, word):
     ("key", "word"),
     [
         ("link_1.mas", "Did you mean 'mass'"),
-        ("link_1.inertial.mass", "has no such number; choose from mass"),
+        ("link_1.inertial.mass", "has no number of this name; choose from mass"),
         ("lnk_1.mass", "link_1"),
         ("parameters.*.nonsense", "no such parameter"),
         ("references.*.stiffness_preset", "changes nothing"),
@@ -211,7 +211,6 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
     runner.close()
 
 
-@pytest.mark.once
 def test_runs_done_together_have_the_rows_of_runs_alone():
     over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
     payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
@@ -240,7 +239,6 @@ def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
         assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
 
 
-@pytest.mark.once
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
     study = study_of(
         {"parameters.*.spring_a_1": "uniform(6, 10)", "duration": [0.05, 0.06]},
@@ -259,7 +257,6 @@ def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
-@pytest.mark.once
 def test_signals_are_kept_at_their_rate(tmp_path):
     study = study_of(
         {"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_position"], rate=200.0, overrides=["duration=0.2", "engine=mujoco"]
@@ -287,7 +284,6 @@ def kill_study(samples: int):
     return make_payload(study_of({"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples))
 
 
-@pytest.mark.once
 def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path, monkeypatch):
     monkeypatch.setattr("asrsim.workers.DEATHS", 1)
     payload = kill_study(5)
@@ -316,13 +312,12 @@ def test_a_study_that_cannot_be_sent_is_refused():
         next(Processes(1).results(Runner(payload), [0, 1]))
 
 
-@pytest.mark.once
 def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     study = study_of({"link_1.mass": [0.3, 0.4]})
     asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    with pytest.raises(InputError, match="holds rows"):
+    with pytest.raises(InputError, match="contains rows"):
         asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    with pytest.raises(InputError, match="varies other things"):
+    with pytest.raises(InputError, match="varies other keys"):
         asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
     other = study_of({"link_1.mass": [0.3, 0.5, 0.6]})
     assert asrsim.sweep(other, out=tmp_path / "s", workers=1, overwrite=True, stop=lambda: True).missing == 3

@@ -1,0 +1,79 @@
+"""The learner's model of a plant: its inverse dynamics and its linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asrsim.actuators.drive import Drive
+from asrsim.actuators.rest import resting_motors
+from asrsim.kinematics.engine_model import model_of
+from asrsim.kinematics.inverse import InverseDynamics, SoftArm
+from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
+from asrsim.samples import Array
+
+if TYPE_CHECKING:
+    from asrsim.learning.plant import Plant
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmModel:
+    """A plant and the soft arm of its scenario.
+
+    Joints that are driven and do not learn follow their own references, but are as soft: they stand behind the learned ones
+    wherever the arm is linearised.
+    """
+
+    plant: Plant
+    arm: SoftArm
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The learned joints' drives, then the followers'."""
+        arm, learned = self.arm.drives, self.plant.joints
+        followers = [drive for joint, drive in arm.items() if joint not in learned and all(drive.proportional)]
+        return (*(arm[joint] for joint in learned), *followers)
+
+    @property
+    def delays(self) -> tuple[float, ...]:
+        """s by which each joint's commands arrive late."""
+        return tuple(self.arm.delay(joint) + self.plant.delay for joint in self.plant.joints)
+
+    @cached_property
+    def inverse(self) -> InverseDynamics:
+        """Of the desired motion."""
+        return self.arm.inverse(self.plant.time, self.plant.joints, self.plant.reference)
+
+    @property
+    def guess(self) -> Array:
+        """(n, joints) inputs that move the model along the desired motion."""
+        return self.inverse.inputs_at(self.plant.time, self.delays)
+
+    @cached_property
+    def linear(self) -> Linearised:
+        """The joints along the desired motion."""
+        motion = self.inverse.motion
+        columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
+        positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
+        springs = np.zeros((len(positions), len(self.drives), 2))
+        for j, (drive, position) in enumerate(zip(self.drives, positions.T, strict=True)):
+            if j >= len(motors):
+                goals = drive.goals(np.stack([position, self.arm.preset(drive.joint, motion.time)]))
+                motors.append(resting_motors(drive, position, goals)[:2].T)
+            if drive.mode.spring:
+                springs[:, j] = spring_slopes(drive, position, motors[j])
+        damping = [self.arm.robot.joint(drive.joint).damping for drive in self.drives]
+        return linearise_along(self.arm.model, self.drives, motion, springs, damping)
+
+
+@contextmanager
+def learning_model(plant: Plant) -> Iterator[ArmModel]:
+    """The plant's model, with its numbers; released at the end."""
+    robot = plant.prepared.robot
+    with model_of(plant.scenario, robot) as model:
+        yield ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=robot, model=model))

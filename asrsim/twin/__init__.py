@@ -1,0 +1,7 @@
+"""A twin beside a robot: external torques, alarms and stiffness from commands and measured positions (`asrsim twin`)."""
+
+from __future__ import annotations
+
+from asrsim.twin.twin import Twin, TwinStep
+
+__all__ = ["Twin", "TwinStep"]

@@ -1,0 +1,228 @@
+"""Measures what `asrsim design` promises, on five robots: each row of the table in docs/design.md.
+
+python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
+python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
+python benchmarks/design.py fits [ROBOT]          promised intervals against what fits of simulated recordings scatter
+python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
+python benchmarks/design.py time                  seconds for two joints
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.ndimage import uniform_filter1d
+
+import asrsim
+from asrsim.design import design
+from asrsim.design.limits import read_limits
+from asrsim.design.plant import Plant
+from asrsim.design.run import _read, _task, off
+from asrsim.design.search import Search
+from asrsim.design.write import write_design
+
+URDF = Path(__file__).parent.parent / "examples" / "urdf"
+MOTOR = ["motor_1_inertia", "motor_1_damping", "motor_1_friction_torque"]
+PRESET = "stiffness_preset"
+LOSSES = ["damping", "friction"]
+ROBOTS = {
+    "sea": (["spring_stiffness"], {"spring_stiffness": 8.0}, {"deflection": 0.6}, {}),
+    "qbmove": (["spring_a_1", "spring_k_1"], {}, {"deflection": 0.5, PRESET: [0.1, 0.45]}, {PRESET: 0.25}),
+    "bavs": (["spring_k", "spring_exponent"], {}, {"deflection": 0.2, PRESET: [0.02, 0.2]}, {PRESET: 0.08}),
+    "awas_ii": (["spring_stiffness"], {}, {"deflection": 0.28, PRESET: [0.004, 0.02]}, {PRESET: 0.01}),
+}  # fmt: skip
+"""Robot -> free numbers of its springs, parameters, limits of its own, references."""
+SECONDS = 4.0
+
+
+def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Path, Path, dict]:
+    """Scenario, limits file and options of a robot."""
+    two = name == "two"
+    springs, parameters, limits, references = ROBOTS["qbmove" if two else name]
+    joints = ["joint_1", "joint_2"] if two else ["joint_1"]
+    kind = "qbmove" if two else name
+    own = [*springs, *LOSSES, *MOTOR] if not two else [*springs, *LOSSES, MOTOR[2]]
+    free = [f"{joint}.{key}" for joint in joints for key in own]
+    free += ["link_2.mass", "link_1.mass", "link_2.iyy"] if two else ["link_1.mass", "link_1.iyy"]
+    ties = []
+    if kind in ("qbmove", "bavs"):
+        keys = [key for key in own if "_1" in key]
+        ties = [f"{joint}.{key.replace('_1', '_2', 1)}={joint}.{key}" for joint in joints for key in keys]
+    scenario = {
+        "robot": str(URDF / ("dof2_vertical.urdf" if two else "dof1_qbmove_cube.urdf")), "duration": SECONDS,
+        "actuators": {joint: {"type": kind, "mode": 6} for joint in joints}, "parameters": dict.fromkeys(joints, parameters),
+        "references": dict.fromkeys(joints, references), "initial": "equilibrium", "engine": "mujoco",
+    }  # fmt: skip
+    if two:
+        del scenario["actuators"]
+    bounds = {"link_position": [-1.2, 1.2], "link_velocity": 10, "motor_torque": 5.5, **limits}
+    data = {"limits": dict.fromkeys(joints, bounds)} | ({"choose": choose} if choose else {})
+    paths = folder / f"{name}.yaml", folder / f"{name}.limits.yaml"
+    for path, content in zip(paths, (scenario, data), strict=True):
+        path.write_text(yaml.safe_dump(yaml.safe_load(yaml.safe_dump(content))))
+    return *paths, {"free": free, "ties": ties}
+
+
+def searcher(
+    scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
+) -> Search:
+    """The robot within its limits, as the search sees it."""
+    read = read_limits(limits)
+    ready, given, layout, _ = _read(_task(scenario, (), options), read)
+    plant = Plant(ready, given, layout, read, seconds)
+    stack.callback(plant.close)
+    generator = np.random.default_rng(99)
+    draws, others = [np.zeros(len(layout))], [off(layout, generator) for _ in range(checks)]
+    known = np.zeros((len(layout), len(layout)))
+    return Search(plant, {}, draws, others, plant.substeps_of({}, draws + others), known, generator)
+
+
+def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
+    """Name and shares (references, rows) of what people record, full size."""
+    t = plant.step * np.arange(plant.rows)
+    whole = t[-1]
+    slots = [one.slot for one in plant.references]
+    gentle = np.clip(t / 0.2, 0, 1) * np.clip((whole - 0.1 - t) / 0.2, 0, 1)
+    first = next((i for i, slot in enumerate(slots) if slot == 1), None)
+
+    def chirp(low: float, high: float, phase: float) -> np.ndarray:
+        return gentle * np.sin(2 * np.pi * (low * t + 0.5 * (high - low) / whole * t**2) + phase)
+
+    def stairs(levels: int, rise: float, turn: int) -> np.ndarray:
+        heights = np.sin(2.399963 * (turn + 1) * np.arange(1, levels + 1))
+        steps = np.diff(np.append(heights, 0.0), prepend=0.0)
+        edges = whole * np.linspace(0.02, 0.9, levels + 1)
+        return sum(h * np.clip((t - e) / rise, 0, 1) for h, e in zip(steps, edges, strict=True))
+
+    for low in (0.2, 1.0):
+        for high in (2.0, 4.0, 7.0, 12.0, 20.0):
+            for phase in (0.0, 1.5):
+                rows = np.array([chirp(low, high * (1.0 if i < 2 else 0.7), phase * i) * (s == 0) for i, s in enumerate(slots)])
+                yield "chirp", rows
+                if first is not None and phase == 0.0:
+                    for preset in (np.sign(np.sin(2 * np.pi * t / whole)), 0.99 * (t > 0.5 * whole), -0.99 * (t > 0.5 * whole)):
+                        preset = uniform_filter1d(np.where(t > whole - 0.3, 0.0, preset), round(0.2 / plant.step))
+                        yield "chirp and preset step", rows + np.array([preset * (s == 1) for s in slots])
+    for levels in (3, 6, 12, 20):
+        for rise in (0.005, 0.05, 0.15):
+            yield "staircase", np.array([stairs(levels, rise, i) * (s == 0) for i, s in enumerate(slots)])
+    yield "one step", np.array([np.clip((t - 0.1) / 0.005, 0, 1) * (t < whole) * (s == 0) for s in slots])
+
+
+def fitting(search: Search, shares: np.ndarray) -> float:
+    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection."""
+    plant = search.plant
+    slots = np.array([one.slot for one in plant.references])
+    size, best = np.zeros(len(shares)), np.inf
+    joints = [slots == 0, *(np.eye(len(slots), dtype=bool)[slots == 0] if np.sum(slots == 0) > 1 else [])]
+    for mine in joints:
+        low, high = float(size[mine][0]), 1.0
+        for _ in range(8):
+            middle = 0.5 * (low + high)
+            there = np.where(slots == 1, 1.0, np.where(mine, middle, size))
+            motion = np.array(
+                [p.values(np.clip(f * s, -1, 1)) for p, f, s in zip(plant.references, there, shares, strict=True)]
+            )
+            found = search.play(motion, information=True)
+            if found is not None and found.use.max() <= 1.0 and found.information is not None:
+                best, low, size = min(best, float(search.score(found.information))), middle, there
+            else:
+                high = middle
+    return best
+
+
+def tighter(names: list[str]) -> None:
+    """The same gains, the same limits, 4 s."""
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+            scenario, limits, options = laboratory(name, Path(folder))
+            search = searcher(scenario, limits, options, stack)
+            best: dict[str, float] = {}
+            for kind, shares in plain(search.plant):
+                best[kind] = min(best.get(kind, np.inf), fitting(search, shares))
+            began = time.perf_counter()
+            found = design(scenario, limits, seconds=SECONDS, **options)
+            took = time.perf_counter() - began
+            percent = {kind: 196 * np.exp(value) for kind, value in best.items()}
+            own = 196 * np.exp(found.found.score)
+            others = min(value for kind, value in percent.items() if kind != "one step")
+            said = ", ".join(f"{kind} {value:.3g} %" for kind, value in percent.items())
+            gain, step = others / own, percent["one step"] / own
+            print(f"{name}: design {own:.3g} %, {said}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
+
+
+def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
+    """What a run of the designed scenario records without noise: columns, headings, and which columns are measured."""
+    result = asrsim.run(scenario)
+    headings, columns = ["time [s]"], [result.time]
+    table = np.genfromtxt(folder / "excite.csv", delimiter=",", names=None, skip_header=2)
+    heads = (folder / "excite.csv").read_text().splitlines()[1].split(",")
+    headings += heads[1:]
+    columns += list(table.T[1:])
+    measured = len(columns)
+    for j in range(1, joints + 1):
+        for name in ("link_position", "motor_1_position", "motor_2_position"):
+            values = result[f"joint_{j}"].get(name) if hasattr(result[f"joint_{j}"], "get") else None
+            if values is not None and np.isfinite(values).all():
+                headings.append(f"joint_{j}.{name} [rad]")
+                columns.append(values)
+    return np.column_stack(columns), headings, np.arange(len(columns)) >= measured
+
+
+def fits(names: list[str], count: int = 40) -> None:
+    """Simulated recordings of the design, each with its own noise of 1 mrad, fitted from the scenario's numbers."""
+    for name in names:
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            scenario, limits, options = laboratory(name, folder)
+            found = design(scenario, limits, seconds=SECONDS, **options)
+            write_design(found, folder / "excite.csv", plot=False)
+            clean, headings, measured = recorded(folder, folder / "excite.yaml", 2 if name == "two" else 1)
+            promised, errors, own = found.intervals["design"], [], []
+            for number in range(count):
+                noise = np.random.default_rng(number).normal(0.0, 1e-3, clean.shape) * measured
+                path = folder / f"trial_{number}.csv"
+                np.savetxt(path, clean + noise, delimiter=",", header=",".join(headings), comments="", fmt="%.9g")
+                fit = asrsim.identify(scenario, [path], starts=1, hold_out=0.0, **options)
+                values = [fit.find(key) for key in found.keys]
+                truth = [entry.value(0.0) for entry in fit.layout.entries]
+                errors.append([one.value / true - 1.0 for one, true in zip(values, truth, strict=True)])
+                own.append([one.low <= true <= one.high for one, true in zip(values, truth, strict=True)])
+            scatter = 1.96 * np.std(errors, axis=0) / promised
+            inside = np.mean(np.abs(errors) <= promised)
+            said = " ".join(f"{key.rpartition('.')[2]} {v:.2f}" for key, v in zip(found.keys, scatter, strict=True))
+            print(f"{name}: scatter / promised {said}, mean {np.exp(np.log(scatter).mean()):.2f}; promised intervals hold "
+                  f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
+
+
+def limits(names: list[str], count: int = 50) -> None:
+    """Robust designs played on robots each of whose numbers is off by up to a factor of 2."""
+    exceeded, worst = 0, []
+    for number in range(count):
+        name = names[number % len(names)]
+        with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(place))
+            if number < len(names):
+                designs[name] = design(scenario, within, seconds=SECONDS, robust=2, **options)
+            search = searcher(scenario, within, options, stack)
+            layout = search.plant.layout
+            draw = off(layout, np.random.default_rng([77, number]))
+            told = search.plant.play(designs[name].found.motion, {}, [draw], search.plant.substeps_of({}, [draw]))
+            use = np.inf if told is None else float(told.use.max())
+            exceeded += use > 1.0
+            worst.append(use)
+    print(f"exceeded {exceeded} of {count}; largest shares {np.sort(worst)[-5:].round(3)}")
+
+
+designs: dict = {}
+
+if __name__ == "__main__":
+    what, *rest = sys.argv[1:]
+    {"tighter": tighter, "fits": fits, "limits": limits}[what](rest or [*ROBOTS, "two"])

@@ -1,0 +1,281 @@
+"""Twins: what they find on a robot that is not asrsim's and differs from its model, and that bad measurements stop nothing."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+import asrsim
+from asrsim.errors import DivergenceError, InputError, RecordingError
+from asrsim.live import TRANSPORTS, Received, TransportEntry
+from asrsim.recordings import read_recording
+from asrsim.twin.follow import follow, write
+from asrsim.twin.live import LiveTwin
+from support.independent_joint import FINE, QBMOVE, SEA, Joint, record
+from support.paths import EXAMPLES
+
+NOISE = 1e-3
+"""rad, of the positions."""
+
+
+def wrong(joint: Joint) -> dict[str, float]:
+    """Springs 10 % off, friction 50 %, damping 20 %."""
+    factors = {"spring_k": 1.1, "spring_stiffness": 1.1, "friction": 0.5, "damping": 0.8}
+    return {
+        name: value * next((factor for part, factor in factors.items() if part in name), 1.0)
+        for name, value in joint.numbers.items()
+    }
+
+
+def motion(time, seed, *, rests):
+    """rad, of the link's goal."""
+    generator = np.random.default_rng(seed)
+    waves = zip(generator.uniform(0.2, 2.5, 8), generator.uniform(0.0, 6.0, 8), strict=True)
+    moves = sum(0.16 * np.sin(2.0 * np.pi * rate * time + phase) for rate, phase in waves)
+    moves *= np.minimum(time / 0.5, 1.0)
+    return moves * (0.5 + 0.5 * np.tanh(4.0 * np.sin(2.0 * np.pi * time / 20.0 + 1.0))) if rests else moves
+
+
+def followed(joint, folder, *, seconds, hits=(), seed=1, rests=False):
+    """Each step of a wrong twin of an independent robot, which is hit with 1 N m for 0.15 s; and the robot's positions."""
+    half = np.arange(round(2 * seconds / FINE) + 1) * 0.5 * FINE
+    goals, outer = motion(half, seed, rests=rests), np.zeros(len(half) // 2)
+    for number, at in enumerate(hits):
+        outer[round(at / FINE) : round((at + 0.15) / FINE)] = (-1.0) ** number
+    robot = joint.move(goals, round(1e-3 / FINE), outer=outer)
+    measured = robot[:, 0] + NOISE * np.random.default_rng(seed).normal(size=len(robot))
+    preset = {"stiffness_preset": 0.3} if joint.motors == 2 else {}
+    goals = goals[:: 2 * round(1e-3 / FINE)]
+    with asrsim.Twin(joint.write(folder, wrong(joint)), bandwidth=8) as twin:
+        steps = [
+            twin.step(measured[k : k + 1], {"joint_1": {"equilibrium_position": goals[k], **preset}})
+            for k in range(len(measured))
+        ]
+    return steps, robot
+
+
+def spring_of(joint, robot):
+    """Torque of the robot's springs in N m, and their stiffness in N m/rad."""
+    deflections = robot[:, 1:] - robot[:, :1]
+    if joint.motors == 1:
+        k = joint.numbers["spring_stiffness"]
+        return k * deflections[:, 0], np.full(len(robot), k)
+    a, k = joint.numbers["spring_a_1"], joint.numbers["spring_k_1"]
+    return k * np.sinh(a * deflections).sum(axis=1), a * k * np.cosh(a * deflections).sum(axis=1)
+
+
+@pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
+def test_a_wrong_twin_finds_hits_and_nothing_else(joint, tmp_path):
+    hits = (15.2, 16.1, 17.3, 18.2, 19.4)
+    steps, robot = followed(joint, tmp_path, seconds=20.0, hits=hits)
+    torque, stiffness = spring_of(joint, robot)
+    free = slice(5000, 15000)
+    external = np.array([step.external_torque[0] for step in steps])
+    assert np.sqrt(np.mean(external[free] ** 2)) < 0.03 * np.abs(torque[:15000]).max()
+    alarm = np.array([step.alarm[0] for step in steps])
+    assert not alarm[:15200].any()
+    delays = [int(np.argmax(alarm[round(1e3 * at) :])) for at in hits]
+    assert min(delays) > 0
+    assert np.median(delays) <= 15
+    assert max(delays) <= 20
+    known = np.array([step.stiffness[0] for step in steps])[free] / stiffness[free]
+    assert np.isfinite(known).mean() > 0.5
+    assert np.nanmax(np.abs(known - 1.0)) < 0.2
+    assert not any(step.notes for step in steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
+def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
+    assert not any(step.alarm[0] for step in followed(joint, tmp_path, seconds=600.0, rests=True)[0])
+
+
+def test_a_robot_at_rest_shows_no_stiffness(tmp_path):
+    generator = np.random.default_rng(0)
+    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+        steps = [twin.step({"joint_1": NOISE * generator.normal()}, {"joint_1": 0.0}) for _ in range(4000)]
+    assert np.isnan([step.stiffness[0] for step in steps]).all()
+    assert not any(step.alarm[0] for step in steps)
+
+
+@pytest.fixture
+def five():
+    return asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="mujoco", duration=1.0)
+
+
+def test_a_torque_on_one_joint_is_seen_at_that_joint_alone(five):
+    with asrsim.Simulation(five) as robot, asrsim.Twin(five) as twin:
+        robot.set_reference("joint_3", "external_torque", 2.0)
+        for _ in range(1500):
+            found = twin.step(robot.observe().link_position, {})
+            robot.advance()
+    np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.05)
+    assert found.time == pytest.approx(1.499)
+
+
+def test_a_joint_that_is_not_measured_runs_free(five):
+    with asrsim.Simulation(five) as robot, asrsim.Twin(five) as twin:
+        notes = []
+        for _ in range(300):
+            positions = dict(zip(twin.joints, robot.observe().link_position, strict=True))
+            del positions["joint_2"]
+            found = twin.step(positions, {"joint_1": np.nan})
+            notes += found.notes
+            robot.advance()
+    assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
+    assert [note.partition(":")[0] for note in notes] == ["joint_1", "joint_2"]
+    assert "no number" in notes[0]
+    assert "runs free" in notes[1]
+
+
+def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
+    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+        before = [twin.step({"joint_1": 0.0}, {"joint_1": 0.0}) for _ in range(600)][-1]
+        jump = twin.step({"joint_1": 0.6}, {})
+        after = [twin.step({"joint_1": 0.6}, {"joint_1": 0.6}) for _ in range(100)][-1]
+    assert not before.notes
+    assert "+0.6 from its twin" in jump.notes[0]
+    assert abs(after.residual[0]) < 0.02
+
+
+def test_a_twin_that_diverges_goes_on(tmp_path, monkeypatch):
+    with asrsim.Twin(SEA.write(tmp_path, SEA.numbers)) as twin:
+        twin.step({"joint_1": 0.1}, {"joint_1": 0.1})
+
+        def fails(self, steps=1):
+            monkeypatch.undo()
+            raise DivergenceError("joint_1 ran away", joint="joint_1", time=0.0)
+
+        monkeypatch.setattr(asrsim.Simulation, "advance", fails)
+        assert "joint_1 ran away" in twin.step({"joint_1": 0.1}, {}).notes[0]
+        assert not twin.step({"joint_1": 0.1}, {}).notes
+
+
+def test_wrong_names_and_bandwidths_are_errors(five):
+    with pytest.raises(InputError, match="twentieth of the rate of steps, 50 Hz"):
+        asrsim.Twin(five, bandwidth=60.0)
+    with pytest.raises(InputError, match="no dynamics"):
+        asrsim.Twin(asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="bench", duration=1.0))
+    with asrsim.Twin(five) as twin:
+        with pytest.raises(InputError, match="joint_9"):
+            twin.step({"joint_9": 0.0}, {})
+        with pytest.raises(InputError, match="5 positions"):
+            twin.step([0.0], {})
+        with pytest.raises(InputError, match="elbow"):
+            twin.step([0.0] * 5, {"elbow": 0.0})
+
+
+def test_motors_of_a_reset_stand_where_they_are_put(five):
+    with asrsim.Simulation(five) as simulation:
+        simulation.reset({"joint_2": 0.2}, motors={"joint_2": (0.5, -0.1)})
+        state = simulation.observe()
+    assert state.link_position[1] == 0.2
+    assert (state.motor_1_position[1], state.motor_2_position[1]) == (0.5, -0.1)
+
+
+# -- live ------------------------------------------------------------------------------------------------------------
+
+
+class Robot:
+    """A transport beside a softer arm, which is simulated a step a poll, commanded by topics, and pushed after 0.6 s."""
+
+    where, lost = "in this process", 0
+
+    def __init__(self):
+        scenario = asrsim.make_scenario(
+            EXAMPLES / "urdf" / "two_elastic_joints.urdf",
+            engine="mujoco",
+            duration=2.0,
+            parameters={"joint_2": {"spring_stiffness": 5.4}},
+        )
+        self.simulation, self.heard, self.notices, self.polls = asrsim.Simulation(scenario), [], [], 0
+
+    def make(self, interface, access):
+        self.numbers = {inlet.name: number for number, inlet in enumerate(interface.inlets)}
+        self.outlets = [outlet.name for outlet in interface.outlets]
+        self.wanted = [True] * len(self.outlets)
+        return self
+
+    def poll(self):
+        self.polls += 1
+        goal = 0.2 * np.sin(2.0 * np.pi * 1e-3 * self.polls)
+        yield Received(self.numbers["/joint_1/equilibrium_position"], [goal])
+        self.simulation.set_reference("joint_1", "equilibrium_position", goal)
+        self.simulation.set_reference("joint_2", "external_torque", 1.5 if self.polls > 900 else 0.0)
+        self.simulation.advance()
+        yield Received(self.numbers["/joint_states"], self.simulation.observe().link_position.tolist(), ["joint_1", "joint_2"])
+
+    def publish(self, time, messages):
+        values = [struct.unpack("<4xd", message)[0] for message in messages]
+        self.heard.append(dict(zip(self.outlets, values, strict=True)))
+
+    def close(self):
+        self.simulation.close()
+
+
+def test_a_live_twin_follows_topics_and_tells_a_push(monkeypatch):
+    robot, told = Robot(), []
+    monkeypatch.setattr(TRANSPORTS, "_entries", dict(TRANSPORTS._entries))
+    TRANSPORTS.add("robot", TransportEntry(make=robot.make, doc="", module="json"))
+    scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "two_elastic_joints.urdf", engine="mujoco", duration=2.0)
+    LiveTwin(scenario, transports=["robot"], duration=1.2, tell=told.append).run(stop=lambda: False)
+    assert any("alarm at joint_2" in text for text in told)
+    assert not any("alarm at joint_1" in text for text in told)
+    assert robot.heard[-1]["/twin/joint_2/external_torque"] == pytest.approx(1.5, rel=0.2)
+
+
+# -- recordings ------------------------------------------------------------------------------------------------------
+
+
+def recorded(folder, *, late=0.0):
+    """A recording of an independent SEA, whose positions come late by so many s."""
+    path = record(SEA, folder / "lab.csv", seed=0, duration=4.0)
+    if late:
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        heading, rows = path.read_text().splitlines()[0], round(late / 1e-3)
+        table[rows:, 2:] = table[:-rows, 2:].copy()
+        np.savetxt(path, table, delimiter=",", header=heading, comments="")
+    return path
+
+
+def test_a_recording_is_followed(tmp_path):
+    scenario = SEA.write(tmp_path, wrong(SEA))
+    found = follow(scenario, recorded(tmp_path))
+    assert found.notes == ()
+    assert found.rows()[0]["alarms"] == []
+    table, picture = write(found, tmp_path / "out")
+    assert picture.stat().st_size > 20_000
+    read = read_recording(table, joints=["joint_1"])
+    assert read.column("joint_1", "external_torque").values == pytest.approx(found.external_torque[:, 0], nan_ok=True)
+
+
+def test_clocks_that_are_apart_are_told_and_brought_together(tmp_path):
+    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path, late=0.06)
+    notes = follow(scenario, path).notes
+    assert "clocks apart" in notes[0]
+    assert "--lag 0.06" in notes[0]
+    assert not any("clocks" in note for note in follow(scenario, path, lag=0.06).notes)
+
+
+def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
+    path = recorded(tmp_path)
+    path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
+    notes = follow(SEA.write(tmp_path, SEA.numbers), path).notes
+    assert notes[0] == "joint_1: no command equilibrium_position is recorded: it follows the scenario"
+
+
+def test_a_recording_without_positions_is_an_error(tmp_path):
+    path = recorded(tmp_path)
+    path.write_text(path.read_text().replace("link_position", "motor_1_velocity"))
+    with pytest.raises(RecordingError, match="needs link_position"):
+        follow(SEA.write(tmp_path, SEA.numbers), path)
+
+
+def test_command_prints_a_table_or_json(tmp_path, asrsim_command):
+    scenario, path = SEA.write(tmp_path, SEA.numbers), recorded(tmp_path)
+    done = asrsim_command("twin", str(scenario), "-e", str(path), "--out", str(tmp_path / "out"), "--json")
+    assert done.code == 0
+    assert json.loads(done.out)["joints"][0]["joint"] == "joint_1"
