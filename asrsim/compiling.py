@@ -1,8 +1,8 @@
-"""Ordinary functions through Numba, kept in the user's cache; the only module that imports numba.
+"""Compilation of Python functions by Numba, with a cache in the user's folder; the only module that imports numba.
 
-Compiled functions know each other by names that carry module, function, argument types and a number local to the process. So
-code kept by two processes and loaded by a third would share names, and the first definition would serve both. Every name
-here carries a digest of all code that belongs to it: what has the same name is the same.
+Numba names compiled functions by module, function, argument types and a number that is unique only within a process. Functions
+that two processes have cached could therefore have the same name in a third process, which would use the first one for both.
+The names made here contain a digest of all code that the function depends on: equal names mean equal code.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from asrsim.rebind import called_names, rebind
 T = TypeVar("T")
 
 LOADED = 64
-"""Compiled functions of this process that are held for the next who asks."""
+"""Largest number of compiled functions that this process keeps in memory for later calls."""
 _loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
 def available() -> bool:
-    """Numba is installed (the extra `fast`)."""
+    """Whether Numba is installed (the extra `fast`)."""
     from importlib.util import find_spec
 
     return find_spec("numba") is not None
@@ -42,25 +42,25 @@ def compile_function(
     version: str = "",
     inline: tuple[str, ...] = (),
 ) -> Callable[..., Any]:
-    """`function` compiled for arguments of the types of `arguments` (examples, or types of Numba's); layouts are taken for
-    granted afterwards.
+    """`function` compiled for arguments of the types of `arguments` (example values, or Numba types). Later calls do not check
+    the types.
 
-    It must have no closure; what it calls may have, and is compiled with it. names: globals of the code that stand for others
-    (functions of the loop, symbols of a library); version: of what they are; inline: modules whose functions become part of
-    their callers (with many arguments, calls cost more than what they do). The code must not make arrays. Raises whatever
-    Numba finds to say.
+    The function must not be a closure; functions that it calls may be closures, and are compiled too. names: global names of
+    the code -> their replacements (functions, symbols of a library). version: version of the replacements. inline: modules
+    whose functions are inlined into their callers, since calls with many arguments are slow. The code must not create arrays.
+    Raises the errors of Numba.
     """
     import numba
 
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        # Threads may run worlds side by side.
+        # nogil: threads run worlds in parallel.
         options: dict[str, Any] = {"cache": cached, "nogil": True, "_nrt": False}
         dispatcher: Any = numba.njit(signature, **options)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
-        # The machine code itself: the dispatcher would check the types at every call. It owns that code, so it is kept alive.
+        # Call the machine code directly: Numba's dispatcher checks types at every call. It owns the code and must stay alive.
         def call(*values: Any) -> Any:
             return entry(*values)
 
@@ -73,11 +73,11 @@ def compile_function(
 
 @dataclass(frozen=True)
 class PackedFunction:
-    """A compiled function of a record in memory, a state, an exchange, wrenches and a number; arrays are given by addresses."""
+    """A compiled function that takes the addresses of a record, a state, an exchange and wrenches, and a number."""
 
     address: int
     call: Callable[[int, int, int, int, float], None]
-    """From Python, without the interpreter's lock."""
+    """Function to call from Python; it releases the interpreter's lock."""
     owner: Any
 
 
@@ -90,11 +90,11 @@ def compile_packed(
     version: str = "",
     inline: tuple[str, ...] = (),
 ) -> PackedFunction:
-    """`function(record, state, exchange, wrenches, fraction)` compiled for records of these types in memory, of any sizes; see
-    :mod:`asrsim.packed` and :class:`asrsim.engines.base.Native`.
+    """`function(record, state, exchange, wrenches, fraction)` compiled for records of this type with arrays of any size; see
+    `asrsim.packed` and `asrsim.engines.base.Native`.
 
-    sizes: of a record, how many numbers a state has, and how many rows the other two. Other arguments as in
-    :func:`compile_function`.
+    sizes: function that maps a record to the number of values of a state, and the numbers of rows of exchange and wrenches.
+    Other arguments as in `compile_function`.
     """
     import ctypes
 
@@ -109,7 +109,7 @@ def compile_packed(
 
 
 def _unbound(*arguments: Any) -> Any:
-    raise NotImplementedError("bound by compile_packed")
+    raise NotImplementedError("compile_packed replaces this function")
 
 
 _unpacked = _function = _sizes = _table = _unbound
@@ -124,8 +124,8 @@ def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction
 def compile_law(
     function: Any, names: Mapping[str, Any], kinds: str, *, version: str = "", inline: tuple[str, ...] = ()
 ) -> Callback:
-    """`function` as a C function; names, version, inline: as in :func:`compile_function`. kinds: of its arguments, one letter
-    each: `d` a number, `i` an integer, `a` an address."""
+    """`function` compiled to a C function. kinds: one letter for each argument: `d` a floating-point number, `i` an integer,
+    `a` an address. names, version, inline: as in `compile_function`."""
     import numba
 
     types_of: Any = {"d": numba.types.float64, "i": numba.types.intp, "a": numba.types.intp}
@@ -140,7 +140,7 @@ def compile_law(
 
 @dataclass(frozen=True)
 class Callback:
-    """A compiled function at an address; the owner must live."""
+    """A compiled function at an address; `owner` must be kept alive as long as the address is used."""
 
     address: int
     owner: Any
@@ -148,7 +148,7 @@ class Callback:
 
 @cache
 def numbers_reader(count: int) -> Any:
-    """A function that compiled code may call: read(address) -> `count` numbers that stand there, as a tuple."""
+    """A function for compiled code: read(address) returns the `count` numbers at the address as a tuple."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -163,15 +163,15 @@ def numbers_reader(count: int) -> Any:
 
         return kinds.UniTuple(kinds.float64, count)(kinds.intp), generate
 
-    # The name is all that the digest of code that calls it sees of it.
+    # The digest of a calling function contains only the name of this function: the name must contain `count`.
     read.__name__ = f"read_{count}_numbers"
     return intrinsic(read)
 
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """A function that compiled code may call: row(address) -> the array (n,) of floats, or integers, there; of unknown
-    length."""
+    """A function for compiled code: row(address) returns the array (n,) of floats (or integers) at the address. Its length is
+    unknown and not checked."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -193,9 +193,10 @@ def row_at(integers: bool = False) -> Any:
 
 @cache
 def _without_algebra() -> None:
-    """Load what Numba loads before its first code, but for SciPy's linear algebra.
+    """Import the modules that Numba needs before its first compilation, except SciPy's linear algebra.
 
-    Numba imports that only to see whether it is there, which is half of its start and 18 MB; code that calls it later finds it.
+    Numba imports `scipy.linalg` only to test whether it exists, which takes half of the import time and 18 MB. Code that uses
+    it can still import it later.
     """
     from importlib.util import find_spec
 
@@ -211,7 +212,7 @@ def _without_algebra() -> None:
 
 
 def type_of(value: Any) -> Any:
-    """Numba's type of an example; a type of Numba's itself."""
+    """Numba type of an example value; a Numba type is returned unchanged."""
     import numba
 
     kinds: Any = numba
@@ -225,9 +226,10 @@ def _through_cache(
     version: str,
     inline: tuple[str, ...],
 ) -> T:
-    """compiled(copy, cached) of a copy of the function that carries the digest of all its code; cached: Numba may cache it.
+    """Result of compiled(copy, cached) for a copy of the function whose name contains the digest of all its code. cached:
+    whether Numba may cache the copy.
 
-    This process has each only once: loading what is kept costs as much as thousands of substeps.
+    The process compiles or loads each function only once, since loading takes as long as thousands of substeps.
     """
     import numba
 
@@ -242,7 +244,7 @@ def _through_cache(
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
-        # The cache may be damaged or not writable: compile without it.
+        # The cache may be damaged or read-only: compile without the cache.
         made = compiled(_marked(function, names, digest, None, inline), False)
     _loaded[key] = made
     if len(_loaded) > LOADED:
@@ -261,22 +263,22 @@ def _marked(
         if not first:
             first.append(copy)
             return copy
-        # Nobody calls it from Python, and wrappers for that would be half of the time that compiling takes.
+        # Python never calls these functions: wrappers for Python would take half of the compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if inline:
-            # Counting references of arrays is most of what a short substep costs, and such code makes no arrays.
+            # Reference counts of arrays would take most of the time of a substep. The code creates no arrays and needs none.
             options |= {"forceinline": copy.__module__ in inline, "_nrt": False}
         return numba.njit(copy, **options)
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:
-        # Numba keeps code beside the file that it believes a function to be from.
+        # Numba stores compiled code beside the source file of a function: name a file in the cache as the source.
         copy.__code__ = copy.__code__.replace(co_filename=str(cached))
     return copy
 
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
-    """What a function does, as plain values: code, defaults, closure, and the globals that it mentions."""
+    """Plain values that identify a function for the digest: code, defaults, closure, and the globals that it uses."""
     if not isinstance(function, types.FunctionType):
         return function.tobytes().hex() if hasattr(function, "tobytes") else repr(function)
     if id(function) in seen:

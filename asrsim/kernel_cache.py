@@ -1,4 +1,4 @@
-"""Where compiled code is kept. Numba runs what it finds there, so only a folder that nobody else can write to is used."""
+"""Folder of the compiled code. Numba runs any code in this folder, so other users must not be able to write to it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pathlib import Path
 
 
 def cache_file(digest: str) -> Path | None:
-    """A file in the user's cache beside which Numba keeps its code; None where nothing can be kept, or others could have
-    written there: Numba runs what it finds."""
+    """File in the user's cache beside which Numba stores compiled code; None if the cache is not writable, or if other users
+    can write to it."""
     try:
         root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "asrsim" / "kernels"
         path = root / f"kernel_{digest}.py"
@@ -25,7 +25,7 @@ def cache_file(digest: str) -> Path | None:
                 _warn_of_cache(one)
                 return None
         if not path.exists():
-            # Another process may write the same file: write aside, then rename.
+            # Another process may write the same file: write a temporary file, then rename it.
             aside = path.with_suffix(f".{os.urandom(8).hex()}")
             with aside.open("x", encoding="utf-8") as stream:
                 stream.write("# asrsim keeps compiled code beside this file; safe to delete.\n")
@@ -36,13 +36,13 @@ def cache_file(digest: str) -> Path | None:
 
 
 def _is_own(path: Path) -> bool:
-    """Whether only this user can have written it: it belongs to the user, is no link, and others may not write to it."""
+    """Whether only this user can write to `path`: the user owns it, it is not a link, and others have no write permission."""
     if not hasattr(os, "geteuid"):
         return True
     try:
         status = path.lstat()
     except FileNotFoundError:
-        # Another process of ours has put it into its place meanwhile.
+        # Another process of this user has just renamed the file.
         return True
     writable = stat.S_IWOTH | (stat.S_IWGRP if stat.S_ISDIR(status.st_mode) else 0)
     return status.st_uid == os.geteuid() and not stat.S_ISLNK(status.st_mode) and not status.st_mode & writable
@@ -50,5 +50,5 @@ def _is_own(path: Path) -> bool:
 
 @cache
 def _warn_of_cache(path: Path) -> None:
-    message = f"{path}: others can have written here, so compiled code is not kept or loaded: take it away to have it made anew"
+    message = f"{path}: other users may have changed this path, so compiled code is neither stored nor loaded; delete the path"
     warnings.warn(message, RuntimeWarning, stacklevel=2)

@@ -1,7 +1,7 @@
-"""Records in memory that compiled code takes by their address: one code for all sizes of arrays, called without a look at them.
+"""Records in memory that compiled code receives by address, so that one compiled function serves arrays of all sizes.
 
-A record is a named tuple of integers, C-contiguous arrays and records. In memory it is a row of words: an integer as it is, an
-array by address and shape.
+A record is a named tuple of integers, C-contiguous arrays and records. In memory it is an array of words: an integer is one
+word, an array is its address followed by its shape.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 def pack(record: Any) -> NDArray[np.int64]:
-    """(k,) the record's words; whoever uses their address must hold them and the record's arrays."""
+    """(k,) words of the record. The caller must keep these words and the record's arrays alive while their address is used."""
     return np.array(_words(record), dtype=np.int64)
 
 
@@ -25,7 +25,8 @@ def _words(value: Any) -> list[int]:
 
 
 def reader(kind: Any) -> Any:
-    """A function that compiled code may call: the record of Numba's type `kind` at an address; its arrays are not counted."""
+    """A function for compiled code that returns the record of the Numba type `kind` at an address. The arrays of the record
+    have no reference counts."""
     from numba import types
     from numba.extending import intrinsic
 
@@ -50,7 +51,7 @@ def reader(kind: Any) -> Any:
 
 @cache
 def table_reader() -> Any:
-    """A function that compiled code may call: the array (n, m) of floats at an address."""
+    """A function for compiled code that returns the array (n, m) of floats at an address."""
     from numba import types
     from numba.extending import intrinsic
 
@@ -67,7 +68,7 @@ def table_reader() -> Any:
 
 
 def _words_at(builder: Any, address: Any) -> Any:
-    """A function that gives the words at an address, one after the other."""
+    """A function that returns the next word at each call, beginning at the address."""
     from llvmlite import ir
 
     word = ir.IntType(64)
@@ -77,7 +78,7 @@ def _words_at(builder: Any, address: Any) -> Any:
 
 
 def array_at(context: Any, builder: Any, layout: Any, address: Any, shape: list[Any]) -> Any:
-    """Compiled code's array of a layout and a shape at an address."""
+    """Array of compiled code with the given layout and shape at an address."""
     from llvmlite import ir
     from numba.core import cgutils
     from numba.np import arrayobj

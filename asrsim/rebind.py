@@ -1,4 +1,4 @@
-"""Copies of a function whose globals are exchanged: the same source, run on arrays, on another library, or compiled."""
+"""Copies of functions with other global variables, so that one source can run on arrays, on another library, or compiled."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ def rebind(
     names: Mapping[str, Any] | None = None,
     suffix: str = "",
 ) -> Any:
-    """A copy of `function` in which every global or enclosed value is `exchange(value)`, and so in the functions that it calls.
+    """A copy of `function` and of the functions that it calls; `exchange(value)` replaces each global or closure value.
 
-    exchange: returns the value to use instead, or the value itself; wrap: applied to each copied function; names: globals that
-    are exchanged by their name, whatever they are; suffix: added to the name of each copy.
+    exchange: function that returns the replacement of a value, or the value itself. wrap: function that is applied to each
+    copied function. names: name of a global -> its replacement. suffix: text that is added to the name of each copy.
     """
     return _Copier(exchange, wrap, names or {}, suffix).copy(function)
 
@@ -54,7 +54,7 @@ class _Copier:
 
 
 def called_names(function: types.FunctionType) -> tuple[str, ...]:
-    """Names of globals that a function's code mentions, nested functions included."""
+    """Names of the globals that a function and its nested functions use."""
     names = list(function.__code__.co_names)
     for constant in function.__code__.co_consts:
         if isinstance(constant, types.CodeType):

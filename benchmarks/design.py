@@ -4,7 +4,6 @@ python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chi
 python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
 python benchmarks/design.py fits [ROBOT]          promised intervals against what fits of simulated recordings scatter
 python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
-python benchmarks/design.py time                  seconds for two joints
 """
 
 from __future__ import annotations
@@ -158,6 +157,20 @@ def tighter(names: list[str]) -> None:
             print(f"{name}: design {own:.3g} %, {said}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
 
 
+def gains(names: list[str]) -> None:
+    """Gains of the first controller chosen from three, against one step with the robot's own."""
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(folder))
+            search = searcher(scenario, within, options, stack)
+            step = next(fitting(search, shares) for kind, shares in plain(search.plant) if kind == "one step")
+            choose = {"joint_1.controller_1_proportional": [12, 40, 125]}
+            scenario, within, options = laboratory(name, Path(folder), choose)
+            found = design(scenario, within, seconds=SECONDS, **options)
+            print(f"{name}: design {196 * np.exp(found.found.score):.3g} % with {dict(found.gains)}, one step "
+                  f"{196 * np.exp(step):.3g} %: {np.exp(step - found.found.score):.1f} x", flush=True)  # fmt: skip
+
+
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
     """What a run of the designed scenario records without noise: columns, headings, and which columns are measured."""
     result = asrsim.run(scenario)
@@ -225,4 +238,4 @@ designs: dict = {}
 
 if __name__ == "__main__":
     what, *rest = sys.argv[1:]
-    {"tighter": tighter, "fits": fits, "limits": limits}[what](rest or [*ROBOTS, "two"])
+    {"tighter": tighter, "gains": gains, "fits": fits, "limits": limits}[what](rest or [*ROBOTS, "two"])

@@ -204,15 +204,25 @@ def run_example() -> str:
         return done.stdout.replace(folder, "out/step_2dof/soft").strip()
 
 
+def tutorial_commands() -> list[str]:
+    """The commands of the tutorial, in their order."""
+    blocks = re.findall(r"```sh\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+    return [line for block in blocks for line in block.strip().splitlines()]
+
+
 def run_tutorial(folder: Path) -> dict[Path, Path]:
     """Runs the tutorial's commands in a folder; picture of the page -> the file that they made. Raises CalledProcessError."""
+    for line in tutorial_commands():
+        program, *words = shlex.split(line)
+        if program != "asrsim":
+            raise ValueError(f"the tutorial has a command of another program: {line}")
+        subprocess.run([sys.executable, "-m", "asrsim", *words], cwd=folder, capture_output=True, text=True, check=True)
+    return tutorial_pictures(folder)
+
+
+def tutorial_pictures(folder: Path) -> dict[Path, Path]:
+    """Picture of the tutorial -> the file that its commands made in a folder."""
     text = TUTORIAL.read_text(encoding="utf-8")
-    for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL):
-        for line in block.strip().splitlines():
-            program, *words = shlex.split(line)
-            if program != "asrsim":
-                raise ValueError(f"the tutorial has a command that is none of asrsim: {line}")
-            subprocess.run([sys.executable, "-m", "asrsim", *words], cwd=folder, capture_output=True, text=True, check=True)
     pictures = re.findall(r"<!-- picture: (.+) -->\n!\[.+\]\((.+)\)", text)
     return {TUTORIAL.parent / shown: folder / made for made, shown in pictures}
 

@@ -19,7 +19,7 @@ settings.load_profile("any_machine")
 
 
 SHARED = Path(__file__).parents[2] / "shared"
-LONGEST = ("test_tutorial.py", "test_examples.py")
+LONGEST = ("test_examples.py",)
 
 
 def pytest_collection_finish() -> None:

@@ -1,4 +1,4 @@
-"""Actuators: one file a law behind :class:`Actuator`; `ACTUATORS` is the registry that users extend."""
+"""Actuators: each file declares the spring law of one actuator. `ACTUATORS` is the registry, which users can extend."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""AwAS-II: one motor through a lever whose pivot an adjuster moves (Jafari et al. 2011)."""
+"""AwAS-II: one motor acts through a lever, and an adjuster moves the pivot of the lever (Jafari et al. 2011)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asrsim.actuators.parameters import Parameter
 class AwasII(Actuator):
     """tau = g(sigma) sin(d) cos(d), d = sat(theta - q), g = 2 Ks ((L / r_t) sigma / (L - sigma))^2.
 
-    sigma, in m, is the second reference: the adjuster's position, kinematic as in the paper's section 2.3.
+    The second reference is sigma in m, the position of the adjuster, which has no dynamics (section 2.3 of the paper).
     """
 
     name = "awas_ii"
@@ -25,7 +25,7 @@ class AwasII(Actuator):
     parameters = (
         Parameter(name="spring_stiffness", default=10.0, unit="N m/rad", doc="scale Ks of the law", minimum=0.0),
         Parameter(
-            name="lever_length", default=0.05, unit="m", doc="length L of the lever; sigma stays below it",
+            name="lever_length", default=0.05, unit="m", doc="length L of the lever; larger than sigma",
             minimum=0.0, exclusive_minimum=True,
         ),
         Parameter(
@@ -33,7 +33,7 @@ class AwasII(Actuator):
         ),
         Parameter(
             name="spring_rest_length", default=1.0, unit="m", doc="rest length l_0",
-            unused="the released code reads it and never uses it: no term of the law has it",
+            unused="no term of the law contains it; the released code reads it without using it",
         ),
         max_deflection(0.3),
     )  # fmt: skip

@@ -1,7 +1,7 @@
-"""The interface of an actuator: named parameters and three plain laws on numbers. It never sees the engine.
+"""The interface of an actuator: named parameters and three laws as functions of numbers, independent of the engine.
 
-The laws are static methods of floats that use :mod:`math` only, so that one source serves the plain and the compiled
-loop with equal bits. `parameters` reaches a law as a tuple of floats, in the order of the class attribute.
+The laws are static methods that take floats and use only the module `math`, so that the interpreted and the compiled loop run
+the same source with identical bits. A law receives `parameters` as a tuple of floats, in the order of the class attribute.
 
     class MyVsa(Actuator):
         name = "my_vsa"                     # found by libmy_vsa_plugin.so
@@ -32,40 +32,42 @@ class Actuator:
     """Base of all actuators. Subclasses are declarations: they have no state and are never instantiated."""
 
     name: ClassVar[str]
-    """Registry name; a URDF finds it as `lib<name>_plugin.so`."""
+    """Registry name; a URDF file refers to the actuator as `lib<name>_plugin.so`."""
     title: ClassVar[str]
-    """Readable name."""
+    """Name for display."""
     source: ClassVar[str]
-    """Paper or datasheet of the law."""
+    """Paper or datasheet that publishes the law."""
     law: ClassVar[str] = ""
     """The law as text, for `asrsim actuators`."""
     motors: ClassVar[int] = 2
-    """Motors with dynamics. With three or more, laws take a `theta_3` and so on, and `elastic_energy` must be given."""
+    """Number of motors with dynamics. With three or more motors, laws also take `theta_3` and so on, and the class must define
+    `elastic_energy`."""
     adjuster: ClassVar[bool] = False
-    """The second reference sets an adjuster (`theta_2` of the laws) kinematically, without motor (paper section 2.3)."""
+    """Whether the second reference directly sets the position of an adjuster (`theta_2` of the laws), which has no motor (paper
+    section 2.3)."""
     reference_2_unit: ClassVar[str] = "rad"
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    """Parameters of the spring; those of motors and controllers are added by :meth:`all_parameters`."""
+    """Parameters of the spring; `all_parameters` adds the parameters of motors and controllers."""
     typical_preset: ClassVar[float] = 0.0
-    """A moderate second reference (preset, adjuster), for starter scenarios and checks."""
+    """A moderate value of the second reference (preset, adjuster), for starter scenarios and checks."""
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
-        """Torques of the springs on motors 1 and 2 in N m; their sum acts on the link. One spring: the second is 0.
+        """Torques of the springs on motors 1 and 2 in N m; their sum acts on the link. With one spring, the second torque is 0.
 
-        q: link position in rad; theta_1, theta_2: motor positions in rad (adjuster: its own unit).
+        q: link position in rad; theta_1, theta_2: motor positions in rad (position of an adjuster: in `reference_2_unit`).
         """
         raise NotImplementedError
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness -d tau_q / dq in N m/rad, as published by the toolbox: the deflection limit's flat part left out."""
+        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit it does not drop to 0."""
         raise NotImplementedError
 
     @staticmethod
     def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Energy in the springs in J: its derivatives by theta_1, theta_2 and -q are the torques. May be left out:
-        it is then integrated from the torques (:mod:`asrsim.actuators.vectorised`).
+        """Energy of the springs in J; its derivatives by theta_1, theta_2 and -q are the torques. A class without this law gets
+        the integral of its torques (`asrsim.actuators.vectorised`).
         """
         raise NotImplementedError
 
@@ -76,17 +78,17 @@ class Actuator:
 
     @staticmethod
     def equilibrium_position(theta_1: float, theta_2: float) -> float:
-        """Link position in rad at which the unloaded link rests: the inverse of the reference map."""
+        """Position in rad at which the unloaded link rests: the inverse of the reference map."""
         return theta_1
 
     @classmethod
     def positions(cls) -> int:
-        """Number of positions that the laws take, of motors and of an adjuster: two at least."""
+        """Number of motor and adjuster positions that the laws take: at least two."""
         return max(2, cls.motors + cls.adjuster)
 
     @classmethod
     def all_parameters(cls) -> tuple[Parameter, ...]:
-        """Parameters of spring, its hysteresis, motors and controllers, in this order."""
+        """All parameters, in the order: spring, hysteresis of the spring, motors, controllers."""
         indices = range(1, cls.motors + 1)
         return (
             *cls.parameters,
@@ -97,12 +99,12 @@ class Actuator:
 
     @classmethod
     def law_values(cls, values: Mapping[str, float]) -> tuple[float, ...]:
-        """Values of the springs' own parameters, in the order in which the laws take them."""
+        """Values of the spring parameters, in the order in which the laws take them."""
         return tuple(values[parameter.name] for parameter in cls.parameters)
 
 
 def saturate(value: float, limit: float) -> float:
-    """`value` clipped to [-limit, limit]; the paper's maximum deflection."""
+    """`value` clipped to [-limit, limit], as the paper clips deflections."""
     if value > limit:
         return limit
     if value < -limit:
@@ -111,12 +113,12 @@ def saturate(value: float, limit: float) -> float:
 
 
 def max_deflection(default: float) -> Parameter:
-    """The parameter beyond which a spring's torque stays constant."""
+    """The parameter `max_deflection`: beyond this deflection the torque of a spring stays constant."""
     return Parameter(
         name="max_deflection",
         default=default,
         unit="rad",
-        doc="deflections are clipped to it",
+        doc="largest deflection; larger deflections are clipped",
         minimum=0.0,
         exclusive_minimum=True,
     )

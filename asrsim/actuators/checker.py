@@ -1,7 +1,7 @@
-"""Checks of an actuator's laws, ours and users': do they agree with each other and with physics?
+"""Checks that the laws of an actuator agree with each other and with physics.
 
-Every check evaluates the laws at seeded random points: deflections inside the limit, the defaults and perturbed parameters. It
-reports the worst value, and the point where it occurs.
+Every check evaluates the laws at seeded random points: deflections inside the limit, default and perturbed parameters. It
+reports the worst value, and the point at which it occurs.
 """
 
 from __future__ import annotations
@@ -20,36 +20,36 @@ from asrsim.actuators.user import declaration_problems
 from asrsim.actuators.vectorised import Array
 
 FREE_RANGE = 0.5
-"""rad, deflections sampled for an actuator without a `max_deflection`."""
+"""rad: range of the sampled deflections for an actuator without the parameter `max_deflection`."""
 SAMPLES = 200
-"""Points at which each law is evaluated, for every set of parameters."""
+"""Number of points at which each law is evaluated, for each set of parameters."""
 PARAMETER_SETS = 6
-"""Number of sets of parameters: the defaults, and others within their bounds."""
+"""Number of sets of parameters: the default values, and random values within the bounds."""
 FAR = 4.0
-"""Deflections up to this multiple of the limit must still give finite torques."""
+"""Multiple of the deflection limit up to which torques must be finite."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
-"""Steps of differences, as shares of the deflection limit: a smaller one serves where the first reaches over a corner."""
+"""Steps of the differences, as fractions of the deflection limit. The smaller steps serve where a law has a corner."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One check's verdict."""
+    """Result of one check."""
 
     name: str
     passed: bool
     doc: str
-    """What the check asks."""
+    """The condition that the check tests."""
     figure: float | None = None
-    """The worst value found."""
+    """Worst value that the check measured; None if it measures no value."""
     limit: float | None = None
     """Largest allowed `figure`."""
     detail: str = ""
-    """Where the worst value is, or what went wrong."""
+    """Point of the worst value, or the reason of the failure."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckReport:
-    """All checks of one actuator."""
+    """Results of all checks of one actuator."""
 
     actuator: str
     title: str
@@ -62,10 +62,10 @@ class CheckReport:
 
 
 def check_actuator(actuator: type[Actuator]) -> CheckReport:
-    """Run every check; a law that raises fails its check. Nothing is raised."""
+    """Results of all checks. An exception in a law fails the check and is not raised."""
     problems = declaration_problems(actuator)
     declaration = Check(
-        name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as the contract asks",
+        name="declaration", passed=not problems, doc="name, motors, parameters and laws are declared as `Actuator` requires",
         detail="; ".join(f"{problem.key}: {problem.message}" for problem in problems),
     )  # fmt: skip
     return CheckReport(
@@ -76,19 +76,19 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
 
 
 class Point(NamedTuple):
-    """Arguments of a law: position of the link (rad), positions of the motors (rad; an adjuster's in its own unit), and the
-    spring's parameters."""
+    """Arguments of a law: position of the link (rad), positions of the motors (rad) and of an adjuster (in the unit of the
+    second reference), and parameters of the spring."""
 
     q: float
     thetas: tuple[float, ...]
     parameters: tuple[float, ...]
 
     def call(self, law: Callable[..., Any]) -> Any:
-        """The law's result here."""
+        """Result of the law at this point."""
         return law(self.q, *self.thetas, self.parameters)
 
     def link_torque(self, actuator: type[Actuator], shift: float = 0.0) -> float:
-        """N m on the link, with the link moved by `shift` rad."""
+        """Torque on the link in N m, after the link has moved by `shift` rad."""
         return float(sum(self._replace(q=self.q + shift).call(actuator.elastic_torques)))
 
     def __str__(self) -> str:
@@ -98,7 +98,7 @@ class Point(NamedTuple):
 
 
 def parameter_sets(actuator: type[Actuator]) -> list[tuple[float, ...]]:
-    """The defaults, and sets with every spring parameter changed by up to 30 %, inside its bounds."""
+    """Sets of spring parameters: the defaults, and sets with each parameter changed by up to 30 % within its bounds."""
     source = random.Random(1)
     sets = [tuple(float(parameter.default) for parameter in actuator.parameters)]
     for _ in range(PARAMETER_SETS - 1 if actuator.parameters else 0):
@@ -114,7 +114,7 @@ def _limit_of(actuator: type[Actuator], parameters: tuple[float, ...]) -> float:
 
 
 def _points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Point]:
-    """Points with deflections up to `reach` times the limit."""
+    """Random points with deflections up to `reach` times the deflection limit."""
     source = random.Random(2)
     for parameters in parameter_sets(actuator):
         limit = reach * _limit_of(actuator, parameters)
@@ -126,11 +126,11 @@ def _points(actuator: type[Actuator], reach: float = 0.98) -> Iterator[Point]:
 
 
 class _FailedError(Exception):
-    """A check failed without a figure."""
+    """A check failed for a reason that is not a measured value."""
 
 
 _Measure = Callable[[type[Actuator]], Iterator[tuple[float, object]]]
-"""Figures of an actuator, each with the place where it was measured."""
+"""Function that measures values of an actuator, each with the point at which it was measured."""
 
 
 def _run(name: str, doc: str, limit: float | None, measure: _Measure, actuator: type[Actuator]) -> Check:
@@ -181,9 +181,9 @@ def _finite(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
 
 
 def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    points = list(_points(actuator, 0.95))  # off the limit, where the slope breaks
+    points = list(_points(actuator, 0.95))  # away from the limit, at which the slope jumps
     stated = [point.call(actuator.stiffness) for point in points]
-    # Where a law is flat its slope has no relative error: the largest stiffness sets a floor.
+    # Where the stiffness is 0 a relative error is undefined: errors refer to a share of the largest stiffness at least.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
         slopes = [-_slope(partial(point.link_torque, actuator), h) for h in _steps(actuator, point)]
@@ -192,12 +192,12 @@ def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, object]
 
 
 def _steps(actuator: type[Actuator], point: Point) -> list[float]:
-    """rad."""
+    """Steps of the differences in rad."""
     return [part * _limit_of(actuator, point.parameters) for part in DIFFERENCES]
 
 
 def _slope(function: Callable[[float], Any], h: float) -> Any:
-    """Slope at 0 by a fourth-order central difference."""
+    """Derivative at 0 by a fourth-order central difference with step `h`."""
     return (8.0 * (function(h) - function(-h)) - function(2.0 * h) + function(-2.0 * h)) / (12.0 * h)
 
 
@@ -208,7 +208,7 @@ def _restoring(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
 
 
 def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    """Springs make no work round closed loops of link and motors if the slopes of their forces are symmetric."""
+    """Asymmetry of the stiffness matrix. If it is symmetric, the springs do no work round closed paths of link and motors."""
     moving = 1 + actuator.positions() - actuator.adjuster
 
     def forces(point: Point, along: int, shift: float) -> Array:
@@ -226,14 +226,14 @@ def _passive(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
 
 
 def _energy(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
-    """Slope of the declared energy in q against the torque; an energy that is integrated from torques needs no check."""
+    """Relative error of the energy's derivative by q. An energy that is integrated from torques needs no check."""
     if actuator.elastic_energy is Actuator.elastic_energy:
         return
     for point in _points(actuator, 0.95):
         h = 1e-4 * _limit_of(actuator, point.parameters)
         low, high = (point._replace(q=point.q + d).call(actuator.elastic_energy) for d in (-h, h))
         slope, torque = (low - high) / (2.0 * h), point.link_torque(actuator)
-        # The floor is the rounding of the energies, as it appears in the difference.
+        # The floor is the rounding error of the difference of energies.
         floor = max(abs(torque), 1e-9 * max(abs(low), abs(high)) / h, 1e-12)
         yield abs(slope - torque) / floor, f"{point}: slope {slope:.6g}, torque {torque:.6g}"
 
@@ -254,7 +254,7 @@ def _rest(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
 
 
 def _mapped(actuator: type[Actuator]) -> Iterator[tuple[float, float, tuple[float, ...]]]:
-    """Random equilibria and presets, and the motors' positions for them."""
+    """Random equilibria and presets, with the motor positions that the reference map gives."""
     source = random.Random(4)
     for _ in range(50):
         equilibrium, preset = source.uniform(-1.0, 1.0), actuator.typical_preset * source.uniform(0.5, 1.0)
@@ -264,10 +264,10 @@ def _mapped(actuator: type[Actuator]) -> Iterator[tuple[float, float, tuple[floa
 _CHECKS: tuple[tuple[str, str, float | None, _Measure], ...] = (
     ("pure", "the same input gives the same floats, in any order", None, _pure),
     ("finite", "torques and stiffness are finite over the range and beyond the limit", None, _finite),
-    ("stiffness", "the stiffness is minus the torque's slope in q (relative error)", 1e-6, _stiffness_agrees),
+    ("stiffness", "the stiffness is minus the derivative of the torque by q (relative error)", 1e-6, _stiffness_agrees),
     ("restoring", "the stiffness is never negative inside the deflection limit (N m/rad)", 0.0, _restoring),
-    ("passive", "no work is made round closed loops of link and motors (asymmetry of the slopes, relative)", 1e-4, _passive),
-    ("energy", "the energy, where declared, has minus the torque for its slope in q (relative error)", 1e-3, _energy),
-    ("reference map", "equilibrium_position undoes motor_references (rad)", 1e-9, _reference_map),
-    ("rest", "at the equilibrium the unloaded link feels no torque (share of the springs' torque)", 1e-9, _rest),
+    ("passive", "the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4, _passive),
+    ("energy", "the derivative of a declared energy by q is minus the torque (relative error)", 1e-3, _energy),
+    ("reference map", "equilibrium_position inverts motor_references (rad)", 1e-9, _reference_map),
+    ("rest", "at the equilibrium no torque acts on the unloaded link (share of the springs' torque)", 1e-9, _rest),
 )

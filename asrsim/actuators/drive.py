@@ -1,4 +1,4 @@
-"""The drive of one joint: an actuator in a mode with values of its parameters, and quantities that follow from them."""
+"""The drive of one joint: an actuator, its mode and its parameter values, and quantities that follow from them."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ if TYPE_CHECKING:
 class Drive:
     """An actuator on its joint, for simulation, gravity compensation and learning.
 
-    Tuples of controllers and motors have an entry for each motor; they are empty in modes without controllers or motors.
+    Tuples about controllers or motors have one entry per motor; they are empty in modes without controllers or motors.
     """
 
     joint: str
     actuator: type[Actuator]
     mode: Mode
     values: Mapping[str, float]
-    """Parameter values by name."""
+    """Values of all parameters, by name."""
 
     @cached_property
     def elastic(self) -> tuple[float, ...]:
-        """Parameters of the spring in the order of its laws."""
+        """Values of the spring parameters, in the order in which the laws take them."""
         return self.actuator.law_values(self.values)
 
     @property
     def max_deflection(self) -> float:
-        """rad beyond which the springs' torques stay constant; infinite for a law without that parameter."""
+        """Deflection in rad beyond which the springs' torques stay constant; infinite for a law without this parameter."""
         return self.values.get("max_deflection", math.inf)
 
     @cached_property
     def hysteresis(self) -> tuple[float, float] | None:
-        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none."""
+        """Level (N m) and length (rad) of the springs' hysteresis; None without hysteresis."""
         return hysteresis_of(self.values) if self.mode.spring else None
 
     @property
     def dynamic_motors(self) -> int:
-        """Motors with dynamics in this mode."""
+        """Number of motors that have dynamics in this mode."""
         return self.actuator.motors if self.mode.motor else 0
 
     @cached_property
@@ -58,61 +58,61 @@ class Drive:
 
     @cached_property
     def proportional(self) -> tuple[float, ...]:
-        """N m/rad, gain of each controller, converted from volts or amperes for electric motors."""
+        """Proportional gain of each controller in N m/rad, converted from volts or amperes for electric motors."""
         return self._gains("proportional")
 
     @cached_property
     def integral(self) -> tuple[float, ...]:
-        """N m/(rad s)."""
+        """Integral gain of each controller in N m/(rad s)."""
         return self._gains("integral")
 
     @cached_property
     def derivative(self) -> tuple[float, ...]:
-        """N m s/rad."""
+        """Derivative gain of each controller in N m s/rad."""
         return self._gains("derivative")
 
     @cached_property
     def max_torque(self) -> tuple[float, ...]:
-        """N m of each motor at rest."""
+        """Largest torque of each motor at rest in N m."""
         return tuple(min(one.limit, one.stall) for one in self.electric) if self.mode.motor else ()
 
     @cached_property
     def motor_inertia(self) -> tuple[float, ...]:
-        """kg m^2."""
+        """Inertia of each motor in kg m^2."""
         return self._of_motors("inertia")
 
     @cached_property
     def motor_damping(self) -> tuple[float, ...]:
-        """N m s/rad, with the back-EMF where voltage is commanded."""
+        """Viscous damping of each motor in N m s/rad; it includes the back-EMF if the command is a voltage."""
         return tuple(d + one.lag for d, one in zip(self._of_motors("damping"), self.electric, strict=False))
 
     @cached_property
     def motor_friction(self) -> tuple[float, ...]:
-        """N m."""
+        """Coulomb friction of each motor in N m."""
         return self._of_motors("friction_torque")
 
     @cached_property
     def max_velocity(self) -> tuple[float, ...]:
-        """rad/s."""
+        """Largest speed of each motor in rad/s."""
         return self._of_motors("max_velocity")
 
     @cached_property
     def motor_ranges(self) -> tuple[tuple[float, float], ...]:
-        """rad, least and largest position of each motor."""
+        """Smallest and largest position of each motor in rad."""
         return tuple(zip(self._of_motors("min_position"), self._of_motors("max_position"), strict=True))
 
     def motor_numbers(self, index: int) -> tuple[float, ...]:
-        """Parameters of :func:`asrsim.actuators.motor.motor_kick` of motor `index` (1, 2, ...)."""
+        """Parameters that `asrsim.actuators.motor.motor_kick` takes for motor `index` (1, 2, ...)."""
         return motor_numbers(self.values, index, self.mode)
 
     def without_friction(self) -> Drive:
-        """The same drive without friction of its motors; their damping stays."""
+        """A copy of the drive without friction of the motors; their damping stays."""
         motors = range(1, self.actuator.motors + 1)
         names = [f"motor_{i}_{name}" for i in motors for name in ("friction_torque", "stribeck_friction", "load_friction")]
         return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
     def goals(self, references: Array) -> Array:
-        """Goals of the motors or springs from references (columns, n): through the reference map in modes 3 and 6."""
+        """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""
         goals = references.copy()
         if self.mode.mapped:
             mapped = over_arrays(self.actuator.motor_references)(references[0], references[1])

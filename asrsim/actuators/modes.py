@@ -1,5 +1,4 @@
-"""The operation modes as a table: seven of the paper's section 3.1, and two of ours for motors that are driven by voltage or
-current. The columns define a mode."""
+"""Table of the operation modes: seven from section 3.1 of the paper, and two for motors driven by voltage or current."""
 
 from __future__ import annotations
 
@@ -13,27 +12,27 @@ class Mode:
     number: int
     name: str
     references: tuple[str, ...]
-    """Names of the references in scenarios and logs, one or two."""
+    """Names of the one or two references in scenarios and logs."""
     units: tuple[str, ...]
     doc: str
     spring: bool = False
-    """The link is driven through the spring (else by the reference or the link's PID directly)."""
+    """Whether springs drive the link; otherwise the reference or the PID controller of the link drives it directly."""
     motor: bool = False
-    """The motors have dynamics (else their positions follow the references at once)."""
+    """Whether the motors have dynamics; otherwise their positions equal the references at once."""
     controller: bool = False
-    """A PID makes the torque (of the motors; in mode 1 of the link)."""
+    """Whether PID controllers command the motors (in mode 1: the torque on the link)."""
     mapped: bool = False
-    """References are equilibrium and preset and go through the actuator's reference map."""
+    """Whether the references are equilibrium and preset, which the actuator's reference map turns into motor positions."""
     command: str = "torque"
-    """Kind of a reference that drives a motor directly: torque, voltage or current."""
+    """Quantity by which a reference drives a motor directly: torque, voltage or current."""
 
     @property
     def direct(self) -> bool:
-        """The references drive the motors, without a controller."""
+        """Whether the references drive the motors without a controller."""
         return self.motor and not self.controller
 
     def references_of(self, motors: int) -> tuple[str, ...]:
-        """Names of the references of an actuator with this number of motors; `references` are those of two motors."""
+        """Names of the references for an actuator with this number of motors; `references` lists them for two motors."""
         if self.mapped or len(self.references) < 2:
             return self.references
         return (*self.references, *(self.references[0].replace("1", str(i)) for i in range(3, motors + 1)))

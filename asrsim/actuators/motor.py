@@ -1,12 +1,12 @@
-"""The DC motor with friction, controller and winding, as one pure law (paper sections 3.1.1, 3.1.2; eqs. 7, 8, 11).
+"""The DC motor with friction, controller and winding, as one function (paper sections 3.1.1, 3.1.2; eqs. 7, 8, 11).
 
-Friction is Dahl's: bristles stick to an anchor and slip at a torque, which may vary:
+The friction follows Dahl: bristles stick to an anchor and slip when the torque reaches the level
 
     tau_c + c |tau_s| + tau_x exp(-(omega / omega_x)^2)
 
 with the Coulomb level tau_c, the spring's torque tau_s on the motor (its share c as in BAM's M3: Duclusaud et al. 2025) and the
-Stribeck excess tau_x (Armstrong-Helouvry et al. 1994). The bristles give back no more than they took whatever the level does,
-so friction is passive. The electric motor has no inductance, and its constants are seen from the output:
+Stribeck excess tau_x (Armstrong-Helouvry et al. 1994). The bristles never return more energy than they have stored, even if the
+level varies, so friction is passive. The electric motor has no inductance; its equations refer to the output shaft:
 
     tau = n k_t i,    u = R i + n k_t omega,    |u| <= max_voltage,  |i| <= max_current
 """
@@ -33,25 +33,25 @@ def motor_kick(
     implicitness: float,
     parameters: tuple[float, ...],
 ) -> tuple[float, float, float, float, float, float]:
-    """Accelerate a motor for `step` s at a fixed position.
+    """State of a motor after it has accelerated for `step` s at a fixed position.
 
-    position in rad, velocity in rad/s, anchor in rad (Dahl's w: where the bristles stick), integral of the controller in units
-    of the command; reference: desired position in rad, or the command itself in the modes without controller; load: torque of
-    the spring on the motor in N m; slowest, fastest: the velocities in rad/s between which its stops and its speed limit keep
-    it (:func:`velocity_bounds`). The velocity in damping, back-EMF and derivative action is (1 - implicitness) old +
-    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: of :func:`motor_numbers`.
-    Returns velocity after the kick, mean velocity over it, anchor, integral, motor torque after its limit, friction torque.
+    position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
+    of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
+    load: torque of the spring on the motor in N m; slowest, fastest: smallest and largest velocity in rad/s that stops and
+    speed limit allow (`velocity_bounds`). Damping, back-EMF and derivative action act on the velocity (1 - implicitness) old +
+    implicitness new: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule. parameters: from `motor_numbers`.
+    Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
     """
     p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters
     old, new = 1.0 - implicitness, implicitness
     error = reference - hold * position
-    # Half of what the integral gains in the kick acts in it.
+    # The mean of the integral over the kick: half of its increase.
     push = (p + 0.5 * i * step) * error + integral
     level = coulomb + share * abs(load)
     mean = velocity
     stretch = position - anchor
     torque = friction = after = 0.0
-    # The level of friction is that of the mean speed: in two rounds the kick is of second order where it falls with speed.
+    # Friction depends on the mean speed over the kick, which is known after the first round. Two rounds give second order.
     for _ in range(2 if excess != 0.0 else 1):
         falling = excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else 0.0
         slip = (level + falling) / stiffness
@@ -85,10 +85,10 @@ def motor_kick(
 
 
 def velocity_bounds(position: float, low: float, high: float, fastest: float, step: float) -> tuple[float, float]:
-    """Least and largest velocity in rad/s over the next `step` s of a motor at `position`.
+    """Smallest and largest velocity in rad/s that a motor at `position` may have over the next `step` s.
 
-    low, high: its stops in rad, which are inelastic: it reaches them at most. fastest: its speed limit in rad/s. A motor
-    beyond a stop stays where it is. A step of 0 s moves nothing, and only the speed limit counts.
+    low, high: stops in rad; they are inelastic, and the motor never passes them. fastest: speed limit in rad/s. A motor
+    beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
     if step == 0.0:
         return -fastest, fastest
@@ -99,7 +99,7 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
 
 
 def motor_numbers(values: Mapping[str, float], index: int, mode: Mode) -> tuple[float, ...]:
-    """Parameters of :func:`motor_kick` of motor `index` (1, 2, ...) in a mode."""
+    """Parameters that `motor_kick` takes for motor `index` (1, 2, ...) in a mode."""
     motor, controller = f"motor_{index}", f"controller_{index}"
     gains = (1.0, 0.0, 0.0)
     if mode.controller:

@@ -1,4 +1,4 @@
-"""Parameters: numbers with a unit, a default, bounds and the source of the default."""
+"""Parameters of actuators: numbers with a unit, a default, bounds and the source of the default."""
 
 from __future__ import annotations
 
@@ -18,31 +18,32 @@ FRICTION_STIFFNESS = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One number of an actuator, as declared by its class."""
+    """Declaration of one parameter of an actuator."""
 
     name: str
-    """The common term, in snake_case: `max_deflection`."""
+    """Name in snake_case, such as `max_deflection`."""
     default: float
     unit: str
-    """SI; "1" for a pure number."""
+    """SI unit; "1" for a dimensionless number."""
     doc: str
     source: str = TOOLBOX
-    """Where the default comes from."""
+    """Publication or code that the default comes from."""
     minimum: float = -math.inf
     maximum: float = math.inf
     exclusive_minimum: bool = False
-    """The value must be larger than, not equal to, `minimum`."""
+    """Whether the value must be larger than `minimum`; otherwise it may equal `minimum`."""
     finite: bool = True
-    """False: infinite values are meaningful (position limits)."""
+    """Whether the value must be finite; infinite values mean that there is no limit."""
     unused: str = ""
-    """Reason why the value has no effect; empty if it has one."""
+    """Reason why the value has no effect; empty if it has an effect."""
     needs: str = ""
-    """Parameter without which this one has no effect."""
+    """Name of another parameter; this parameter has no effect while the other is 0."""
     optional: bool = False
-    """Belongs to a model that the toolbox does not have and that is off by default; lists of values omit it while it is off."""
+    """Whether the parameter belongs to a model that the toolbox lacks and that is off by default; lists of values omit it while
+    the model is off."""
 
     def fault(self, value: float) -> str | None:
-        """Why `value` is not allowed, or None."""
+        """Reason why `value` is not allowed; None if it is allowed."""
         if math.isnan(value):
             return "must be a number"
         if self.finite and math.isinf(value):
@@ -56,7 +57,7 @@ class Parameter:
 
 @cache
 def motor_parameters(index: int) -> tuple[Parameter, ...]:
-    """The DC motor of the paper's section 3.1.1, number `index` (1, 2, ...)."""
+    """Parameters of motor `index` (1, 2, ...): the DC motor of section 3.1.1 of the paper."""
     motor = f"motor_{index}"
     return tuple(
         replace(parameter, name=f"{motor}_{parameter.name}", needs=parameter.needs and f"{motor}_{parameter.needs}")
@@ -71,9 +72,9 @@ _LIMIT: dict[str, Any] = {"default": math.inf, "finite": False, **_POSITIVE, **_
 _MOTOR = (
     Parameter(name="inertia", default=0.0233, unit="kg m^2", doc="inertia b at the link's side of the gear", **_POSITIVE),
     Parameter(name="damping", default=0.2698, unit="N m s/rad", doc="viscous damping d", minimum=0.0),
-    Parameter(name="max_torque", default=6.0, unit="N m", doc="the motor's torque is clipped to it", minimum=0.0),
+    Parameter(name="max_torque", default=6.0, unit="N m", doc="largest torque of the motor", minimum=0.0),
     Parameter(
-        name="max_velocity", default=6.0, unit="rad/s", doc="the motor's speed is limited to it", finite=False, **_POSITIVE
+        name="max_velocity", default=6.0, unit="rad/s", doc="largest speed of the motor", finite=False, **_POSITIVE
     ),
     Parameter(name="min_position", default=-math.inf, unit="rad", doc="lower stop of the motor", finite=False),
     Parameter(name="max_position", default=math.inf, unit="rad", doc="upper stop of the motor", finite=False),
@@ -82,11 +83,11 @@ _MOTOR = (
     ),
     Parameter(
         name="stribeck_friction", default=0.0, unit="N m", minimum=0.0, **_STRIBECK,
-        doc="static friction above the Coulomb level; it fades with speed",
+        doc="static friction minus Coulomb friction; this excess decreases with speed",
     ),
     Parameter(
         name="stribeck_velocity", default=0.1, unit="rad/s", needs="stribeck_friction", **_POSITIVE, **_STRIBECK,
-        doc="Stribeck velocity: at it 37 % of that excess is left",
+        doc="velocity at which 37 % of the Stribeck friction is left",
     ),
     Parameter(
         name="load_friction", default=0.0, unit="1", minimum=0.0, source=LOAD_FRICTION, optional=True,
@@ -98,43 +99,46 @@ _MOTOR = (
     ),
     Parameter(
         name="torque_constant", default=0.0, unit="N m/A", minimum=0.0, **_ELECTRIC,
-        doc="torque constant k_t of the rotor, in V s/rad its back-EMF constant; 0: the motor gives torque as told",
+        doc="torque constant k_t of the rotor, equal to its back-EMF constant in V s/rad; 0: the command is a torque",
     ),
     Parameter(
         name="resistance", default=0.0, unit="ohm", minimum=0.0, needs="torque_constant", **_ELECTRIC,
-        doc="resistance R of the winding; 0: the controller gives current, else voltage",
+        doc="resistance R of the winding; 0: the controller commands a current, otherwise a voltage",
     ),
     Parameter(
         name="gear_ratio", default=1.0, unit="1", needs="torque_constant", **_POSITIVE, **_ELECTRIC,
         doc="turns n of the rotor per turn of the motor's output",
     ),
-    Parameter(name="max_voltage", unit="V", needs="resistance", doc="the voltage is clipped to it", **_LIMIT),
-    Parameter(name="max_current", unit="A", needs="torque_constant", doc="the current is clipped to it", **_LIMIT),
+    Parameter(name="max_voltage", unit="V", needs="resistance", doc="largest voltage", **_LIMIT),
+    Parameter(name="max_current", unit="A", needs="torque_constant", doc="largest current", **_LIMIT),
 )  # fmt: skip
 
 
 HYSTERESIS_PARAMETERS = (
     Parameter(
         name="hysteresis_torque", default=0.0, unit="N m", minimum=0.0, source=DAHL, optional=True,
-        doc="torque that each spring lags by: half the width of its loop",
+        doc="hysteresis torque of each spring: half the width of its hysteresis loop",
     ),
     Parameter(
         name="hysteresis_deflection", default=0.01, unit="rad", minimum=0.0, exclusive_minimum=True, source=DAHL, optional=True,
         needs="hysteresis_torque",
-        doc="deflection over which that torque turns to the other side",
+        doc="deflection over which the hysteresis torque changes its sign after a reversal",
     ),
 )  # fmt: skip
-"""Dahl's element beside each spring (:mod:`asrsim.actuators.hysteresis`)."""
+"""Parameters of the Dahl element parallel to each spring (`asrsim.actuators.hysteresis`)."""
 
 
 @cache
 def controller_parameters(index: int) -> tuple[Parameter, ...]:
-    """The PID controller of the paper's section 3.1.2 on motor `index` (mode 1: on the link, with other defaults)."""
+    """Parameters of the PID controller of motor `index`, as in section 3.1.2 of the paper (mode 1: controller of the link, with
+    other defaults)."""
     controller = f"controller_{index}"
     return (
-        Parameter(name=f"{controller}_proportional", default=125.0, unit="N m/rad", doc="gain on the position error (k_p)"),
-        Parameter(name=f"{controller}_integral", default=0.0, unit="N m/(rad s)", doc="gain on its integral (k_i)"),
-        Parameter(name=f"{controller}_derivative", default=4.5, unit="N m s/rad", doc="gain on minus the velocity (k_d)"),
+        Parameter(name=f"{controller}_proportional", default=125.0, unit="N m/rad", doc="gain k_p on the position error"),
+        Parameter(
+            name=f"{controller}_integral", default=0.0, unit="N m/(rad s)", doc="gain k_i on the integral of the position error"
+        ),
+        Parameter(name=f"{controller}_derivative", default=4.5, unit="N m s/rad", doc="gain k_d on the negative velocity"),
     )
 
 
@@ -143,4 +147,4 @@ LINK_CONTROLLER_DEFAULTS = {
     "controller_1_integral": 0.0,
     "controller_1_derivative": 0.2,
 }
-"""Defaults that replace the motor controller's in mode 1, where the PID acts on the link (released toolbox)."""
+"""Controller defaults in mode 1, in which the PID controller acts on the link (released toolbox)."""

@@ -1,4 +1,4 @@
-"""Where the motors of a drive rest while springs load them, and roots of increasing functions; for many instants at once."""
+"""Positions at which the motors of a drive rest under the load of the springs, and roots of increasing functions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import Array, over_arrays
 
 ROUNDS = 50
-"""Largest number of rounds over the motors; one is enough where no spring depends on two motors."""
+"""Largest number of rounds over the motors; one round is enough if each spring depends on one motor."""
 MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
 TOLERANCE = 1e-14
-"""rad or m, relative above 1: a root search ends when its bracket is narrower."""
+"""rad or m (relative for values above 1): width of the bracket at which a root search ends."""
 FARTHEST = 1e6
 """rad: largest distance between a motor's reference and its position of rest."""
 
@@ -22,8 +22,9 @@ FARTHEST = 1e6
 def resting_motors(drive: Drive, position: Array, references: Array, *, limited: bool = True) -> Array:
     """(positions, n) rad: positions of motors and adjuster at rest, with the link at `position` (n,) rad.
 
-    references: (positions, n) rad, after the reference map. A controller without integral action gives way by tau_el / P. Ideal
-    motors stand at their references. limited: with the motors' largest torques and position stops. Friction is neglected.
+    references: (positions, n) rad, after the reference map. A controller without integral action leaves the steady-state error
+    tau_el / P. Ideal motors stand at their references. limited: whether the motors' largest torques and position stops apply.
+    Friction is neglected.
     """
     resting = np.array(references, dtype=float)
     if not (drive.mode.motor and drive.mode.controller):
@@ -34,7 +35,7 @@ def resting_motors(drive: Drive, position: Array, references: Array, *, limited:
         for motor in range(drive.dynamic_motors):
             resting[motor] = _resting(drive, motor, position, references[motor], resting, limited)
             loads[motor] = law(position, *resting, drive.elastic)[motor]
-        # Most springs depend on one motor each: the other motors' motion has not changed their loads.
+        # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
         if np.array_equal(loads, law(position, *resting, drive.elastic)[: len(loads)]):
             break
     return resting
@@ -48,7 +49,7 @@ def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
 
 
 def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions: Array, limited: bool) -> Array:
-    """(n,) rad: position of rest of one motor, with the others at their `positions` (positions, n)."""
+    """(n,) rad: position of rest of one motor, with the other motors at `positions` (positions, n)."""
     gain, law = drive.proportional[motor], over_arrays(drive.actuator.elastic_torques)
     most = drive.max_torque[motor] if limited else np.inf
     low, high = drive.motor_ranges[motor] if limited else (-np.inf, np.inf)
@@ -60,12 +61,12 @@ def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions
 
     here = load(wanted)
     if drive.integral[motor] > 0.0:
-        # In time the controller gives the spring's torque, up to the motor's largest torque.
+        # At rest the integral action balances the spring's torque, up to the motor's largest torque.
         holding = np.clip(here, -most, most)
         resting = wanted if np.array_equal(here, holding) else increasing_roots(lambda theta: load(theta) - holding, wanted)
         resting = np.where(here == holding, wanted, resting)
     else:
-        # The load decreases on the way from the reference.
+        # The load decreases as the motor moves away from its reference.
         reach = np.minimum(np.abs(here) / gain, 1.0) if gain > 0.0 else 1.0
         resting = increasing_roots(
             lambda theta: load(theta) - np.clip(gain * (wanted - theta), -most, most), wanted, reach, FARTHEST
@@ -76,10 +77,10 @@ def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions
 def increasing_roots(
     function: Callable[[Array], Array], start: Array, reach: float | Array = 0.1, farthest: float = FARTHEST
 ) -> Array:
-    """(n,) roots of `function`, elementwise and increasing. Without a root: the place at the distance `farthest` from `start`.
+    """(n,) roots of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
-    The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`; then regula falsi (Illinois),
-    with a bisection where three steps have not halved the bracket.
+    The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`. Regula falsi (Illinois) then
+    narrows the bracket, with a bisection where three steps have not halved it.
     """
     with np.errstate(all="ignore"):
         near, at_near = np.array(start, dtype=float), function(start)
@@ -102,12 +103,12 @@ def increasing_roots(
                 break
             secant = (low * at_high - high * at_low) / (at_high - at_low)
             bisected = ~np.isfinite(secant) | ((step % 3 == 2) & (width > widest))
-            # A step just beyond an end that has converged closes the bracket.
+            # A step just beyond a converged end closes the bracket.
             middle = np.where(bisected, 0.5 * (low + high), np.clip(secant, low + least, high - least))
             widest = 0.5 * width if step % 3 == 2 else widest
             value = function(middle)
             above = value >= 0.0
-            # Illinois: the value at an end that stays twice is halved, so that both ends move.
+            # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
             kept, last = np.where(above == last, 0.5, 1.0), above
             at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
             high, low = np.where(above, middle, high), np.where(value <= 0.0, middle, low)

@@ -1,4 +1,4 @@
-"""Users' own actuators: a Python file named on the command line, its classes checked and registered."""
+"""Plugin files: Python files of users, named on the command line, whose actuators are checked and registered."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from asrsim.errors import ActuatorError, Problem
 from asrsim.registry import Registry, plugin_file
 
 MODULES = "asrsim_plugin_"
-"""Prefix of the module names of users' files."""
+"""Prefix of the module names of plugin files."""
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError for plugins of a file that the user has not named too: no file runs code by itself."""
+    """Raise ActuatorError if `file` lists plugins that the user has not named: a data file must not run code by itself."""
     known = {Path(one).resolve() for one in named}
     problems = [
-        Problem("is Python code, which runs only where you name it", file=file, key="plugins", value=one,
-                hint=f"If you trust it: --plugin {shlex.quote(str(one))}", code="plugin-not-named")
+        Problem("is Python code, which runs only if you name it", file=file, key="plugins", value=one,
+                hint=f"If you trust this code, add --plugin {shlex.quote(str(one))}", code="plugin-not-named")
         for one in wanted if one.resolve() not in known
     ]  # fmt: skip
     if problems:
@@ -36,20 +36,20 @@ def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Pa
 
 
 def plugin_options(files: Iterable[Path | str]) -> list[str]:
-    """Words of a command that names these files."""
+    """Command-line options that name these plugin files."""
     return [word for file in files for word in ("--plugin", str(file))]
 
 
 def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
-    """A command of asrsim for a file, to be pasted into a shell. plugins: plugin files that the file needs."""
+    """The shell command `asrsim NAME FILE`, for the user to paste. plugins: plugin files that the file needs."""
     return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
 
 
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
-    """Run a user's file and register every actuator class that it defines; a file may be loaded again.
+    """Run a plugin file and register every actuator class that it defines; a file may be loaded again.
 
-    The file may add to any registry of asrsim as well: signals, measures, recording readers, engines, steppings. It is run as
-    the Python that it is: name only files that you trust. Classes whose names begin with an underscore are left out. Returns
+    The file may also add to any other registry of asrsim: signals, measures, recording readers, engines, steppings. It runs as
+    ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored. Returns
     the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
     malformed actuator.
     """
@@ -87,7 +87,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that breaks the contract of :class:`Actuator`."""
+    """Problems of a class that does not follow the interface of `Actuator`."""
     return tuple(_attributes(actuator)) + tuple(_laws(actuator)) + tuple(_parameters(actuator))
 
 
@@ -95,12 +95,12 @@ def _attributes(actuator: type[Actuator]) -> Iterable[Problem]:
     name = getattr(actuator, "name", None)
     if not isinstance(name, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         yield _problem(
-            actuator, "must be small letters, digits and underscores; lib<name>_plugin.so finds it", "bad-declaration",
+            actuator, "must be lower-case letters, digits and underscores, as in lib<name>_plugin.so", "bad-declaration",
             key="name", value=name,
         )  # fmt: skip
     for key in ("title", "source"):
         if not isinstance(getattr(actuator, key, None), str):
-            yield _problem(actuator, "must be given, as text", "bad-declaration", key=key)
+            yield _problem(actuator, "must be a text", "bad-declaration", key=key)
     if actuator.motors not in range(1, MOST_MOTORS + 1):
         yield _problem(actuator, f"must be 1 to {MOST_MOTORS}", "bad-declaration", key="motors", value=actuator.motors)
     preset = actuator.typical_preset
@@ -131,7 +131,7 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def _results(actuator: type[Actuator]) -> Iterable[Problem]:
-    """One call of each law at rest: its result must be one that the simulation can use."""
+    """Problems of the results that the laws give at rest: the simulation needs numbers, and the right number of them."""
     values = tuple(parameter.default for parameter in actuator.parameters)
     positions = [0.0] * actuator.positions()
     calls: tuple[tuple[str, tuple[object, ...], int], ...] = (
@@ -153,11 +153,11 @@ def _results(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def law_fault(error: BaseException) -> ActuatorError | None:
-    """The error as a problem of a user's law, if a user's file raised it."""
+    """An ActuatorError with file and line if `error` was raised in a plugin file; else None."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         if str(frame.f_globals.get("__name__", "")).startswith(MODULES):
             message = f"the law raised {type(error).__name__}: {error}"
-            hint = "asrsim check --actuator NAME --plugin FILE tries a law over its whole range"
+            hint = "asrsim check --actuator NAME --plugin FILE evaluates the laws over their whole range"
             file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
             return ActuatorError(message, file=file, line=line, key=key, hint=hint, code="law-raised")
     return None
@@ -173,14 +173,14 @@ def _parameters(actuator: type[Actuator]) -> Iterable[Problem]:
     for parameter in declared:
         key = f"parameters.{parameter.name}"
         if not isinstance(parameter.name, str) or not parameter.name.isidentifier():
-            yield _problem(actuator, "is no name for a parameter", "bad-parameter", key=key)
+            yield _problem(actuator, "is not a valid parameter name", "bad-parameter", key=key)
         elif parameter.name in used:
-            yield _problem(actuator, "this parameter name is taken", "bad-parameter", key=key)
+            yield _problem(actuator, "another parameter has this name", "bad-parameter", key=key)
         used.add(parameter.name)
         if isinstance(parameter.default, bool) or not isinstance(parameter.default, (int, float)):
-            yield _problem(actuator, "its default must be a number", "bad-parameter", key=key, value=parameter.default)
+            yield _problem(actuator, "the default must be a number", "bad-parameter", key=key, value=parameter.default)
         elif fault := parameter.fault(parameter.default):
-            yield _problem(actuator, f"its default {fault}", "bad-parameter", key=key, value=parameter.default)
+            yield _problem(actuator, f"the default {fault}", "bad-parameter", key=key, value=parameter.default)
 
 
 def _file_of(actuator: type[Actuator]) -> Path | None:
@@ -198,7 +198,7 @@ def _run(path: Path) -> ModuleType:
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
-        # What the file prints must not mix with JSON.
+        # Output of the plugin goes to stderr, since stdout may carry JSON.
         with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
@@ -211,7 +211,7 @@ def _run(path: Path) -> ModuleType:
 
 
 def _line_of(error: BaseException, path: Path) -> int | None:
-    """Line of the user's file that raised the error."""
+    """Number of the line in the plugin file that raised the error."""
     if isinstance(error, SyntaxError):
         return error.lineno
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path.resolve()]

@@ -1,4 +1,4 @@
-"""Laws on whole arrays: the same source, with NumPy in the place of :mod:`math`; and the energy of actuators that give none."""
+"""Laws of actuators on whole arrays (NumPy replaces `math`), and the energy of actuators that declare none."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GAUSS = tuple(
     (0.5 * (node + 1.0), 0.5 * weight)
     for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True)
 )
-"""Nodes and weights of Gauss's rule with twelve points on [0, 1]."""
+"""Nodes and weights of Gauss-Legendre quadrature with twelve points on [0, 1]."""
 
 _ARRAY_MATH: dict[str, Any] = {
     name: getattr(np, name)
@@ -38,7 +38,7 @@ def _saturate_array(value: Any, limit: float) -> Any:
 
 
 def _with_arrays(value: Any) -> Any:
-    """Replacement of a global of a law that runs on arrays."""
+    """Global variable of a law, replaced by its counterpart for arrays."""
     if value is math:
         return _MATH_NAMESPACE
     if value is saturate:
@@ -50,10 +50,11 @@ def _with_arrays(value: Any) -> Any:
 
 @cache
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
-    """A law of an actuator on arrays of equal shape, (n,) or (joints, n). Several numbers give arrays with one more first axis.
+    """A law of an actuator, applied to arrays of equal shape (n,) or (joints, n). A law that returns several numbers gives an
+    array with an additional first axis.
 
-    The law takes numbers, and the spring's laws take a tuple of parameters last: numbers, or columns (joints, 1).
-    A law with branches cannot take arrays; it is then called sample by sample (slower, same numbers).
+    The last argument of a spring law is the tuple of parameters: numbers, or columns (joints, 1). A law with branches is
+    evaluated sample by sample, which is slower and gives the same numbers.
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
@@ -64,7 +65,10 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 with np.errstate(all="ignore"):
                     values = fast(first, *rest)
                 if isinstance(values, tuple):
-                    return np.stack([np.broadcast_to(value, shape) for value in values])
+                    rows = np.empty((len(values), *shape))
+                    for row, value in zip(rows, values, strict=True):
+                        row[...] = value
+                    return rows
                 return np.asarray(values) if np.shape(values) == shape else np.array(np.broadcast_to(values, shape))
             except (ValueError, TypeError):
                 pass
@@ -79,7 +83,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
 
 def _energy_law(actuator: Any) -> Callable[..., float]:
-    """The actuator's energy in J: its own law, else its torques integrated from the undeflected springs."""
+    """Energy law of the actuator in J; if it declares none, the integral of its torques from the undeflected springs."""
     if actuator.elastic_energy is not Actuator.elastic_energy:
         own: Callable[..., float] = actuator.elastic_energy
         return own
@@ -99,4 +103,4 @@ def _energy_law(actuator: Any) -> Callable[..., float]:
 
 
 energy_law: Callable[[Any], Callable[..., float]] = cache(_energy_law)
-"""See :func:`_energy_law`; made once for each actuator."""
+"""`_energy_law`, cached for each actuator."""

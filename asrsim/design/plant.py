@@ -187,17 +187,20 @@ class Plant:
         substeps: Substeps,
         *,
         information: bool = False,
+        secant: float = 0.0,
     ) -> Outcome | None:
-        """Of references (n, rows) in their units; None where a robot's motion is not sane."""
+        """Of references (n, rows) in their units; None where a robot's motion is not sane.
+
+        information: with Fisher matrices, by small one-sided differences; secant: by central ones of this relative change.
+        """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
         for one, values in zip(self.references, motion, strict=True):
             signals.setdefault(one.joint, {})[one.name] = Sampled(times=time, samples=values)
         names = [(self.joints.index(bound.joint), bound.quantity) for bound in self.bounds]
         names += [(self.joints.index(channel.joint), channel.quantity) for channel in self.channels]
-        # A small step of each number, to the side that its bounds allow.
-        moves = [np.diag(np.where(x + STEP > self.layout.bounds[1], -STEP, STEP)) for x in robots] if information else []
-        all_x = [there for x, own in zip(robots, moves, strict=True) for there in (x, *(x + own))] if information else robots
+        moves = [self._moves(x, secant) for x in robots] if information or secant else [np.zeros((0, 0))] * len(robots)
+        all_x = [there for x, own in zip(robots, moves, strict=True) for there in (x, *(x + move for move in own))]
         starts = [Start(parameters=self._numbers(gains, x), references=signals) for x in all_x]
         runs = list(self.door.rollout(names, starts, steps=motion.shape[1] - 1, substeps=substeps))
         each = len(runs) // len(robots)
@@ -209,17 +212,28 @@ class Plant:
             middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
             share[:] = np.nan_to_num(np.abs(np.array(rows) - middle) / half).max(axis=0)[: len(share)]
         when = self.step * float(np.argmax(shares.max(axis=0, initial=0.0)))
-        found = [self._fisher(runs[each * i : each * (i + 1)], np.diag(own)) for i, own in enumerate(moves)]
+        found = [self._fisher(runs[each * i : each * (i + 1)], own) for i, own in enumerate(moves) if len(own)]
         fishers = [one for one in found if one is not None]
-        whole = np.array(fishers) if information and len(fishers) == len(robots) else None
+        whole = np.array(fishers) if len(fishers) == len(robots) else None
         return Outcome(shares.max(axis=1, initial=0.0), when, whole)
 
-    def _fisher(self, runs: Sequence[Array | None], steps: Array) -> Array | None:
-        """(groups, n, n) of a robot, and of it with each number changed; None where sensitivities grow too much."""
+    def _moves(self, x: Array, secant: float) -> Array:
+        """(n, n) a small change of each number, where bounds allow it; with a secant (2 n, n): all up, then all down."""
+        low, high = self.layout.bounds
+        if not secant:
+            return np.diag(np.where(x + STEP > high, -STEP, STEP))
+        middle = np.clip(x, low + secant, high - secant) - x
+        return np.vstack([np.diag(middle + secant), np.diag(middle - secant)])
+
+    def _fisher(self, runs: Sequence[Array | None], moves: Array) -> Array | None:
+        """(groups, n, n) of runs of a robot, and of it with each number moved; None where sensitivities grow too much."""
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
             return None
-        base, slopes = rows[0], np.array([(one - rows[0]) / h for one, h in zip(rows[1:], steps, strict=True)])
+        base, count = rows[0], moves.shape[1]
+        ends = rows[1 + count :] or [base] * count
+        steps = np.diag(moves) - (np.diag(moves[count:]) if len(moves) > count else 0.0)
+        slopes = np.array([(one - end) / h for one, end, h in zip(rows[1 : 1 + count], ends, steps, strict=True)])
         own = np.ptp(base, axis=1)
         measured = np.isfinite(base).all(axis=1) & np.isfinite(slopes).all(axis=(0, 2))
         if np.any((np.abs(slopes).max(axis=2) > GROWTH * np.maximum(own, 1e-9))[:, measured & (own > 0.0)]):

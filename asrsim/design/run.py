@@ -135,6 +135,8 @@ def design(
         unknown = [key for key, half in zip(keys, intervals["design"], strict=True) if half > 1.0]
         if unknown:
             remarks.append(f"this motion does not show by itself: {', '.join(unknown)}")
+        missing = [name for name in ("one step", "chirp") if name not in intervals]
+        remarks += [f"{name}: no size that was tried keeps the limits, or its information is not believed" for name in missing]
         if best.name != "design":
             remarks.append(f"nothing better was found than {best.name}")
         return Design(
@@ -240,7 +242,10 @@ def _searched(
     plain = search.plain()
     candidates = [*(found for one, found in tried if one is search), *([longest] if longest else []), *plain]
     if not candidates:
-        raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
+        message = (
+            "no motion that was tried keeps the limits, with information that small and larger changes of numbers agree on"
+        )
+        raise InputError(message, key="limits", code="limits")
     remarks = [f"gains: {_named(search.gains)}"] if several else []
     remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(found.score):.2g} % in the mean" for one, found in tried]
     return search, min(candidates, key=lambda one: one.score), plain, remarks

@@ -76,6 +76,6 @@ def _draw(found: Design, time: Any, path: Path) -> list[Path]:
                 axes[-1].semilogy(range(len(halves)), 100.0 * halves, "o", label=name, markersize=5)
         axes[-1].set_xticks(range(len(found.keys)), found.keys, rotation=20, ha="right", fontsize="x-small")
         axes[-1].yaxis.set_major_formatter("{x:g}")
-        axes[-1].set(ylabel="95 % interval [± %]")
+        axes[-1].set(ylabel="95 % interval [± %]", xlim=(-0.5, len(found.keys) - 0.5))
         axes[-1].legend(fontsize="x-small")
         return save_figure(figure, path.parent, path.stem, ("png",))

@@ -1,1 +1,1 @@
-"""Documents of users: YAML with a line for every value, read against declared keys that also make schema and docs."""
+"""Reads users' YAML documents against declared keys. The declarations also give the JSON Schema and the documentation."""

@@ -16,12 +16,12 @@ from asrsim.errors import InputError, nearest
 T = TypeVar("T")
 
 REQUIRED: Any = object()
-"""Marks a key without default."""
+"""Default of a required key."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """A key that a mapping may have."""
+    """Declaration of a key in a mapping."""
 
     name: str
     kind: Kind[Any]
@@ -29,15 +29,15 @@ class Key:
     doc: str = ""
     unit: str = ""
     attribute: str = ""
-    """Name of the constructor's argument; empty: the key's own name."""
+    """Name of the constructor's argument; "": the name of the key."""
     shown: str = ""
-    """The default for people, where the value itself says little."""
+    """Description of the default in tables; "": the value itself."""
     spread: bool = False
-    """Its value is a mapping of several of the constructor's arguments; without the key, none of them is given."""
+    """True: the value is a mapping of several constructor arguments, which are all omitted without the key."""
 
     @property
     def required(self) -> bool:
-        """Whether the key must be there."""
+        """Whether the key is required."""
         return self.default is REQUIRED
 
     @property
@@ -47,7 +47,7 @@ class Key:
 
     @property
     def default_text(self) -> str:
-        """The default for tables."""
+        """Text of the default for tables."""
         if self.required:
             return "required"
         if self.shown:
@@ -73,11 +73,17 @@ def declare(
     kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "", spread: bool = False,
     field_default: Any = None,
 ) -> Any:  # fmt: skip
-    """A dataclass field that is also a key of a document.
+    """Dataclass field that is also a key of a document.
 
-    key: its name there, if it differs; `base.position` is the key `position` of the group `base`. spread: as in
-    :class:`Key`; one field for several arguments. field_default: the dataclass's own default, where it differs from the
-    document's; REQUIRED for none, or a function that makes it.
+    Args:
+        kind: Kind of the value.
+        doc: Description for tables and messages.
+        unit: Unit of the value.
+        default: Default in documents.
+        key: Name in documents, if it differs; `base.position` is the key `position` in the mapping `base`.
+        shown: Description of the default, as in `Key`.
+        spread: The key sets several constructor arguments, as in `Key`.
+        field_default: Default of the dataclass, if it differs; REQUIRED for none; a function makes the default.
     """
     metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown, spread=spread)}
     value = default if field_default is None else field_default
@@ -89,9 +95,9 @@ def declare(
 
 
 def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key | None:
-    """The key that declares the value at a path into a kind, through free names and numbers of entries; None: none does.
+    """Key that declares the value at a path inside a kind; None if no key declares it.
 
-    Of an entry of a list, and of a mapping by free names, it is the key of the whole. `key` is the kind's own.
+    For an entry of a list, or of a mapping with free names, it is the key of the list or mapping. key: the key of `kind`.
     """
     if not path:
         return key
@@ -107,8 +113,9 @@ def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key 
 
 
 def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
-    """The keys that a dataclass declares by :func:`declare`, in order. `groups` hold those with dotted names: keys whose
-    kind is a block without keys, spread over the dataclass's fields.
+    """Keys that a dataclass declares by `declare`, in order.
+
+    groups: Keys of the mappings that contain the keys with dotted names; their kinds are blocks without keys.
     """
     found: dict[str, Key] = {}
     named = {group.name: group for group in groups}
@@ -128,22 +135,22 @@ def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Block(Kind[T], Generic[T]):
-    """A mapping with declared keys, built into an object."""
+    """Kind of value: a mapping with declared keys, from which an object is built."""
 
     keys: Sequence[Key]
     build: Callable[..., T]
-    """Called with a keyword argument for every key, defaults filled in; its InputError is placed at this block."""
+    """Constructor, called with a keyword argument for every key. Its InputErrors are reported at this block."""
     noun: str = "mapping"
     doc: str = ""
     may_be_empty: bool = True
     main: str = ""
-    """Key that a value which is no mapping fills (`robot: arm.urdf`); empty: none."""
+    """Key that a value which is not a mapping sets (`robot: arm.urdf`); "": none."""
     line_argument: str = ""
-    """Argument of `build` that takes the block's line; empty: none."""
+    """Argument of `build` that receives the line of the block; "": none."""
     partial: bool = False
-    """Keys with a fault are left out of what is built, or take their default; else the whole is rejected."""
+    """True: the object is built without the faulty keys. False: a faulty key rejects the block."""
     read_before: tuple[str, ...] = ()
-    """Further keys that the mapping may have, which somebody else reads: messages offer them beside the block's own."""
+    """Further valid keys, which other code reads; messages list them too."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T:
         if node.value is None and self.may_be_empty and not any(key.required for key in self.keys):
@@ -179,7 +186,7 @@ class Block(Kind[T], Generic[T]):
         return self._built(arguments, node, path, reading)
 
     def opened(self, node: Node) -> Node:
-        """The node as a mapping, if its value is that of the main key."""
+        """Node as a mapping; a value that is not a mapping becomes that of the main key."""
         if not self.main or isinstance(node.value, dict):
             return node
         return Node({self.main: node}, node.line, {self.main: node.line}, node.file)
@@ -226,7 +233,7 @@ class Block(Kind[T], Generic[T]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the keys."""
+        """Names of the block's keys."""
         return tuple(key.name for key in self.keys)
 
     def schema(self) -> Schema:
@@ -260,5 +267,5 @@ class Block(Kind[T], Generic[T]):
 
 
 def block_of(cls: Callable[..., T], noun: str, *, main: str = "", line_argument: str = "") -> Block[T]:
-    """The block whose keys a dataclass declares."""
+    """Block with the keys that a dataclass declares."""
     return Block(keys=declared_keys(cls), build=cls, noun=noun, main=main, line_argument=line_argument)

@@ -1,4 +1,4 @@
-"""Kinds with parts: lists, vectors, maps by free names, and choices between shapes."""
+"""Kinds of values with parts: lists, mappings with free names, and alternatives."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class ListOf(Kind[tuple[T, ...]], Generic[T]):
-    """A list of values of one kind."""
+    """Kind of value: a list of values of one kind."""
 
     of: Kind[T]
     minimum: int = 0
     length: int | None = None
-    """Exact length; None: any."""
+    """Exact length; None: any length."""
     names: tuple[str, ...] = ()
-    """Names of the entries of a list of fixed length, for people."""
+    """Names of the entries of a list with fixed length, for messages and tables."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> tuple[T, ...]:
         if not isinstance(node.value, list):
@@ -59,15 +59,15 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class MapOf(Kind[dict[str, T]], Generic[T]):
-    """A mapping from free names (joints, mostly) to values of one kind. Entries with a fault are left out of what it reads."""
+    """Kind of value: a mapping from free names (mostly joints) to values of one kind. Faulty entries are left out."""
 
     of: Kind[T]
     noun: str = "joint"
-    """What the names are."""
+    """Noun for what the names refer to."""
     star: bool = True
-    """`"*"` may stand for all."""
+    """True: the name `*` may stand for all names."""
     bare: bool = False
-    """A value that is no mapping holds for all."""
+    """True: a value that is not a mapping applies to all names."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, T]:
         if node.value is None:
@@ -99,10 +99,10 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
 
 @dataclass(frozen=True)
 class Either(Kind[Any]):
-    """One of several kinds, chosen by the shape of the YAML value."""
+    """Kind of value: one of several kinds, chosen by the type of the YAML value."""
 
     options: tuple[tuple[Callable[[Node], bool], Kind[Any]], ...]
-    """(whether a node has this shape, kind), tried in order."""
+    """(function that accepts a node, kind), tried in order."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
         for fits, kind in self.options:
@@ -139,12 +139,12 @@ def is_list(node: Node) -> bool:
 
 
 def is_scalar(node: Node) -> bool:
-    """Whether a node is a number, a text, a truth value or nothing."""
+    """Whether a node is a number, a text, a boolean or null."""
     return not isinstance(node.value, dict | list)
 
 
 def merge_items(base: Node, over: Node, kind_of: Callable[[str], Kind[Any] | None]) -> Node:
-    """Mappings merged key by key; an empty value (null) in `over` takes the key away."""
+    """Mapping `base` with the keys of `over`. A null value in `over` removes the key."""
     if not isinstance(base.value, dict) or not isinstance(over.value, dict):
         return over
     items = dict(base.value)

@@ -1,4 +1,4 @@
-"""A whole file that is one block of declared keys."""
+"""Reads files that consist of one block of declared keys."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 def read_document(
     path: Path, wanted: str, *, error: type[InputError] = InputError, faults: list[Problem] | None = None
 ) -> tuple[Node, str]:
-    """As :func:`asrsim.document.yaml_reader.read_yaml`; a file of another kind than is wanted is refused as that."""
+    """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects files of another kind."""
     other = mistaken(path, wanted) if path.suffix.lower() not in DOCUMENTS else None
     if other is not None:
         raise error([other])
@@ -31,7 +31,7 @@ def read_document(
 
 
 def read_file(block: Block[T], path: Path) -> T:
-    """What the file's keys make. Raises InputError with every problem."""
+    """Object built from the keys of a file. Raises InputError with every problem."""
     faults: list[Problem] = []
     root, _ = read_document(path, block.noun, faults=faults)
     reading = Reading(base=path.parent)

@@ -1,4 +1,4 @@
-"""Kinds of values: each reads a node, describes itself for people, and gives its JSON Schema."""
+"""Kinds of values in documents. Each kind reads a node, and has a description and a JSON Schema."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ Schema = dict[str, Any]
 
 
 class Kind(ABC, Generic[T_co]):
-    """What a value may be."""
+    """Kind of a value in a document."""
 
     @abstractmethod
     def read(self, node: Node, path: KeyPath, reading: Reading) -> T_co:
-        """The value; raises Rejected once its problems are recorded in `reading`.
+        """Value of the node. Raises Rejected after recording the problems in `reading`.
 
-        Some kinds with parts give what could be read of them: a document is sound where `reading` has no problems.
+        Some kinds with parts return the valid parts: the document is valid only if `reading` has no problems.
         """
 
     @abstractmethod
     def schema(self) -> Schema:
-        """JSON Schema of the values allowed."""
+        """JSON Schema of the allowed values."""
 
     @property
     @abstractmethod
     def text(self) -> str:
-        """For tables in the documentation, a few words."""
+        """Short description for messages and for tables in the documentation."""
 
     @property
     def parts(self) -> tuple[tuple[str, Kind[Any]], ...]:
-        """Kinds within: (what a value's place adds, such as `.name` or `[]`; kind)."""
+        """Kinds of the parts: (suffix of the part's path, such as `.name` or `[]`; kind)."""
         return ()
 
     def merge(self, base: Node, over: Node) -> Node:
-        """`base` changed by `over`, for variants: replaced unless the kind has parts."""
+        """Value of a variant: `over`, or for kinds with parts `base` with the parts of `over`."""
         return over
 
 
 @dataclass(frozen=True, kw_only=True)
 class Number(Kind[float]):
-    """A finite real number (infinite ones where `finite` is off)."""
+    """Kind of value: a real number, finite unless `finite` is False."""
 
     minimum: float | None = None
     above: float | None = None
-    """The number must be larger than this."""
+    """Exclusive lower limit."""
     maximum: float | None = None
     finite: bool = True
 
@@ -102,7 +102,7 @@ SHARE = Number(minimum=0.0, maximum=1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Integer(Kind[int]):
-    """A whole number."""
+    """Kind of value: a whole number."""
 
     minimum: int | None = None
     maximum: int | None = None
@@ -130,7 +130,7 @@ class Integer(Kind[int]):
 
 @dataclass(frozen=True)
 class Boolean(Kind[bool]):
-    """`true` or `false`."""
+    """Kind of value: `true` or `false`."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> bool:
         if not isinstance(node.value, bool):
@@ -147,13 +147,13 @@ class Boolean(Kind[bool]):
 
 @dataclass(frozen=True, kw_only=True)
 class Text(Kind[str]):
-    """Text that is not empty."""
+    """Kind of value: non-empty text."""
 
     noun: str = "text"
-    """What it names, for messages and tables."""
+    """Noun for the text, for messages and tables."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
-        if isinstance(node.value, bool | int | float):  # a joint called 1, an argument that is a number
+        if isinstance(node.value, bool | int | float):  # such as a joint with the name 1, or a numeric argument
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
             raise reading.fault(node, path, f"must be {self.noun}", code="type")
@@ -169,17 +169,17 @@ class Text(Kind[str]):
 
 @dataclass(frozen=True)
 class Choice(Kind[str]):
-    """One of a few words, or of those that a function gives: the names of a registry, which it imports when it is called."""
+    """Kind of value: one of several words. A function may give the words, so that a registry is imported only when needed."""
 
     options: tuple[str, ...] | Callable[[], Iterable[str]]
     noun: str = ""
-    """What the words name, where a table of the documentation need not list them."""
+    """Noun for the words in tables; "": tables list the words."""
     missing: str = ""
-    """What to do about a word that is none of them."""
+    """Hint for an unknown word."""
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What may be chosen."""
+        """Valid words."""
         return tuple(self.options() if callable(self.options) else self.options)
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
@@ -200,16 +200,16 @@ class Choice(Kind[str]):
 
 @dataclass(frozen=True, kw_only=True)
 class File(Kind[Path]):
-    """A file, sought from the document's folder; noted as one that the document needs."""
+    """Kind of value: path of a file, relative to the document's folder. The file is added to the document's attachments."""
 
     noun: str = "file"
     attach: bool = True
     folder: bool = False
-    """A folder will do too."""
+    """True: a folder is valid too."""
     exists: bool = True
-    """It must exist when the document is read."""
+    """True: the file must exist when the document is read."""
     beside: str = ""
-    """Ending of a document that describes the file, such as `lab.csv.yaml`; it is attached too, if it exists."""
+    """Ending of a document that describes the file, such as `.yaml` for `lab.csv.yaml`; it is attached too, if it exists."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -240,7 +240,7 @@ class File(Kind[Path]):
 
 @dataclass(frozen=True)
 class Optional(Kind[T | None], Generic[T]):
-    """A value, or nothing (or the word that means nothing)."""
+    """Kind of value: a value or null. `word`, such as none, may stand for null."""
 
     kind: Kind[T]
     word: str | None = None
@@ -266,7 +266,7 @@ class Optional(Kind[T | None], Generic[T]):
 
 
 def attempt(kind: Kind[T], node: Node, path: KeyPath, reading: Reading) -> tuple[T] | None:
-    """Read and go on: (value,), or None with the problem and the path recorded."""
+    """(value,) of the node; None for an invalid value, after recording its problem and path in `reading`."""
     try:
         return (kind.read(node, path, reading),)
     except Rejected:

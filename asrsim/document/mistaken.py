@@ -1,4 +1,4 @@
-"""A file of another kind than is wanted: which kind it is, and which command takes it."""
+"""Detects files of the wrong kind, and names the command for their kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMANDS = {
     "recording": "asrsim init ROBOT.urdf --experiment {path}",
     "summary": "asrsim report {folder}",
 }
-"""Kind of file -> what takes it."""
+"""Kind of file -> command that reads it."""
 ENDINGS = {
     ".urdf": "robot", ".xacro": "robot", ".mcap": "log", ".csv": "recording", ".tsv": "recording", ".bag": "recording",
     ".db3": "recording", ".mat": "recording", ".npz": "recording", ".npy": "recording", ".xlsx": "recording",
@@ -35,13 +35,13 @@ KEYS = {
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
-"""Kind -> keys at the top of such a file; any of them identifies the kind; the first match wins."""
+"""Kind -> top-level keys. Any of these keys identifies the kind; the first match wins."""
 DOCUMENTS = (".yaml", ".yml", ".json")
-"""File endings of what has keys."""
+"""Endings of files with keys."""
 
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:
-    """The kind of a file by its ending, else by its keys; None if both are unknown. root: of the file, where it is read."""
+    """Kind of a file by its ending, else by its keys; None if both are unknown. root: Root node, if already read."""
     if path.is_dir():
         return next((kind for name, kind in FOLDERS.items() if (path / name).exists()), None)
     if not path.exists():
@@ -58,9 +58,9 @@ def kind_of(path: Path, root: Node | None = None) -> str | None:
 
 
 def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | None:
-    """What is wrong where the file, or folder, is plainly of another kind than is wanted."""
+    """Problem if the file or folder is clearly of another kind than `wanted`; None otherwise."""
     kind = kind_of(path, root)
     if kind is None or kind == wanted:
         return None
     command = COMMANDS[kind].format(path=path, folder=path.parent)
-    return Problem(f"is a {kind}, no {wanted}", file=path, hint=f"What takes it: {command}", code="other-kind")
+    return Problem(f"is a {kind}, no {wanted}", file=path, hint=f"Use it with: {command}", code="other-kind")

@@ -1,4 +1,4 @@
-"""A value of a document, with its line."""
+"""Nodes of a document: values with their lines."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ Value: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] | No
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
-    """A scalar, list or mapping of a document; compared by identity."""
+    """Scalar, list or mapping of a document. Nodes are compared by identity."""
 
     value: Value
     line: int | None = None
-    """Line in the file, counted from 1; None for values that did not come from a file."""
+    """Line in the file, counted from 1; None for values that are not from a file."""
     key_lines: Mapping[str, int | None] | None = None
-    """For a mapping: the line of each key."""
+    """Line of each key of a mapping."""
     file: Path | None = None
-    """File of `line`."""
+    """File that contains the node."""
 
     def key_line(self, key: str) -> int | None:
-        """Line of a mapping's key, the mapping's own if it has none."""
+        """Line of a key of the mapping; the line of the mapping if the key has none."""
         return (self.key_lines or {}).get(key, self.line)
 
     def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
-        """The value as plain JSON-like data; `renamed` maps ids of nodes to values that replace them."""
+        """Value as plain JSON-like data. renamed: id of a node -> value that replaces it."""
         if renamed and id(self) in renamed:
             return renamed[id(self)]
         if isinstance(self.value, dict):
@@ -37,7 +37,7 @@ class Node:
         return self.value
 
     def describe(self) -> object:
-        """The value for a message: scalars as they are, larger things by their kind."""
+        """Value for a message: scalars unchanged, lists and mappings shortened."""
         if isinstance(self.value, dict):
             return "{" + ", ".join(self.value) + "}" if self.value else "{}"
         if isinstance(self.value, list):
@@ -47,7 +47,7 @@ class Node:
 
 
 def node_from_data(data: object) -> Node:
-    """A node tree from plain data; paths become text, tuples lists, other objects their text."""
+    """Tree of nodes made of plain data. Tuples become lists, and other objects (such as paths) their text."""
     if isinstance(data, Mapping):
         return Node({str(key): node_from_data(value) for key, value in data.items()})
     if isinstance(data, list | tuple):

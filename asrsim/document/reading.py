@@ -1,4 +1,4 @@
-"""The state of reading one document: where files are found, what was wrong."""
+"""State while a document is read: folder of its files, problems found, attachments."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from asrsim.errors import Problem
 KeyPath = tuple[str, ...]
 
 
-class Rejected(Exception):  # noqa: N818 - internal: its problem is recorded already, readers go on with the next key
-    """A value was refused; the problem is recorded in the reading."""
+class Rejected(Exception):  # noqa: N818 - internal: the problem is already recorded, and readers continue with the next key
+    """Raised for an invalid value, after its problem was recorded in the reading."""
 
 
 @dataclass(kw_only=True)
 class Reading:
-    """Collects problems and the files that a document names."""
+    """Collects the problems and the files of a document."""
 
     base: Path = field(default_factory=Path)
-    """Folder from which relative paths count."""
+    """Folder that relative paths refer to."""
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Files by the name that the document uses, before the folder is searched (attachments of a log)."""
+    """Name in the document -> file, searched before the folder (attachments of a log)."""
     problems: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
-    """Files named so far, by a unique short name; those in a folder as `folder/file`."""
+    """Unique short name -> file that the document names; files in a folder have names `folder/file`."""
     unread: list[KeyPath] = field(default_factory=list)
-    """Paths of the values that have a fault: what is read goes without them."""
+    """Paths of the invalid values, which are left out of the result."""
     renamed: dict[int, object] = field(default_factory=dict)
-    """id of a node with a file name -> its name among the attachments."""
+    """id of a node with a file name -> name of the attachment."""
 
     def fault(
         self,
@@ -45,7 +45,7 @@ class Reading:
         hint: str | None = None,
         meant: str | None = None,
     ) -> Rejected:
-        """Record a problem and give back the exception to raise (or to drop, to go on)."""
+        """Exception for an invalid value, whose problem is recorded. Callers raise it, or ignore it to continue."""
         self.problems.append(
             Problem(
                 message,
@@ -62,7 +62,7 @@ class Reading:
         return Rejected(message)
 
     def locate(self, text: str, *, folder: bool) -> Path:
-        """The file that a name in the document means; `folder`: or the folder that was attached with its files."""
+        """Path of the file with this name in the document. folder: the name may be that of an attached folder."""
         if text in self.files:
             return self.files[text]
         inside = next((path for name, path in self.files.items() if name.startswith(f"{text}/")), None)
@@ -72,7 +72,7 @@ class Reading:
         return path if path.is_absolute() else self.base / path
 
     def attach(self, node: Node, path: Path) -> None:
-        """Note that the document needs `path`, named by `node`; of a folder (a bag), the files in it."""
+        """Record that the document needs the file `path`, or the files of a folder (a bag). node: contains the name."""
         folder = path.is_dir()
         for name, known in self.attachments.items():
             if known == path or (folder and known.parent == path and name.endswith(f"/{known.name}")):

@@ -1,4 +1,4 @@
-"""YAML to nodes: YAML 1.2's numbers and booleans, a line for every key, duplicate keys and bombs refused."""
+"""Reads YAML 1.2 into nodes with lines. Rejects duplicate keys, and documents that are too large or too deep."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from asrsim.document.node import Node, Value
 from asrsim.errors import InputError, Problem, similar_file
 
 MAX_BYTES = 2_000_000
-"""Bytes of a document; a scenario has some thousand."""
+"""Largest size of a document, bytes; a scenario has some thousand."""
 MAX_DEPTH = 40
-"""Levels of nesting of a document."""
+"""Largest depth of nesting."""
 MAX_NODES = 200_000
-"""Values of a document once its aliases are expanded."""
+"""Largest number of values after the expansion of aliases."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -26,11 +26,11 @@ _BOOLEANS = {"true": True, "True": True, "TRUE": True, "false": False, "False": 
 
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = "plain"
-"""Our tag of scalars without quotes and tag: only these can be other than text."""
+"""Tag for scalars without quotes and tag, the only scalars that may be numbers, booleans or null."""
 
 
 def plain_scalar(text: str) -> bool | int | float | str | None:
-    """The value of an unquoted scalar under YAML 1.2's core schema: `1e-3` is a number, `on` and `yes` are text."""
+    """Value of an unquoted scalar by the core schema of YAML 1.2: `1e-3` is a number, `on` and `yes` are text."""
     if text in _NULLS:
         return None
     if text in _BOOLEANS:
@@ -49,15 +49,15 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
 
 
 def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[Problem] | None = None) -> tuple[Node, str]:
-    """The document of a file and its text; raises `error` if it cannot be read or is no sound YAML; `faults` as below."""
+    """Root node and text of a YAML file. Raises `error` if the file is unreadable or invalid. faults: as in `parse_yaml`."""
     try:
         if path.is_dir():
             raise error("is a folder, not a file", file=path, code="no-file")
-        # Pipes and devices have no size, so the reading itself is bounded.
+        # Pipes and devices have no size, so the number of bytes read is limited.
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
-            raise error(f"has more than {MAX_BYTES} bytes; at most that many are read", file=path, code="too-large")
+            raise error(f"is larger than {MAX_BYTES} bytes; at most that many are read", file=path, code="too-large")
         text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig").read()
     except UnicodeDecodeError as fault:
         raise error(f"is not UTF-8 text ({fault.reason})", file=path, code="encoding") from None
@@ -69,9 +69,9 @@ def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[
 def parse_yaml(
     text: str, *, file: Path | None = None, error: type[InputError] = InputError, faults: list[Problem] | None = None
 ) -> Node:
-    """The document of a text; raises `error` with every duplicate key, or the first fault of syntax.
+    """Root node of a YAML text. Raises `error` with the first syntax error, or with every duplicate key.
 
-    faults: takes duplicate keys and the like, so that they are reported together with what else is wrong.
+    faults: Receives duplicate keys and similar problems in place of an error, so that callers report all problems together.
     """
     import yaml
 
@@ -81,12 +81,12 @@ def parse_yaml(
         node = Node(None, 1) if root is None else converter.convert(root, 0)
     except yaml.MarkedYAMLError as fault:
         mark = fault.problem_mark or fault.context_mark
-        message = f"is no valid YAML: {fault.problem or fault.context}"
+        message = f"is not valid YAML: {fault.problem or fault.context}"
         if "tab" in message or "'\\t'" in message:
-            message += " (tabs cannot indent)"
+            message += " (indent with blanks, not tabs)"
         raise error(message, file=file, line=mark.line + 1 if mark else None, code="yaml") from None
     except yaml.YAMLError as fault:
-        raise error(f"is no valid YAML: {_reason(fault)}", file=file, code="yaml") from None
+        raise error(f"is not valid YAML: {_reason(fault)}", file=file, code="yaml") from None
     except (_Refused, RecursionError) as fault:
         message = str(fault) if isinstance(fault, _Refused) else "is nested too deeply"
         raise error(message, file=file, code="yaml") from None
@@ -98,7 +98,7 @@ def parse_yaml(
 
 
 def _reason(fault: Any) -> str:
-    """PyYAML's words on a fault of the text as such, without its name for our text."""
+    """PyYAML's description of an invalid character or encoding, without the name that PyYAML gives to the text."""
     character = getattr(fault, "character", None)
     if isinstance(character, int):
         return f"character {character:#06x} is not allowed"
@@ -106,11 +106,11 @@ def _reason(fault: Any) -> str:
 
 
 class _Refused(Exception):  # noqa: N818 - internal signal, not an error of the tree
-    """The document is hostile."""
+    """Raised for a document that exceeds a limit."""
 
 
 class _Converter:
-    """From PyYAML's nodes, which aliases may share, to ours."""
+    """Converter from PyYAML's nodes, which aliases may share, to `Node`."""
 
     def __init__(self, file: Path | None) -> None:
         self.file = file
@@ -120,7 +120,7 @@ class _Converter:
     def convert(self, node: Any, depth: int) -> Node:
         self.count += 1
         if self.count > MAX_NODES:
-            raise _Refused(f"has more than {MAX_NODES} values once its aliases are expanded")
+            raise _Refused(f"has more than {MAX_NODES} values after expanding its aliases")
         if depth > MAX_DEPTH:
             raise _Refused(f"is nested more than {MAX_DEPTH} levels deep")
         line = node.start_mark.line + 1
@@ -155,7 +155,7 @@ class _Converter:
             if key == "<<" and key_node.tag == _PLAIN:
                 merged.extend(value.value if isinstance(value.value, list) else [value])
             elif key in items:
-                self._complain(f"the key is there already, in line {lines[key]}", key_line, key=key, code="duplicate-key")
+                self._complain(f"the key is a duplicate of that in line {lines[key]}", key_line, key=key, code="duplicate-key")
             else:
                 items[key], lines[key] = value, key_line
         for other in merged:
@@ -168,17 +168,19 @@ class _Converter:
         return Node(items, line, lines, self.file)
 
     def _whole(self, text: str, line: int) -> None:
-        """JSON's escapes can spell half a character, which no file name, log or terminal can hold."""
+        """Reject surrogates (halves of characters, from JSON escapes), which no file name, log or terminal can contain."""
         if half := _HALF.search(text):
-            raise _Refused(f"\\u{ord(half[0]):04x} in line {line} is half a character, which no text can hold")
+            raise _Refused(f"\\u{ord(half[0]):04x} in line {line} is half a character (a surrogate), which is not allowed")
 
     def _complain(self, message: str, line: int, *, key: str | None = None, code: str = "yaml") -> None:
         self.problems.append(Problem(message, file=self.file, line=line, key=key, code=code))
 
 
 def _composed(text: str) -> Any:
-    """The root node of the text, None if it is empty. libyaml reads it four times as fast as PyYAML's own parser, which reads
-    what libyaml refuses, and words the fault: the messages are the same where libyaml is missing.
+    """PyYAML's root node of the text; None if the text is empty.
+
+    libyaml is four times as fast as PyYAML's parser. PyYAML's parser reads texts that libyaml rejects, so that error messages
+    do not depend on libyaml.
     """
     import yaml
 
@@ -191,7 +193,7 @@ def _composed(text: str) -> Any:
 
 
 def _loader(base: Any) -> Any:
-    """The parser with a limit of depth, and without YAML 1.1's implicit types."""
+    """Parser class with a limit on the depth, and without the implicit types of YAML 1.1."""
     import yaml
 
     class Loader(base):  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""Engines: they know joints and torques, never springs."""
+"""Physics engines: they move the links under joint torques. Springs and motors are computed outside of the engines."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ ENGINES.add("bench", EngineEntry(make=_bench, doc="a test bench: the links' moti
 
 
 def default_engine() -> str:
-    """Name of the engine of a run that names none: PyBullet if it is installed, else MuJoCo."""
+    """Name of the engine for a scenario without an engine: PyBullet if it is installed, else MuJoCo."""
     return "bullet" if ENGINES.get("bullet").available else "mujoco"
 
 

@@ -1,14 +1,14 @@
-"""The interface of an engine: it steps a robot under joint torques. It knows nothing of springs.
+"""The interface of an engine: it steps a robot under joint torques. The springs are not part of an engine.
 
-A step is a kick (velocities change by what pushes) and a drift (positions follow the new velocities). In a staggered run
-velocities live at half steps, half a step before the positions beside them, and the first kick is half a one. With mass matrix
-M, viscous damping C, implicitness w and kick = fraction * h a step of h is
+A step is a kick (forces change the velocities) and a drift (positions follow the new velocities). In a staggered run
+velocities belong to times half a step before the times of the positions, and the first kick lasts half a step. With mass
+matrix M, viscous damping C, implicitness w and kick = fraction * h, a step of h s is
 
     (M + w kick C) dv = kick (torque - bias(q, v_whole) - C v) + impulses of friction and stops + h wrenches
     v += dv,  q += h v
 
-where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step, in a run that is not staggered v. So the damping torque
-is -C (v + w dv): w = 1/2 is the midpoint rule.
+where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step; in a run that is not staggered v_whole = v. So the
+damping torque is -C (v + w dv): w = 1/2 is the midpoint rule.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ Point = tuple[float, float, float]
 
 
 class Model(Protocol):
-    """Kinematics and dynamics of the robot alone, at any state. Arrays are in the order of `joints`."""
+    """Kinematics and dynamics of the robot without its world, at any state. Arrays are in the order of `joints`."""
 
     joints: tuple[str, ...]
     links: tuple[str, ...]
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg) mass matrix of the moving joints; of a floating robot, the one with a free base."""
+        """(n, n) kg m^2 (kg): mass matrix of the moving joints. For a floating robot, the base is free to accelerate."""
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m of gravity, Coriolis and centrifugal forces, on a fixed base: these torques give no acceleration."""
+        """(n,) N m: joint torques that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a fixed base; inputs (n,)."""
+        """(n,) N m: joint torques that give `accelerations`, on a fixed base; inputs (n,)."""
 
     def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:
         """Kinetic and gravitational energy of the links in J, on a fixed base."""
@@ -63,59 +63,61 @@ class Scene(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The robot's numbers and work space of a native step. It serves one thread at a time."""
+    """The robot's numbers and the work space of a native step. Each thread needs a record of its own."""
 
     address: int
     memory: Any
-    """Keeps the memory at the address alive; the engine must live as well."""
+    """Reference that keeps the memory at the address alive; the engine must be kept alive as well."""
 
 
 class Native(NamedTuple):
     """A step of an engine as a C function, for any number of states."""
 
     address: int
-    """Of void step(void *record, double *state, double *exchange, const double *wrenches, double fraction)."""
+    """Address of void step(void *record, double *state, double *exchange, const double *wrenches, double fraction)."""
     size: int
-    """Numbers of a state."""
+    """Number of values of a state."""
     make_record: Callable[[], Record]
 
 
 class Engine(Protocol):
-    """A world with one robot (or prescribed motion), stepped at a fixed step by the rule above."""
+    """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above."""
 
     joints: tuple[str, ...]
     """Moving joints; arrays and sequences below are in this order."""
     version: str
-    """Library and version, for the log."""
+    """Name and version of the engine's library, for the log."""
     model: Model | None
     """None if the motion of the links is prescribed."""
     state: Any
-    """A copy of the whole state. Set: the engine continues from it, to the bit."""
+    """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run in steps of `step` s, with these positions and velocities of the joints and everything else at its start.
+        """Begin a run in steps of `step` s at the given joint positions and velocities; all other bodies begin at their start.
 
-        Returns positions and velocities: an engine that prescribes the motion decides them itself.
+        Returns positions and velocities of the joints, which differ from the given ones if the engine prescribes the motion.
         """
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step. exchange: see :data:`POSITION`; C-contiguous; wrenches: (w, 6) force (N) and torque (N m) of each of the
-        scenario's wrenches, means over the whole step; fraction: of the kick, 1/2 in the first step of a staggered run."""
+        """Advance the world by one step. exchange: see `POSITION`; C-contiguous. wrenches: (w, 6) mean force (N) and torque
+        (N m) of each wrench of the scenario over the whole step. fraction: share of a full kick, 1/2 in the first step of a
+        staggered run."""
 
     def scene(self) -> Scene:
-        """Bodies and contacts now."""
+        """Poses of the bodies and contact forces at the present state."""
 
     def vary(self, robot: Robot) -> bool:
-        """Take over the inertials of a robot of the same structure before the next start. False: a new engine is needed."""
+        """Replace the inertials by those of a robot with the same structure, before the next start. False: the engine cannot do
+        this, and a new engine is needed."""
 
     @property
     def native(self) -> Native | None:
-        """The step of a started run as a C function, or None."""
+        """The step of a started run as a C function; None if the engine has no such function."""
 
     def close(self) -> None:
-        """Release everything."""
+        """Release the memory and the connections of the engine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,18 +125,18 @@ class EngineEntry:
     """A registered engine."""
 
     make: Callable[..., tuple[Engine, tuple[Any, ...]]]
-    """(scenario, robot) -> engine and warnings; robot: with the scenario's modes and parameters in it."""
+    """Function (scenario, robot) -> engine and warnings. The robot has the scenario's modes and parameters already."""
     doc: str
     module: str = ""
-    """Module that must be importable; empty: none."""
+    """Python module that the engine needs; empty if it needs none."""
     prescribed: bool = False
     """The scenario's `motion` prescribes the motion of the links."""
     faster: str = ""
-    """A registered engine that gives the same motion many times faster in a world without contacts; empty: none."""
+    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
 
     @property
     def available(self) -> bool:
-        """Whether its module is installed."""
+        """Whether the engine's module is installed."""
         from importlib.util import find_spec
 
         return not self.module or find_spec(self.module) is not None

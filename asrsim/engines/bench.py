@@ -1,4 +1,4 @@
-"""A test bench: the links' motion is prescribed, as on a machine that measures one actuator. No dynamics."""
+"""The engine of a test bench: the motion of the links is prescribed, as on a machine that measures one actuator."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 
 CHUNK = 4096
-"""Rows of the motion that are sampled at once."""
+"""Number of rows of the motion that are sampled in one call."""
 LONGEST = 4_000_000
-"""Largest number of steps times joints whose motion is kept as a table, for native steps."""
+"""Largest size (steps times joints) of a motion that is tabulated in advance, for native steps."""
 
 
 class Table(NamedTuple):
-    """The whole motion, for native steps."""
+    """The whole prescribed motion, for native steps."""
 
     places: Array
-    """(n, joints) rad, m at whole steps; NaN in the last row, since no motion is known after the scenario's duration."""
+    """(n, joints) rad, m: positions at whole steps; NaN in the last row, since the motion ends with the scenario."""
     speeds: Array
-    """(n, joints) rad/s, m/s between them."""
+    """(n, joints) rad/s, m/s: mean velocities over the step before each position."""
 
 
 def move(table: Any, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    """One step to the next row: the bench holds the links."""
+    """Move the links to the next row of the table: the bench prescribes their motion."""
     state[0] += 1.0
     row = min(int(state[0]), len(table.places) - 1)
     for j in range(len(exchange)):
@@ -50,7 +50,7 @@ def link_motion(scenario: Scenario, joint: str) -> Signal:
 
 
 class BenchEngine:
-    """Joints follow signals (locked without one); torques have no effect."""
+    """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect."""
 
     model = None
     version = "bench"
@@ -64,18 +64,18 @@ class BenchEngine:
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """The prescribed motion starts over, whatever the given positions and velocities."""
+        """Restart the prescribed motion; the given positions and velocities are ignored."""
         self._step, self.state = step, 0
         self._sample(0)
         return self._places[0].tolist(), self._speeds[0].tolist()
 
     def _sample(self, first: int) -> None:
-        """Positions at whole steps and velocities between them, as a stepping engine has them; at rest before the start."""
+        """Sample the next rows: positions at whole steps, velocities at half steps; the links are at rest before the start."""
         self._first = first
         self._places, self._speeds = self._motion(first, first + CHUNK)
 
     def _motion(self, first: int, last: int) -> tuple[Array, Array]:
-        """(n, joints) positions and velocities at steps from `first` until before `last`."""
+        """Positions and velocities (n, joints) at the steps `first` to `last` - 1."""
         time = np.round(np.arange(max(first - 1, 0), last) * self._step, 12)
         positions = np.column_stack([signal.values(time) for signal in self._signals])
         if not first:
@@ -83,7 +83,7 @@ class BenchEngine:
         return positions[1:], np.diff(positions, axis=0) / self._step
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step to the next row."""
+        """Move the links to the next sampled row."""
         self.state = row = int(self.state) + 1
         if not 0 <= row - self._first < CHUNK:
             self._sample(row)
@@ -91,16 +91,16 @@ class BenchEngine:
         exchange[:, VELOCITY] = self._speeds[row - self._first]
 
     def scene(self) -> Scene:
-        """Nothing."""
+        """An empty scene: a test bench has no bodies and no contacts."""
         return Scene({}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """The robot's inertials have no effect here."""
+        """True: the robot's inertials have no effect on a prescribed motion."""
         return True
 
     @property
     def native(self) -> Native | None:
-        """The whole motion as a table; None where it is too long."""
+        """A step through a table of the whole motion; None if the table would be larger than `LONGEST`."""
         joints, steps = len(self.joints), self._duration / self._step + 4.0
         if not steps * joints < LONGEST or not compiling.available():
             return None
@@ -111,4 +111,4 @@ class BenchEngine:
         return Native(compiled.address, 1, lambda: Record(words.ctypes.data, (words, table, compiled)))
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: a test bench owns no resources."""

@@ -1,8 +1,8 @@
 """PyBullet behind the engine interface.
 
-Without contacts the step is ours, on Bullet's mass matrix and bias (:class:`BulletEngine`); with contacts it is Bullet's
-(:mod:`asrsim.engines.bullet_contacts`). The MuJoCo engine and this one share only
-:mod:`asrsim.engines.rigid` and :mod:`asrsim.engines.exact_friction` which do not know the robot.
+Without contacts, asrsim computes the step from Bullet's mass matrix and bias (`BulletEngine`). With contacts, Bullet computes
+the step (`asrsim.engines.bullet_contacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
+`asrsim.engines.exact_friction`, which contain no data of the robot.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class BulletEngine(RigidEngine):
         return self.model.matrix((*vector, w))
 
     def look(self, wrenches: Array) -> None:
-        """Mass matrix, bias and wrenches by Bullet."""
+        """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
         room, model = self._room, self.model
         rotation = self._turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
@@ -80,7 +80,7 @@ class BulletEngine(RigidEngine):
 
 
 def make_bullet(scenario: Scenario, robot: Robot) -> tuple[BulletEngine | BulletContacts, tuple[Problem, ...]]:
-    """The scenario's world in PyBullet, and warnings of what the engine ignores. Raises RobotError, SimulationError."""
+    """The scenario's world in PyBullet, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
     _, warnings = usable_shapes(merge_fixed(robot).robot, package_paths=scenario.package_paths)
     engine: Any = BulletEngine if scenario.world.empty else BulletContacts
     return engine(scenario, robot), warnings

@@ -1,9 +1,9 @@
 """PyBullet's own step, in a world with contacts: friction and stops of joints are among Bullet's constraints.
 
-Bullet's step has no implicit damping, takes velocity torques half a step late, and knows whole kicks only. The difference is
-given to it as torques, from the mass matrix and the bias of :class:`asrsim.engines.bullet_model.BulletModel`; for a first kick
-that is a part of one, its velocities are set back. Damping acts at the change of velocity that the joints would have without
-contacts.
+Bullet's step has no implicit damping, evaluates velocity torques half a step late, and supports full kicks only. Additional
+joint torques correct this; they are computed from the mass matrix and the bias of `asrsim.engines.bullet_model.BulletModel`.
+For a first kick that is shorter than a full kick, the velocities are set back beforehand. The damping torque is computed from
+the change of velocity that the joints would have without contacts.
 """
 
 from __future__ import annotations
@@ -29,23 +29,24 @@ from asrsim.scenario.data import Scenario
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""Bullet stops at 50 iterations or 1e-7: bodies and joints that should stick then creep, by 1e-4 m/s and 1e-3 rad/s. These
-leave 1e-9 m/s and 1e-5 rad/s, and cost little, since most steps converge sooner."""
+"""Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
+m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
 BEYOND = 1e-9
-"""rad or m: a joint rests on its stop this far beyond it."""
+"""rad or m: a joint that rests on its stop is this far beyond the stop."""
 REACH = 2.0
-"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
+"""Number of steps: a stop is near if the joint could reach it within them, moving 1 rad/s faster than it does."""
 ARREST = 1e9
-"""N m: more than any impact needs."""
+"""N m: largest torque of the motor that stops a joint at its stop; above the torque of any impact."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
-    """Adds to `push` (v,) the torques of the joints, damping included, in N m; the room's `change` is that without contacts.
+    """Add the joint torques in N m, with damping, to `push` (v,). The room's `change` becomes the change of velocity in a step
+    without contacts.
 
-    Ordinary code, run as it is or compiled.
+    This function runs as Python or compiled.
     """
-    for i in range(len(room.held)):
-        room.held[i] = 0
+    for i in range(len(room.regime)):
+        room.regime[i] = 0
     kick(room, exchange, fraction)
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]
@@ -54,7 +55,8 @@ def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
 
 
 class _Saved:
-    """A state in Bullet's memory. It is removed with this object, unless its client has ended: client numbers are reused."""
+    """A saved state in Bullet's memory. It is removed with this object, unless the physics client has ended: then the client's
+    number may belong to another client."""
 
     def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
         self.number = p.saveState(physicsClientId=client)
@@ -119,11 +121,11 @@ class BulletContacts:
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """A run begins."""
+        """Begin a run; see `asrsim.engines.base.Engine`."""
         p, client = self._p, self._client
         self._step = step
         self._room.scheme[:] = step, 1.5, -0.5, implicitness
-        # Bullet keeps the impulses of motors, which follow from the step.
+        # Bullet stores the impulses of motors, which depend on the step: set them anew.
         self._frictions = [None] * len(self._indices)
         self._lagging = staggered and len(self._before) > 1
         p.setTimeStep(step, physicsClientId=client)
@@ -159,7 +161,7 @@ class BulletContacts:
         self._room.velocity[:] = speeds
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step."""
+        """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
         p, client, room, model, rotation = self._p, self._client, self._room, self._model, self._rotation
         self._set_friction(exchange[:, FRICTION].tolist())
         whole, now = fraction == 1.0, room.velocity.copy()
@@ -179,13 +181,13 @@ class BulletContacts:
         arrived = self._reach_stops((now + room.change)[self._base :].tolist())
         self._before[:] = now
         if not whole:
-            # Bullet knows whole kicks only: it begins where a whole one ends as this part of one does.
+            # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
             self._before -= room.change
             self._place(self._positions, now - (1.0 / fraction - 1.0) * room.change)
             self._world.move((fraction - 1.0) * self._step * np.array(self._scenario.gravity))
             self._read()
         if lagging or not whole:
-            # Bullet takes velocity torques at its own velocities.
+            # Bullet evaluates velocity torques at the velocities that it stores: correct the difference.
             push += model.bias_at(room.qpos, rotation, room.velocity) - room.bias
         if self._indices:
             p.setJointMotorControlArray(
@@ -225,10 +227,10 @@ class BulletContacts:
         return False
 
     def _reach_stops(self, ends: list[float]) -> list[int]:
-        """Let joints that would pass their stops in this step just reach them: Bullet's own stops act on joints beyond only.
+        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are beyond them already.
 
-        ends: the joints' velocities at the end of the step without contacts, which take them to their stops at most. Returns
-        the joints that reach their stops; their motors serve for it.
+        ends: velocities of the joints at the end of the step if there were no contacts; they take a joint to its stop at most.
+        Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
         """
         arrived = []
         for j, lower, upper in self._stops:
@@ -236,7 +238,7 @@ class BulletContacts:
             for speed in (ends[j], self._velocities[j]):
                 reach = ((upper if speed > 0.0 else lower) - position) / self._step
                 if reach * speed > 0.0 and abs(speed) + BEYOND > abs(reach):
-                    # A hair beyond, where Bullet's stop holds it from the next step on.
+                    # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
                     self._set_motor(j, ARREST, reach + (BEYOND if speed > 0.0 else -BEYOND) / self._step)
                     arrived.append(j)
                     break
@@ -244,7 +246,7 @@ class BulletContacts:
 
     @property
     def state(self) -> Any:
-        """Bullet's state, and the velocities before the last kick."""
+        """Bullet's saved state, and the velocities before the last kick."""
         return _Saved(self._p, self._client, self._end), self._before.copy()
 
     @state.setter
@@ -255,10 +257,10 @@ class BulletContacts:
         self._read()
         self._frictions = [None] * len(self._indices)
 
-    # -- what is around ---------------------------------------------------------------------------------------------
+    # -- surroundings -----------------------------------------------------------------------------------------------
 
     def vary(self, robot: Robot) -> bool:
-        """Bullet cannot change the inertials of a loaded robot."""
+        """Whether the inertials are unchanged: Bullet cannot change those of a loaded robot."""
         return robot.links == self.robot.links
 
     def scene(self) -> Scene:

@@ -1,5 +1,5 @@
-"""Loads a robot into PyBullet, which reads files only, may crash on a mesh, and writes to the terminal. The only module that
-imports PyBullet."""
+"""Load a robot into PyBullet, which reads only files, may crash on a mesh, and prints to the terminal. No other module imports
+PyBullet."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
 NO_CLAMP = 1e9
-"""rad/s: Bullet clips joint velocities at this limit (100 by default)."""
+"""rad/s: limit at which Bullet clips joint velocities (100 by default); so large that it never acts."""
 
 
 def connect(owner: object) -> tuple[Any, int, finalize[..., Any]]:
-    """The module `pybullet`, the number of a new physics client (28 MB), and a function that ends the client. It ends with
-    `owner` at the latest."""
+    """The module `pybullet`, the number of a new physics client (28 MB), and a function that ends the client. The client
+    ends at the latest when `owner` is garbage-collected."""
     with quiet():
         import pybullet
 
@@ -37,7 +37,7 @@ def _disconnect(p: Any, client: int) -> None:
 
 
 def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) -> int:
-    """Bullet's number of the robot whose URDF text is given, on the scenario's base; raises RobotError."""
+    """Bullet's body number of a robot that is loaded from the URDF text, on the scenario's base. Raises RobotError."""
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(urdf, encoding="utf-8")
@@ -62,9 +62,9 @@ def load_body(p: Any, client: int, urdf: str, scenario: Scenario, robot: Robot) 
 
 
 def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot: Robot, lift: float = 0.0) -> None:
-    """Principal moments of the links (name -> Bullet's number) as in the robot's data, each with `lift` kg m^2 more.
+    """Set the principal moments of inertia of the links (name -> Bullet's number) to the robot's data plus `lift` kg m^2.
 
-    Where the largest is above the sum of the others, as in many published robots, Bullet loads zeros.
+    Bullet itself loads zeros where the largest moment exceeds the sum of the others, as in many published robots.
     """
     for link in robot.links:
         moments = tuple(moment + lift for moment in principal_axes(link)[0])
@@ -73,7 +73,7 @@ def set_inertias(p: Any, client: int, body: int, links: Mapping[str, int], robot
 
 
 def free_of_losses(p: Any, client: int, body: int) -> None:
-    """Switch off Bullet's own damping of links and joints, and its limit on joint velocities."""
+    """Switch off Bullet's damping of links and joints, and its limit on joint velocities."""
     p.changeDynamics(body, -1, linearDamping=0, angularDamping=0, lateralFriction=1.0, physicsClientId=client)
     for index in range(p.getNumJoints(body, client)):
         p.changeDynamics(

@@ -1,8 +1,8 @@
-"""Kinematics and dynamics of the robot alone, by PyBullet's routines on a physics client of their own.
+"""Kinematics and dynamics of the robot without its world, by PyBullet's routines on a separate physics client.
 
-PyBullet's routines have traps, which this module avoids. Those of dynamics count degrees of freedom in the order of
-Bullet's links, see a floating base along the axes of its inertia, its velocity before its translation, and ignore how it
-stands; forces on the base they give the other way round.
+PyBullet's dynamics routines follow unusual conventions, which this module converts. They order the degrees of freedom by
+Bullet's links. They describe a floating base along the principal axes of its inertia, with angular before linear velocity, and
+ignore its orientation. Forces on the base they return with linear before angular components.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BASE = 6
 
 
 class BulletModel(RigidModel):
-    """See :class:`asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot have."""
+    """PyBullet's `asrsim.engines.base.Model`. Raises RobotError for a robot that PyBullet cannot simulate."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._p, self._client, self.close = connect(self)
@@ -50,12 +50,12 @@ class BulletModel(RigidModel):
         self.root = bare.root.name
         self.joints, self.links = tuple(joint.name for joint in bare.moving_joints), tuple(self._places)
         self.free = 0 if scenario.fixed_base else BASE
-        # Bullet's dynamics routines count degrees of freedom in the order of its links, which need not be the file's.
+        # Bullet's dynamics routines order degrees of freedom by its links; the order in the file may differ.
         self._to_bullet = sorted(range(len(self.indices)), key=self.indices.__getitem__)
         self._same_order = self._to_bullet == list(range(len(self.indices)))
         self._ours = self._same_order and not self.free
         from_bullet = [self._to_bullet.index(j) for j in range(len(self.indices))]
-        # Of a base: translation before rotation.
+        # The base: translation before rotation.
         self._rows = np.array([3, 4, 5, 0, 1, 2][: self.free] + [self.free + j for j in from_bullet], dtype=np.int64)
         self._forces = np.array([*range(self.free), *(self.free + j for j in from_bullet)], dtype=np.int64)
         self._block = np.ix_(self._rows, self._rows)
@@ -74,10 +74,10 @@ class BulletModel(RigidModel):
         return body
 
     def _set_up(self) -> None:
-        """Bullet sets up its dynamics at the first call, and prints warnings about axes that are off by rounding.
+        """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
 
-        It declines inertias that no body has, as some published robots have. Mass matrix and bias are linear in inertias, and
-        those of I are twice those of I + s less those of I + 2 s, which bodies can have.
+        Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
+        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
         """
         if not self.joints:
             return
@@ -92,7 +92,7 @@ class BulletModel(RigidModel):
             try:
                 self.mass_matrix(self._zero)
             except SystemError as error:
-                message = "PyBullet finds no dynamics for this robot: an inertia of it is not one that a body can have"
+                message = "PyBullet cannot compute the dynamics of this robot: the inertia of a link is physically impossible"
                 raise RobotError(message, file=self._robot.path, code="engine-load") from error
 
     def _ordered(self, values: Sequence[float] | Array) -> list[float]:
@@ -103,10 +103,10 @@ class BulletModel(RigidModel):
     # -- for stepping ------------------------------------------------------------------------------------------------
 
     def matrix_at(self, positions: Array, rotation: Array | None) -> Array:
-        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the
-        world's axes, rotation about the base link's own.
+        """(v, v) mass matrix of all degrees of freedom, a floating base first: translation of its centre of mass along the axes
+        of the world, rotation about the axes of the base link.
 
-        rotation: (3, 3) of a base that floats.
+        rotation: (3, 3) rotation of a floating base; None for a fixed base.
         """
         matrix = self._mass(self._ordered(positions))
         if rotation is not None:
@@ -116,7 +116,7 @@ class BulletModel(RigidModel):
         return matrix
 
     def bias_at(self, positions: Array, rotation: Array | None, velocity: Array) -> Array:
-        """(v,) N m of gravity, Coriolis and centrifugal forces, in the same order; velocity: (v,)."""
+        """(v,) N m: gravity, Coriolis and centrifugal forces, in the order of `matrix_at`; velocity: (v,)."""
         q = self._ordered(positions)
         if rotation is None:
             return self._forces_at(self._standing, q, self._ordered(velocity), self._zero)
@@ -127,9 +127,9 @@ class BulletModel(RigidModel):
         return bias
 
     def push(self, wrenches: Sequence[Wrench], values: Array, positions: Array, rotation: Array | None) -> Array:
-        """(v,) N m, generalised forces of wrenches with forces (N) and torques (N m) `values` (w, 6)."""
+        """(v,) N m: generalised forces of the wrenches; values: (w, 6) their forces (N) and torques (N m)."""
         total = np.zeros(self.free + len(self.indices))
-        # The model's own base stands as at the start.
+        # The base of this model keeps the pose of the start.
         turn = np.eye(3) if rotation is None else rotation @ self._standing_frame().T
         for wrench, value in zip(wrenches, values, strict=True):
             if not value.any():
@@ -145,29 +145,30 @@ class BulletModel(RigidModel):
         return total
 
     def _standing_frame(self) -> Array:
-        """(3, 3) of the base link's frame at the start."""
+        """(3, 3) rotation of the base link's frame at the start."""
         return self._standing @ self.axes.T
 
     def _mass(self, positions: list[float]) -> Array:
-        """(v, v) along Bullet's axes, in our order."""
+        """(v, v) mass matrix along Bullet's axes, in the order of asrsim."""
         matrix = self._sum(self._p.calculateMassMatrix, positions)
         return matrix if self._ours else matrix[self._block]
 
     def _sum(self, routine: Any, *arguments: list[float]) -> Array:
-        """Result of a routine of Bullet for the robot."""
+        """Result of one of Bullet's routines for the robot, as a weighted sum over the loaded bodies (see `_set_up`)."""
         client = self._client
         if len(self._parts) == 1:
             return np.array(routine(self._body, *arguments, physicsClientId=client))
         return np.asarray(sum(part * np.array(routine(body, *arguments, physicsClientId=client)) for part, body in self._parts))
 
     def _forces_at(self, turned: Array, positions: list[float], velocities: list[float], accelerations: list[float]) -> Array:
-        """(v,) N m that give accelerations of the joints, along Bullet's axes, in our order. turned: axes of the base."""
+        """(v,) N m: forces that give the accelerations, along Bullet's axes, in the order of asrsim. turned: (3, 3) principal
+        axes of the base in the world."""
         states = [positions, velocities, accelerations]
         if self.free:
-            # Where the base is does not count, and its velocity must have six numbers.
+            # The position of the base has no effect; its velocity must have six numbers.
             still = [0.0] * (BASE + len(self.indices) - len(velocities))
             states = [[0.0] * 6 + [1.0, *positions], still + velocities, [0.0] * 6 + accelerations]
-            # Gravity is turned in the base's place.
+            # Bullet ignores the orientation of the base: gravity is turned instead.
             self._set_gravity(turned)
         total = self._sum(self._p.calculateInverseDynamics, *states)
         return total if self._ours else total[self._forces]
@@ -179,13 +180,13 @@ class BulletModel(RigidModel):
     # -- the model ---------------------------------------------------------------------------------------------------
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(v, v) along the axes of the base's inertia; a floating base first."""
+        """(v, v) mass matrix, a floating base first, along the principal axes of the base's inertia."""
         return self._mass(self._ordered(positions))
 
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a fixed base."""
+        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
         states = [self._ordered(values) for values in (positions, velocities, accelerations)]
         return self._forces_at(self._standing, *states)[self.free :]
 
@@ -209,8 +210,8 @@ class BulletModel(RigidModel):
         position = np.asarray(centre) + rotation @ (at - np.asarray(local))
         if index == -1:
             return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
-        # Bullet takes the point along the inertia's axes, but from the link's own origin, and answers in the frame of the
-        # base's inertia; its manual says otherwise. The tests hold this against differences of poses.
+        # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
+        # Jacobian in the frame of the base's inertia; its manual says otherwise. The tests check it by differences of poses.
         turned = self.matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client
@@ -224,12 +225,12 @@ class BulletModel(RigidModel):
             self._p.resetJointState(self._body, joint, float(value), 0.0, physicsClientId=self._client)
 
     def matrix(self, quaternion: Sequence[float]) -> Array:
-        """(3, 3) rotation of x, y, z, w."""
+        """(3, 3) rotation matrix of a quaternion x, y, z, w."""
         return _matrix(self._p, quaternion)
 
 
 def places_of(p: Any, client: int, body: int) -> dict[str, int]:
-    """Link of a robot -> Bullet's number of it."""
+    """Link of a robot -> Bullet's number of the link; -1 for the base."""
     places = {p.getBodyInfo(body, client)[0].decode(): -1}
     for index in range(p.getNumJoints(body, client)):
         places[p.getJointInfo(body, index, client)[12].decode()] = index
@@ -239,8 +240,7 @@ def places_of(p: Any, client: int, body: int) -> dict[str, int]:
 def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Array, Any]:
     """World position of a link's centre of mass, rotation (3, 3) of its URDF frame, centre of mass in that frame.
 
-    With matrices: Bullet's own transforms of vectors and quaternions work in single precision, and so are the poses of frames
-    that it gives beside those of the inertias.
+    The rotations are multiplied as matrices, since Bullet computes transforms and the poses of link frames in single precision.
     """
 
     dynamics = p.getDynamicsInfo(body, index, client)
@@ -252,5 +252,5 @@ def inertial_frame(p: Any, client: int, body: int, index: int) -> tuple[Any, Arr
 
 
 def _matrix(p: Any, quaternion: Sequence[float]) -> Array:
-    """(3, 3) rotation of x, y, z, w."""
+    """(3, 3) rotation matrix of a quaternion x, y, z, w."""
     return np.array(p.getMatrixFromQuaternion(quaternion), dtype=float).reshape(3, 3)

@@ -1,6 +1,6 @@
-"""The world around PyBullet's robot: ground and objects, their poses and the forces in their contacts.
+"""The world around PyBullet's robot: ground and objects, their poses and contact forces.
 
-Receives the `pybullet` module, which :mod:`asrsim.engines.bullet` imports.
+The functions receive the `pybullet` module as `p`; `asrsim.engines.bullet_loading` imports it.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from asrsim.samples import Array
 from asrsim.scenario.data import World, WorldObject
 
 GROUND_SIZE = 100.0
-"""m: edge of the box that is the ground; a plane's contact forces jump."""
+"""m: edge of the box that serves as the ground. With a plane, Bullet's contact forces would jump."""
 PARTS = (9, 7), (10, 11), (12, 13)
-"""Entries of Bullet's contact points: normal force and both friction forces, in N, with the entries of their directions."""
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 
 
 class BulletWorld:
-    """Ground and objects, around the robot `body` of a physics client. fixed: whether the robot's base is fixed."""
+    """Ground and objects around the robot, which is `body` of a physics client. fixed: whether the robot's base is fixed."""
 
     def __init__(self, p: Any, client: int, body: int, world: World, *, fixed: bool) -> None:
         self._p, self._client, self._body = p, client, body
         self.objects: dict[str, int] = {}
-        """Name -> Bullet's number of the body."""
+        """Name of an object -> Bullet's number of its body."""
         self._moving = [item.name for item in world.objects if item.mass]
         self._ground = self._lay_ground(world, fixed) if world.ground else None
         for item in world.objects:
@@ -39,7 +39,7 @@ class BulletWorld:
         ground = int(p.createMultiBody(0, shape, basePosition=[0, 0, world.ground_height - half], physicsClientId=client))
         p.changeDynamics(ground, -1, lateralFriction=world.ground_friction, restitution=0.0, physicsClientId=client)
         if fixed:
-            # A base that stands on the ground must not push against it.
+            # A fixed base that stands on the ground must not have contact forces.
             p.setCollisionFilterPair(ground, self._body, -1, -1, 0, physicsClientId=client)
         return ground
 
@@ -84,22 +84,22 @@ class BulletWorld:
         return {name: self._p.getBasePositionAndOrientation(body, self._client) for name, body in self.objects.items()}
 
     def set_states(self, states: dict[str, Any]) -> None:
-        """Place the objects at rest."""
+        """Place the objects at the given poses, at rest."""
         for name, pose in states.items():
             self._p.resetBasePositionAndOrientation(self.objects[name], *pose, physicsClientId=self._client)
             self._p.resetBaseVelocity(self.objects[name], [0, 0, 0], [0, 0, 0], physicsClientId=self._client)
 
     def move(self, velocity: Array) -> None:
-        """Set the velocities of the objects that move, m/s; nothing turns."""
+        """Give all movable objects the same linear velocity in m/s and no angular velocity."""
         for name in self._moving:
             self._p.resetBaseVelocity(self.objects[name], velocity.tolist(), [0, 0, 0], physicsClientId=self._client)
 
     def contacts(self) -> dict[str, tuple[float, float, float]]:
-        """See :func:`asrsim.engines.contact_forces.contact_forces`."""
+        """Contact forces in N; see `asrsim.engines.contact_forces.contact_forces`."""
         names = {body: name for name, body in self.objects.items()} | {self._body: ROBOT}
         if self._ground is not None:
             names[self._ground] = GROUND
-        # All points at once: for pairs, Bullet turns the normals to the order of the pair, but not the friction.
+        # All points are read in one call: asked for one pair, Bullet reverses the normal forces but not the friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
             for point in self._p.getContactPoints(physicsClientId=self._client) or ()

@@ -1,4 +1,4 @@
-"""Contact forces: summed over the points at which two bodies touch."""
+"""Contact forces, summed over all points at which two bodies touch."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ NOTHING = (0.0, 0.0, 0.0)
 def contact_forces(
     objects: Sequence[str], ground: bool, points: Iterable[tuple[str, str, Array]]
 ) -> dict[str, tuple[float, float, float]]:
-    """Forces in N, world frame: "object/other" on the object by the other, "robot/ground" on the robot; 0 without contact.
+    """Contact forces in N, world frame. "object/other": force on the object by the other body; "robot/ground": force of the
+    ground on the robot; 0 without contact.
 
-    points: of all contacts the two bodies, and the force (3,) on the first.
+    points: of each contact point, both bodies and the force (3,) on the first body.
     """
     others = [*objects, *([GROUND] if ground else []), ROBOT]
     total: dict[str, Any] = {f"{name}/{other}": NOTHING for name in objects for other in others if other != name}

@@ -1,16 +1,16 @@
 """Coulomb friction and stops of joints, solved exactly by principal pivoting on the impulses of one step.
 
-Ordinary code, run as it is or compiled. In one step each degree of freedom is in one of five states, `held`:
+These functions run as Python or compiled. In one step each degree of freedom is in one of five states, `regime`:
 
      AT_LOWER   it reaches its lower stop at the end of the step, or rests there; the stop pushes
-     NEGATIVE   it slides in negative direction under its full friction
-     STICKING   it stands still, and friction is within its bound
-     POSITIVE   it slides in positive direction under its full friction; without friction it moves freely
+     NEGATIVE   it slides in negative direction, with the full Coulomb friction
+     STICKING   it stands still, and the friction is below the Coulomb level
+     POSITIVE   it slides in positive direction, with the full Coulomb friction; without friction it moves freely
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
 Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach it; in the next step it
-rests there. Both impulses together are those of the impact, each weighted by the share of the step that it acts on the motion,
-so the other joints' positions stay of second order.
+rests there. The impulse of the impact is thus divided over two steps, in proportion to the time that each part acts, so that
+the positions of the other joints remain second-order accurate.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from __future__ import annotations
 from typing import Any
 
 AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
-"""States of a degree of freedom; see the module."""
+"""States of a degree of freedom; the docstring of the module explains them."""
 SINGLE_AFTER = 12
-"""Rounds of pivoting after which only one state changes at a time, which cannot go in circles."""
+"""Number of pivoting rounds after which only one state changes per round, which guarantees that the search ends."""
 SLACK = 1e-12
-"""Relative excess of an impulse over its bound that rounding may give."""
+"""Tolerance for rounding: relative amount by which an impulse may exceed its bound."""
 
 
 def settle(room: Any) -> None:
-    """Find `room.change`, the change of velocity in a step under the given impulses and those of friction and stops.
+    """Compute `room.change`, the change of velocity in a step under the applied impulses, friction and stops.
 
-    `room` has arrays for the v degrees of freedom. Given: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
-    all that pushes but friction and stops; `velocity` (v,) before the step; `bound` (v,) largest impulse of friction;
-    `slowest` and `fastest` (v,) velocities that stops allow, not above and not below 0. Given and left: `held` (v,), the
-    states of the last step, from which the search begins. Work space: `square` (v, v), `push` and `places` (v,).
+    `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `impulse` (v,) N m s of
+    all forces except friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction;
+    `slowest` (v,) <= 0 and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the
+    states, at first those of the last step. Work space: `square` (v, v), `push` and `places` (v,).
     """
     size = len(room.bound)
     for i in range(size):
-        if room.bound[i] == 0.0 and abs(room.held[i]) != AT_UPPER:
-            room.held[i] = POSITIVE
+        if room.bound[i] == 0.0 and abs(room.regime[i]) != AT_UPPER:
+            room.regime[i] = POSITIVE
     for attempt in range(3 * size + 4 * SINGLE_AFTER):
         _try(room)
         if not _swap(room, attempt >= SINGLE_AFTER):
@@ -44,14 +44,14 @@ def settle(room: Any) -> None:
 
 
 def _try(room: Any) -> None:
-    """Change of velocity with each degree of freedom held or sliding as `held` says; the impulses of held ones are left in
-    `push`."""
-    matrix, change, held, square, push, places = room.matrix, room.change, room.held, room.square, room.push, room.places
+    """Compute the change of velocity for the states in `regime`, and the impulses that stop the other, non-sliding degrees of
+    freedom, which are stored in `push`."""
+    matrix, change, regime, square, push, places = room.matrix, room.change, room.regime, room.square, room.push, room.places
     size = len(change)
     free = 0
     for i in range(size):
         change[i] = 0.0
-        state = held[i]
+        state = regime[i]
         if abs(state) == POSITIVE:
             places[free] = i
             free += 1
@@ -65,7 +65,7 @@ def _try(room: Any) -> None:
         i = places[a]
         value = room.impulse[i]
         if room.bound[i] > 0.0:
-            value += room.bound[i] if held[i] == NEGATIVE else -room.bound[i]
+            value += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
         if free < size:
             for k in range(size):
                 value -= matrix[i, k] * change[k]
@@ -77,7 +77,7 @@ def _try(room: Any) -> None:
         change[places[a]] = push[a]
     if free < size:
         for i in range(size):
-            if held[i] != POSITIVE and held[i] != NEGATIVE:
+            if regime[i] != POSITIVE and regime[i] != NEGATIVE:
                 value = -room.impulse[i]
                 for k in range(size):
                     value += matrix[i, k] * change[k]
@@ -85,7 +85,8 @@ def _try(room: Any) -> None:
 
 
 def _solve(square: Any, values: Any, count: int) -> None:
-    """Solve a positive definite system of `count`, whose lower half is given, in place (L D L^T; the diagonal becomes 1/D)."""
+    """Solve a positive definite system of `count` equations in place (L D L^T; the diagonal becomes 1/D). `square` holds the
+    lower triangle of the matrix."""
     for a in range(count):
         inverse = 1.0 / square[a, a]
         square[a, a] = inverse
@@ -104,17 +105,17 @@ def _solve(square: Any, values: Any, count: int) -> None:
 
 
 def _swap(room: Any, single: bool) -> bool:
-    """Change the state of each degree of freedom whose impulse or velocity contradicts it; `single`: of the first one only.
-    Returns whether any changed."""
+    """Change the state of each degree of freedom whose impulse or velocity contradicts the state. single: change only the first
+    one. Returns whether any state changed."""
     changed = False
-    held = room.held
-    for i in range(len(held)):
-        before = held[i]
+    regime = room.regime
+    for i in range(len(regime)):
+        before = regime[i]
         if abs(before) == POSITIVE:
-            held[i] = _state_by_velocity(room, i, room.velocity[i] + room.change[i])
+            regime[i] = _state_by_velocity(room, i, room.velocity[i] + room.change[i])
         else:
-            held[i] = _state_by_impulse(room, i, room.push[i])
-        if held[i] != before:
+            regime[i] = _state_by_impulse(room, i, room.push[i])
+        if regime[i] != before:
             changed = True
             if single:
                 return True
@@ -122,13 +123,13 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """State after a solution in which a held degree of freedom needs this impulse for its velocity."""
-    most, slack, state = room.bound[i], SLACK * room.bound[i], room.held[i]
+    """Next state of degree of freedom `i`, which sticks or rests at a stop and needs `impulse` (N m s) to do so."""
+    most, slack, state = room.bound[i], SLACK * room.bound[i], room.regime[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER
     if state == AT_UPPER and impulse <= slack - most:
         return AT_UPPER
-    # At a stop that it touches already, a joint can stick, too.
+    # A joint that already touches its stop can also stick.
     lowest = room.slowest[i] if state == AT_LOWER else 0.0
     highest = room.fastest[i] if state == AT_UPPER else 0.0
     if most > 0.0 and lowest == 0.0 and highest == 0.0:
@@ -143,12 +144,12 @@ def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
 
 
 def _state_by_velocity(room: Any, i: int, velocity: float) -> int:
-    """State after a solution in which a sliding degree of freedom has this velocity."""
+    """Next state of degree of freedom `i`, which slides and would have `velocity` after the step."""
     if velocity > room.fastest[i]:
         return AT_UPPER
     if velocity < room.slowest[i]:
         return AT_LOWER
-    state: int = room.held[i]
+    state: int = room.regime[i]
     if room.bound[i] > 0.0 and velocity * state < 0.0:
         return STICKING
     return state

@@ -1,4 +1,4 @@
-"""Protection from a library that prints to the C streams and may crash the process."""
+"""Protection against C libraries that print to the terminal or crash the process."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from contextlib import contextmanager, suppress
 
 _lock = threading.RLock()
 _inside: list[bool] = []
-"""Not empty while a thread is in :func:`quiet`."""
+"""Not empty while a thread is inside `quiet`."""
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Keep what a C library prints out of the user's terminal. Other threads that want the same wait.
+    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait.
 
-    The garbage collector may end an engine at any moment, which calls this function again: that changes nothing.
+    The garbage collector may close an engine at any moment and so call this function again: a nested call has no effect.
     """
     with _lock:
         if _inside:
@@ -35,9 +35,9 @@ def quiet() -> Iterator[None]:
             os.close(nowhere)
             yield
         finally:
-            # Ctrl-C may come at any line: the streams are restored first of all.
+            # Ctrl-C may interrupt any line: the streams must be restored whatever happens.
             try:
-                # The C library buffers what it has printed to a pipe or a file.
+                # The C library buffers its output to a pipe or a file: empty the buffer before the streams are restored.
                 _flush()
             finally:
                 for number, copy in saved:
@@ -55,17 +55,17 @@ def _is_open(number: int) -> bool:
 
 
 def _flush() -> None:
-    """Empty the buffers of Python's streams and of C's."""
+    """Flush the output buffers of Python and of the C library."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
-    # The C library of the process; on Windows the one that extension modules share.
+    # The C library of this process; on Windows, extension modules share `ucrtbase`.
     with suppress(OSError, AttributeError):
         (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)
 
 
 def crashes(call: Callable[[], object]) -> bool:
-    """Whether a call crashes, tried in a child process: Bullet's mesh readers trust their files."""
+    """Whether `call` crashes, tried in a child process: Bullet's mesh readers do not validate their files."""
     if not hasattr(os, "fork"):
         return False
     child = os.fork()

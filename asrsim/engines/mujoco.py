@@ -1,7 +1,7 @@
 """MuJoCo behind the engine interface.
 
-Without contacts the step is ours (:mod:`asrsim.engines.mujoco_step`), on MuJoCo's rigid-body routines; friction and stops of
-joints are exact. With contacts MuJoCo's own solver computes all three.
+Without contacts, asrsim computes the step from MuJoCo's rigid-body routines (`asrsim.engines.mujoco_step`), with exact friction
+and stops of the joints. With contacts, MuJoCo's solver computes contacts, friction and stops.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from asrsim.scenario.data import Scenario
 
 
 class MujocoEngine(RigidEngine):
-    """One robot and its world."""
+    """One robot and its world in MuJoCo."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
-        # MuJoCo would write its warnings into a file of the working folder.
+        # Otherwise MuJoCo writes its warnings to a file in the working folder.
         mujoco.set_mju_user_warning(say_nothing)
         stop_the_clock()
         self.version = f"mujoco {library_version()}"
@@ -71,7 +71,7 @@ class MujocoEngine(RigidEngine):
     # -- setting up -------------------------------------------------------------------------------------------------
 
     def _set_inertials(self, links: Sequence[Link], data: Any) -> None:
-        """Masses, centres of mass and principal moments from the robot's data."""
+        """Set masses, centres of mass and principal moments of inertia from the robot's data."""
         m = self._m
         turn = np.zeros(4)
         for link in links:
@@ -85,7 +85,7 @@ class MujocoEngine(RigidEngine):
         self._mujoco.mj_setConst(m, data)
 
     def _shift(self, link: str) -> Array:
-        """(3,) m: origin of a link's body in the link's frame."""
+        """(3,) m: origin of the link's MuJoCo body, in the frame of the link."""
         return self._centre if link == self.base else np.zeros(3)
 
     def _places(self, merged: MergedRobot) -> dict[str, tuple[int, Array, Array]]:
@@ -117,14 +117,14 @@ class MujocoEngine(RigidEngine):
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """A run begins."""
+        """Begin a run; see `asrsim.engines.base.Engine`."""
         super().start(positions, velocities, step=step, staggered=staggered, implicitness=implicitness)
         if self._contacts is not None:
             self._contacts.start(self._room)
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step; compiled once `native` has been read, with the same bits."""
+        """Advance by one step. The step is compiled after `native` has been read; the bits are identical."""
         if self._contacts is not None:
             self._contacts.step(self._record, self._state, exchange, wrenches, fraction)
         elif self._call is not None:
@@ -135,7 +135,7 @@ class MujocoEngine(RigidEngine):
 
     @property
     def native(self) -> Native | None:
-        """The step through Numba; None with contacts, and where Numba is not installed."""
+        """The step compiled by Numba; None with contacts, and if Numba is not installed."""
         if self._contacts is not None or not compiling.available():
             return None
         compiled = compiled_step(compiling.type_of(self._record), self.version)
@@ -143,7 +143,7 @@ class MujocoEngine(RigidEngine):
         return Native(compiled.address, len(self._state), self._make_native_record)
 
     def vary(self, robot: Robot) -> bool:
-        """Take over inertials."""
+        """Replace the inertials; see `asrsim.engines.base.Engine`."""
         if robot.links != self.robot.links:
             merged = merge_fixed(robot).robot
             if self._contacts is not None or not np.array_equal(self._centre, base_centre(self._scenario, merged)):
@@ -153,11 +153,11 @@ class MujocoEngine(RigidEngine):
         self.robot = robot
         return True
 
-    # -- what is around ---------------------------------------------------------------------------------------------
+    # -- surroundings -----------------------------------------------------------------------------------------------
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base link if it floats; contact forces on objects, and on the robot by the
-        ground."""
+        """Poses of the world's objects, and of a floating base link; contact forces on the objects, and of the ground on the
+        robot."""
         poses: dict[str, tuple[float, ...]] = {}
         if self.base:
             turn = np.zeros(9)
@@ -170,6 +170,6 @@ class MujocoEngine(RigidEngine):
 
 
 def make_mujoco(scenario: Scenario, robot: Robot) -> tuple[MujocoEngine, tuple[Problem, ...]]:
-    """The scenario's world in MuJoCo, and warnings of what the engine ignores. Raises RobotError, SimulationError."""
+    """The scenario's world in MuJoCo, and warnings about ignored parts of the robot. Raises RobotError, SimulationError."""
     engine = MujocoEngine(scenario, robot)
     return engine, (*engine.warnings, *overlaps())

@@ -15,11 +15,11 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World, WorldObject
 
 GROUND_HALF = 50.0
-"""m: half the edge of the box that is the ground."""
+"""m: half the edge of the box that serves as the ground."""
 ROBOT_BIT, WORLD_BIT = 1, 2
-"""Collision classes: the robot meets the world, the world also itself."""
+"""Collision classes: the robot collides with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
-"""Stiffness of contacts against slip over that against penetration: MuJoCo's `impratio`."""
+"""Ratio of a contact's stiffness against slip to its stiffness against penetration: MuJoCo's `impratio`."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Impedance of constraints: the hardest that MuJoCo accepts."""
 
@@ -27,7 +27,7 @@ HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
     """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
 
-    Every body has 1 kg and 1 kg m^2, since MuJoCo refuses massless ones here: the engine puts the true numbers in.
+    Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
     """
     spec = mujoco.MjSpec()
     contacts = not scenario.world.empty
@@ -56,14 +56,14 @@ def build(mujoco: Any, scenario: Scenario, robot: Robot) -> Any:
 
 
 def link_body(name: str) -> str:
-    """Name of a link's body; objects of the world have another prefix."""
+    """Name of a link's MuJoCo body; bodies of the world's objects have another prefix."""
     return f"link/{name}"
 
 
 def base_centre(scenario: Scenario, robot: Robot) -> Array:
-    """(3,) m in the root link's frame: origin of its body, the centre of mass where the base floats.
+    """(3,) m: origin of the root link's MuJoCo body in the frame of the link; the centre of mass if the base floats.
 
-    So linear velocities of the base are those of its centre, as PyBullet has them: the engines then take the same steps.
+    The linear velocity of the base is then that of its centre of mass, as in PyBullet, and both engines compute equal steps.
     """
     return np.zeros(3) if scenario.fixed_base else np.array(robot.root.centre_of_mass, dtype=float)
 
@@ -101,7 +101,7 @@ def _collision(mujoco: Any, spec: Any, body: Any, name: str, shape: Shape, shift
 
 
 def _form(mujoco: Any, spec: Any, name: str, kind: str, size: Sequence[float], mesh: str) -> dict[str, Any]:
-    """Attributes that give a geom its shape; size: m, of a mesh its scale. A mesh is added to the model under `name`."""
+    """Attributes that give a geom its shape. size: m; for a mesh, its scale. A mesh is added to the model under `name`."""
     kinds = mujoco.mjtGeom
     if kind == "mesh":
         spec.add_mesh(name=name, file=mesh, scale=list(size))
@@ -138,11 +138,11 @@ def _furnish(mujoco: Any, spec: Any, world: World) -> None:
 
 
 def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
-    """Inertia of a mesh as in PyBullet: that of its bounding box, with the centre of mass at its origin."""
+    """Set the inertia of a mesh to that of its bounding box, as PyBullet does; the centre of mass is the origin of the mesh."""
     geom = model.geom(f"object/{item.name}")
     mesh = int(geom.dataid[0])
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    # MuJoCo moves a mesh's vertices into the axes of its inertia.
+    # MuJoCo stores the vertices of a mesh along the principal axes of its inertia.
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
     vertices = model.mesh_vert[first : first + count] @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
@@ -151,7 +151,7 @@ def _box_inertia(mujoco: Any, model: Any, item: WorldObject) -> None:
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
-    """Friction of contacts as in PyBullet: the product of both coefficients. MuJoCo would take the larger."""
+    """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger one."""
     frictions = {f"object/{item.name}": item.friction for item in scenario.world.objects}
     if scenario.world.ground:
         frictions[GROUND] = scenario.world.ground_friction
@@ -159,7 +159,7 @@ def _pair(spec: Any, scenario: Scenario) -> None:
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
-    # A base that stands on the ground must not push against it.
+    # A fixed base that stands on the ground must not have contact forces.
     pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == GROUND)]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)
@@ -169,6 +169,6 @@ def _pair(spec: Any, scenario: Scenario) -> None:
 
 
 def _quat(rpy: Vector) -> list[float]:
-    """(w, x, y, z), as MuJoCo has it, of fixed-axis roll, pitch, yaw in rad."""
+    """Quaternion (w, x, y, z), in MuJoCo's order, of roll, pitch, yaw about fixed axes in rad."""
     x, y, z, w = quaternion(rpy)
     return [w, x, y, z]

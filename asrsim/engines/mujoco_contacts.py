@@ -1,4 +1,4 @@
-"""Stepping with contacts: MuJoCo's own solver, with joint friction and stops among its constraints."""
+"""Steps with contacts, by MuJoCo's solver; joint friction and stops are among its constraints."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from asrsim.samples import Array
 from asrsim.scenario.data import World
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
-"""Time constants of contacts in steps, measured on a sliding box (docs/validation.md)."""
+"""Time constants of contacts, in steps, chosen by measurements on a sliding box (docs/validation.md)."""
 LIGHTER = 1e-2
-"""Factor on the inverse inertia that regularises friction: with it velocities are 5e-8 rad/s from exact ones (measured)."""
+"""Factor on the inverse inertia that regularises friction. With it, velocities were measured to be exact within 5e-8 rad/s."""
 REACH = 2.0
-"""A stop is near if the joint may reach it in so many steps, at 1 rad/s more than its velocity."""
+"""Number of steps: a stop is near if the joint could reach it within them, moving 1 rad/s faster than it does."""
 TOLERANCE = 1e-12
-"""MuJoCo's solver ends when the scaled improvement of its cost is smaller."""
+"""MuJoCo's solver ends when the scaled improvement of its cost falls below this value."""
 SEARCH = 1000
-"""Iterations of a line search of MuJoCo's solver; its default, 50, ended 1 % of a sliding box's steps far from the solution."""
+"""Largest number of iterations of a line search in MuJoCo's solver. With the default, 50, 1 % of the steps of a sliding box
+ended far from the solution."""
 
 
 class MujocoContacts:
-    """The world's contacts, and steps with them."""
+    """Contacts of the world, and steps that include them."""
 
     def __init__(self, mujoco: Any, model: Any, data: Any, world: World) -> None:
         self._mujoco, self._m, self._d = mujoco, model, data
@@ -60,20 +61,20 @@ class MujocoContacts:
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
     def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, fraction: float) -> None:
-        """As :func:`asrsim.engines.mujoco_step.step`; friction, stops and contacts are MuJoCo's. Instead of `held` the
-        state has the accelerations from which the solver starts."""
+        """Advance by one step as `asrsim.engines.mujoco_step.step` does, but MuJoCo computes friction, stops and contacts. The
+        state has the accelerations from which the solver starts in the place of `regime`."""
         mj, m, d, room = self._mujoco, self._m, self._d, record.room
         step = float(room.scheme[STEP])
         kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
         lagging = state[first : first + size].copy()
         damping = exchange[:, DAMPING]
         m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
-        # It may vary from step to step, and is a constraint's bound only where it is not 0.
+        # Friction may vary from step to step. MuJoCo makes a constraint of it only where it is not 0.
         m.dof_frictionloss[room.joint_v] = exchange[:, FRICTION]
         d.qpos[:] = state[:first]
         d.qvel[:] = lagging
         d.qacc_warmstart[:] = state[first + 2 * size :]
-        # Stops within reach of this step have rows among the constraints.
+        # Only stops that may be reached in this step become constraints.
         m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
         mj.mj_fwdPosition(m, d)
         aim(room, state, fraction)
@@ -99,15 +100,16 @@ class MujocoContacts:
         exchange[:, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
-        """Make stops inelastic: at the end of the step a joint is at its stop at most (see exact_friction). A joint beyond its
-        stop stays where it is."""
+        """Make stops inelastic: at the end of the step no joint has passed its stop (see exact_friction). A joint that is
+        beyond its stop already stays at rest there."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def poses(self, state: Array) -> dict[str, tuple[float, ...]]:
-        """Object -> (x, y, z, qx, qy, qz, qw), m, world frame; from the configuration, since bodies' poses lag a step."""
+        """Object -> pose (x, y, z, qx, qy, qz, qw), m, world frame. The poses follow from the configuration, since the poses
+        that MuJoCo stores lag by one step."""
         poses = {}
         for name in self._objects:
             body = self._m.body(f"object/{name}")
@@ -120,7 +122,7 @@ class MujocoContacts:
         return poses
 
     def forces(self) -> dict[str, tuple[float, float, float]]:
-        """See :func:`asrsim.engines.contact_forces.contact_forces`."""
+        """Contact forces in N; see `asrsim.engines.contact_forces.contact_forces`."""
         return contact_forces(self._objects, self._ground, self._points())
 
     def _points(self) -> Iterator[tuple[str, str, Array]]:

@@ -1,4 +1,4 @@
-"""MuJoCo's library: its routines for plain Python and for compiled code."""
+"""MuJoCo's C library: access to its routines from Python and from compiled code."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from asrsim.errors import Problem, SimulationError
 from asrsim.rebind import rebind
 
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
-"""File names of the library beside the package's bindings: Linux, macOS, Windows."""
+"""File names of MuJoCo's C library in the folder of the Python package: Linux, macOS, Windows."""
 PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
-"""Packages that install into the folder `mujoco`: the name in their folders of metadata, the name for pip."""
+"""Packages that install files into the folder `mujoco`: name of the metadata folder -> name for pip."""
 
 
 def load() -> Any:
@@ -30,7 +30,7 @@ def load() -> Any:
 
 
 def library_version() -> str:
-    """Version of the library that is loaded, as the library itself gives it; metadata of packages may name another."""
+    """Version that the loaded library reports; the version in the metadata of packages may differ."""
     return str(load().mj_versionString())
 
 
@@ -38,7 +38,7 @@ def library_version() -> str:
 def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
     """A warning if packages of different MuJoCo versions are installed in one folder, where each overwrites files of the other.
 
-    folder: site-packages to look into; None: the one that `mujoco` is imported from.
+    folder: the site-packages folder to check; None: the folder that `mujoco` is imported from.
     """
     if folder is None:
         spec = find_spec("mujoco")
@@ -53,7 +53,7 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
     if len(set(found.values())) < 2:
         return ()
     message = f"{' and '.join(' '.join(one) for one in found.items())} overwrite each other's files in {folder / 'mujoco'}"
-    # Before 4, `mujoco` held the library itself; since then it depends on `mujoco-core` of its own version.
+    # Before version 4, `mujoco` contained the library; since then it depends on `mujoco-core` of the same version.
     alone = "--no-deps " if found["mujoco"].startswith(("2.", "3.")) else ""
     hint = (
         "run `pip uninstall -y mujoco mujoco-core`, then `pip install mujoco-core`, or, if another package needs this version "
@@ -63,16 +63,16 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
 
 
 def say_nothing(message: str) -> None:
-    """Ignore MuJoCo's warnings: asrsim checks the motion itself."""
+    """Ignore a warning of MuJoCo: asrsim checks the motion itself."""
 
 
 @cache
 def _library() -> Any:
-    """The library that the bindings use, through ctypes."""
+    """The C library that the Python bindings use, opened by ctypes."""
     files = [path for pattern in LIBRARY for path in sorted(Path(load().__file__).parent.glob(pattern))]
-    # A second library may be left over from another version of the package.
+    # Another version of the package may have left a second library behind.
     path = next((path for path in files if library_version() in path.name), files[0])
-    # The routines take less time than giving back the interpreter's lock does.
+    # PyDLL keeps the interpreter's lock: releasing it takes longer than the routines do.
     library = ctypes.PyDLL(str(path))
     kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int}
     for name, arguments in mujoco_step.ROUTINES.items():
@@ -82,19 +82,19 @@ def _library() -> Any:
 
 
 def stop_the_clock() -> None:
-    """Switch off the clock of MuJoCo's bindings, which costs a tenth of each routine. Their own switch would restore it."""
+    """Switch off the timing of MuJoCo's routines, which takes a tenth of their time. The bindings would switch it on again."""
     ctypes.c_void_p.in_dll(_library(), "mjcb_time").value = None
 
 
 @cache
 def bound(function: Any) -> Any:
-    """A function of :mod:`asrsim.engines.mujoco_step` that calls the library through ctypes."""
+    """The given function of `asrsim.engines.mujoco_step` with its routines bound to the library through ctypes."""
     return rebind(function, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
 
 
 @cache
 def compiled_step(kind: Any, version: str) -> PackedFunction:
-    """:func:`asrsim.engines.mujoco_step.step` through Numba, for records of this type: the same code for all robots."""
+    """`asrsim.engines.mujoco_step.step` compiled by Numba for records of the type `kind`; all robots share the code."""
     from llvmlite import binding
     from numba import types
 

@@ -1,4 +1,4 @@
-"""Kinematics and dynamics of the robot alone, by MuJoCo's routines on data of their own."""
+"""Kinematics and dynamics of the robot without its world, by MuJoCo's routines on a separate MjData."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from asrsim.samples import Array
 
 
 class MujocoModel(RigidModel):
-    """See :class:`asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are no joints of the robot.
+    """MuJoCo's `asrsim.engines.base.Model`. home: qpos at the start, for degrees of freedom that are not joints of the robot.
 
-    places: link -> body of the model, position (3,) and rotation (3, 3) of the link in it (fixed links are merged).
+    places: link -> MuJoCo body, position (3,) and rotation (3, 3) of the link in the body (fixed links are merged into it).
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class MujocoModel(RigidModel):
         self._known: bytes | None = None
 
     def _place(self, positions: Sequence[float] | Array) -> Any:
-        """The data with the joints at `positions`, after forward kinematics."""
+        """MjData with the joints at `positions`, after forward kinematics."""
         data, mj = self._data, self._mujoco
         values = np.asarray(positions, dtype=float)
         key = values.tobytes()
@@ -51,7 +51,7 @@ class MujocoModel(RigidModel):
         return data
 
     def forget(self) -> None:
-        """Forget the last posture, since the model's numbers have changed."""
+        """Discard the last posture, since the parameters of the model have changed."""
         self._known = None
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
@@ -64,7 +64,7 @@ class MujocoModel(RigidModel):
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a fixed base."""
+        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
         data = self._place(positions)
         data.qvel[:] = 0.0
         data.qacc[:] = 0.0

@@ -1,7 +1,7 @@
-"""One step of a robot without contacts on MuJoCo's rigid-body routines: ordinary code, run as it is or compiled.
+"""One step of a robot without contacts, by MuJoCo's rigid-body routines. The functions run as Python or compiled.
 
-The routines named below are bound by :mod:`asrsim.engines.mujoco_library`: to the library through ctypes for plain Python, to
-its symbols for compiled code. The model is only read, so each thread needs a record of its own, and no more.
+`asrsim.engines.mujoco_library` binds the routines named below: to the library through ctypes for Python, to the library's
+symbols for compiled code. Threads can share the model, which is only read; each thread needs a separate record.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ ROUTINES = {
     "mj_kinematics": "mm", "mj_comPos": "mm", "mj_comVel": "mm", "mj_makeM": "mm", "mj_fullM": "mmm", "mj_rne": "mmim",
     "mj_applyFT": "mmmmmim",
 }  # fmt: skip
-"""Routines of the library with the kinds of their arguments: m address, i int."""
+"""Routines of the library with the types of their arguments: m memory address, i int."""
 
 
 class Record(NamedTuple):
-    """Work space of a step: MuJoCo's model, data of its own, and a room."""
+    """Work space of a step: MuJoCo's model and data, and a room."""
 
     room: Room
     model: int
-    """Addresses:"""
+    """Memory addresses of the model and, in the next fields, of the data and of arrays of this record."""
     data: int
     at_matrix: int
     at_bias: int
     at_force: int
     at_vectors: int
     vectors: Numbers
-    """(3, 3) work space: force, torque, point."""
+    """(3, 3) work space; the rows are a force, a torque and a point."""
     xpos: Numbers
     xmat: Numbers
     wrench_body: Numbers
     wrench_point: Numbers
-    """(w, 3) m, in the body's frame."""
+    """(w, 3) m: point at which each wrench acts, in the frame of its body."""
     wrench_turn: Numbers
-    """(w, 3, 3): the frame of the wrench's link in the frame of its body."""
+    """(w, 3, 3): rotation of the frame of each wrench's link, in the frame of its body."""
     wrench_local: Numbers
-    """(w,) 1 where the wrench is given in the link's frame."""
+    """(w,): 1 for wrenches that are given in the frame of their link."""
 
 
 def make_record(
     model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]]
 ) -> Record:
-    """places: link -> body, position (3,) m and rotation (3, 3) of the link in it."""
+    """Work space of a step. places: link -> MuJoCo body, position (3,) m and rotation (3, 3) of the link in the body."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))
@@ -71,12 +71,12 @@ def make_record(
 
 
 def sizes(record: Record) -> tuple[int, int, int]:
-    """Numbers of a state, joints, and wrenches."""
+    """Number of values of a state, number of joints, and number of wrenches."""
     return len(record.room.qpos) + 3 * len(record.room.qvel), len(record.room.joint_v), len(record.wrench_body)
 
 
 def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    """One step; see :class:`asrsim.engines.base.Native`."""
+    """Advance by one step; see `asrsim.engines.base.Native`."""
     room, model, data = record.room, record.model, record.data
     aim(room, state, fraction)
     mj_kinematics(model, data)
@@ -91,7 +91,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: flo
 
 
 def push(record: Record, wrenches: Any) -> None:
-    """Generalised forces of forces and torques on links, at the data's positions."""
+    """Compute the generalised forces of the wrenches (w, 6) on links, at the positions in MuJoCo's data."""
     force, vectors, xmat = record.room.force, record.vectors, record.xmat
     for i in range(len(force)):
         force[i] = 0.0

@@ -1,8 +1,9 @@
-"""A robot without contacts, stepped by the rule of :mod:`asrsim.engines.base` on the mass matrix and the bias from a library.
+"""Steps of a robot without contacts, by the rule of `asrsim.engines.base`. A library gives the mass matrix and the bias.
 
-:func:`aim` sets the state at which the library evaluates them, :func:`finish` takes the step; both run as Python or compiled.
-A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s, base in
-rad/s about its own axes, joints), velocities before the last kick, and `held` of :mod:`asrsim.engines.exact_friction`.
+`aim` sets the state at which the library evaluates mass matrix and bias, `finish` computes the step; both run as Python or
+compiled. A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s,
+base in rad/s about the axes of the base link, joints), velocities before the last kick, and the states `regime` of
+`asrsim.engines.exact_friction`.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from asrsim.samples import Array
 Numbers = NDArray[Any]
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
-"""Entries of `Room.scheme`: step in s; weights of the last two velocities in the velocity at the whole step; implicitness."""
+"""Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
+implicitness."""
 INLINE = (
     "asrsim.engines.rigid", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step", "asrsim.engines.bullet_contacts",
 )  # fmt: skip
@@ -34,38 +36,41 @@ INLINE = (
 
 
 class Room(NamedTuple):
-    """Work space of a step. n joints, v degrees of freedom, q numbers of a configuration."""
+    """Work space of a step, with n joints, v degrees of freedom and q values of a configuration."""
 
     scheme: Numbers
-    """(4,): see STEP."""
+    """(4,): constants of the integration scheme; see `STEP`."""
     free: int
     """1 if the base floats."""
     qpos: Numbers
-    """(q,) configuration, and (v,) velocity at the whole step, at which matrix and bias are wanted."""
+    """(q,): configuration at which the library evaluates matrix and bias."""
     qvel: Numbers
+    """(v,): velocity at which the library evaluates matrix and bias."""
     matrix: Numbers
-    """(v, v) kg m^2."""
+    """(v, v) kg m^2: mass matrix."""
     bias: Numbers
-    """(v,) N m that give no acceleration: gravity, Coriolis and centrifugal torques."""
+    """(v,) N m: torques that balance gravity, Coriolis and centrifugal forces."""
     force: Numbers
-    """(v,) N m of the wrenches."""
+    """(v,) N m: generalised forces of the wrenches."""
     velocity: Numbers
-    """(v,) before the step. This and what follows: see :func:`asrsim.engines.exact_friction.settle`."""
+    """(v,): velocity before the step. `asrsim.engines.exact_friction.settle` explains this field and the next ten."""
     impulse: Numbers
     bound: Numbers
     slowest: Numbers
     fastest: Numbers
     change: Numbers
     push: Numbers
-    held: Numbers
+    regime: Numbers
     places: Numbers
     square: Numbers
     joint_q: Numbers
-    """(n,) places of the joints in a configuration, and in the velocities:"""
+    """(n,): index of each joint in a configuration."""
     joint_v: Numbers
+    """(n,): index of each joint in the velocities."""
     lower: Numbers
-    """(n,) stops of the joints."""
+    """(n,) rad or m: lower stops of the joints."""
     upper: Numbers
+    """(n,) rad or m: upper stops of the joints."""
 
 
 def make_room(
@@ -78,13 +83,13 @@ def make_room(
     joint_v: Sequence[int] | Numbers,
     free: bool,
 ) -> Room:
-    """A room for a robot whose library reads `qpos` and `qvel`."""
+    """Work space for a robot; the library reads `qpos` and `qvel`."""
     size = len(qvel)
     arrays: dict[str, Any] = {
         name: np.zeros(size) for name in ("bias", "force", "velocity", "impulse", "bound", "change", "push")
     }
     arrays |= {name: np.zeros((size, size)) for name in ("matrix", "square")}
-    arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("held", "places")}
+    arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
         scheme=scheme, free=int(free), qpos=qpos, qvel=qvel, slowest=np.full(size, -inf), fastest=np.full(size, inf),
@@ -94,13 +99,13 @@ def make_room(
 
 
 def plain(record: Any) -> Any:
-    """The same memory for plain Python, which handles single numbers several times faster than NumPy."""
+    """The record with memoryviews of its arrays, since Python reads single numbers from them several times faster."""
     kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
     return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
 
 
 def aim(room: Any, state: Any, fraction: float) -> None:
-    """Set configuration and velocity of the whole step, at which the library evaluates matrix and bias."""
+    """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias."""
     qpos, qvel, scheme = room.qpos, room.qvel, room.scheme
     first, size = len(qpos), len(qvel)
     # A run starts at a whole step.
@@ -112,7 +117,7 @@ def aim(room: Any, state: Any, fraction: float) -> None:
 
 
 def kick(room: Any, exchange: Any, fraction: float) -> None:
-    """Find the room's `change` of velocity in a step, from its matrix, bias, force, `velocity`, `qpos` and `held`."""
+    """Compute `room.change`, the change of velocity in a step, from the other fields of the room."""
     step = room.scheme[STEP]
     time = fraction * step
     for i in range(len(room.velocity)):
@@ -129,19 +134,19 @@ def kick(room: Any, exchange: Any, fraction: float) -> None:
 
 
 def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
-    """Kick and drift, from the room's matrix, bias and force."""
+    """Compute kick and drift from the mass matrix, bias and force in the room."""
     step = room.scheme[STEP]
     first, size = len(room.qpos), len(room.qvel)
-    velocity, held, change = room.velocity, room.held, room.change
+    velocity, regime, change = room.velocity, room.regime, room.change
     for i in range(size):
         velocity[i] = state[first + i]
-        held[i] = int(state[first + 2 * size + i])
+        regime[i] = int(state[first + 2 * size + i])
     kick(room, exchange, fraction)
     for i in range(size):
-        # Before a first kick, as if it had been a whole one.
+        # For a first, shorter kick: the velocity before it as if it had been a full kick.
         state[first + size + i] = velocity[i] if fraction == 1.0 else velocity[i] - change[i]
         state[first + i] = velocity[i] + change[i]
-        state[first + 2 * size + i] = float(held[i])
+        state[first + 2 * size + i] = float(regime[i])
     if room.free:
         _turn(state, first, step)
     for j in range(len(room.joint_v)):
@@ -153,7 +158,7 @@ def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
 
 
 def _turn(state: Any, first: int, step: float) -> None:
-    """Drift of a floating base: the first seven numbers of the state, whose velocities begin at `first`."""
+    """Compute the drift of a floating base, the first seven values of the state. The velocities begin at index `first`."""
     for i in range(3):
         state[i] += step * state[first + i]
     x, y, z = state[first + 3], state[first + 4], state[first + 5]
@@ -172,7 +177,7 @@ def _turn(state: Any, first: int, step: float) -> None:
 
 
 def _sizes(room: Any) -> tuple[int, int, int]:
-    """Numbers of a state, rows of an exchange, and of wrenches that compiled code looks at."""
+    """Number of values of a state, of rows of an exchange, and of wrenches that compiled code reads."""
     return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), 0
 
 
@@ -181,7 +186,7 @@ def _calculate(room: Any, numbers: Any, exchange: Any, wrenches: Any, fraction: 
 
 
 def _law(*arguments: Any) -> Any:
-    raise NotImplementedError("bound where it is compiled")
+    raise NotImplementedError("the compiler replaces this function")
 
 
 @cache
@@ -190,9 +195,9 @@ def _compiled(function: Callable[..., None], kind: Any) -> Any:
 
 
 class Calculation:
-    """A function of a room, numbers (a state's, at most), an exchange and a fraction, which changes them.
+    """A function that changes a room, a vector of numbers (such as a state) and an exchange.
 
-    It is compiled where Numba is in use in this process; the bits are the same.
+    It is compiled if this process has imported Numba; the bits are identical.
     """
 
     def __init__(self, function: Callable[[Any, Any, Any, float], None], room: Room) -> None:
@@ -202,7 +207,7 @@ class Calculation:
         self._call: Any = None
 
     def __call__(self, numbers: Array, exchange: Array, fraction: float) -> Array:
-        """The numbers."""
+        """`numbers`, after the function has changed them."""
         if self._call is None and "numba" in sys.modules:
             self._call = _compiled(self._function, compiling.type_of(self._room))
         if self._call is None:
@@ -213,13 +218,13 @@ class Calculation:
 
 
 class RigidEngine:
-    """The part of an engine for robots without contacts that does not depend on its library.
+    """The part of an engine for robots without contacts that does not depend on the physics library.
 
-    A library derives from it, has the other members of :class:`asrsim.engines.base.Engine`, and gives :meth:`look`.
+    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`.
     """
 
     def __init__(self, room: Room, home: Array) -> None:
-        """home: configuration (q,) at the start, but for the joints."""
+        """home: (q,) configuration at the start; the values of the joints are not used."""
         self._room, self._home = room, home
         self._plain = plain(room)
         self._state = np.zeros(_sizes(room)[0])
@@ -227,13 +232,13 @@ class RigidEngine:
         self._finish = Calculation(finish, room)
 
     def look(self, wrenches: Array) -> None:
-        """Fill in the room's `matrix`, `bias` and `force` at its `qpos` and `qvel`."""
+        """Compute `matrix`, `bias` and `force` of the room at its `qpos` and `qvel`."""
         raise NotImplementedError
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """A run begins."""
+        """Begin a run; see `asrsim.engines.base.Engine`."""
         room, state = self._room, self._state
         first, size = len(room.qpos), len(room.qvel)
         room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
@@ -245,14 +250,14 @@ class RigidEngine:
         return positions, velocities
 
     def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """One step."""
+        """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
         aim(self._plain, self._numbers, fraction)
         self.look(wrenches)
         self._finish(self._state, exchange, fraction)
 
     @property
     def state(self) -> Array:
-        """A vector; see the module."""
+        """The state as a vector; the docstring of the module lists its parts."""
         return self._state.copy()
 
     @state.setter
@@ -260,24 +265,24 @@ class RigidEngine:
         self._state[:] = values
 
     def scene(self) -> Scene:
-        """A robot on a fixed base has no bodies and contacts around it."""
+        """An empty scene: without contacts, a robot on a fixed base has no other bodies to report."""
         return Scene({}, {})
 
     @property
     def native(self) -> Native | None:
-        """None: steps go through Python."""
+        """None: this engine has no compiled step."""
         return None
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: this part of an engine owns no resources."""
 
 
 class RigidModel:
-    """The part of :class:`asrsim.engines.base.Model` that does not depend on the library."""
+    """The part of `asrsim.engines.base.Model` that does not depend on the physics library."""
 
     joints: tuple[str, ...]
     free: int
-    """Degrees of freedom of a floating base, which come first; else 0."""
+    """Number of degrees of freedom of a floating base, which precede the joints; 0 for a fixed base."""
 
     def full_matrix(self, positions: Sequence[float] | Array) -> Array:
         """(v, v) mass matrix of all degrees of freedom."""
@@ -286,7 +291,7 @@ class RigidModel:
     def inverse_dynamics(
         self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array, accelerations: Sequence[float] | Array
     ) -> Array:
-        """(n,) N m that give `accelerations`, on a fixed base."""
+        """(n,) N m: joint torques that give `accelerations`, on a fixed base."""
         raise NotImplementedError
 
     def potential(self, positions: Sequence[float] | Array) -> float:
@@ -294,7 +299,7 @@ class RigidModel:
         raise NotImplementedError
 
     def mass_matrix(self, positions: Sequence[float] | Array) -> Array:
-        """(n, n) kg m^2 (kg) mass matrix of the moving joints; of a floating robot, the one with a free base."""
+        """(n, n) kg m^2 (kg): mass matrix of the moving joints. For a floating robot, the base is free to accelerate."""
         matrix = self.full_matrix(positions)
         if not self.free:
             return matrix
@@ -302,7 +307,7 @@ class RigidModel:
         return np.asarray(matrix[self.free :, self.free :] - cross.T @ np.linalg.solve(base, cross))
 
     def bias(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> Array:
-        """(n,) N m of gravity, Coriolis and centrifugal forces, on a fixed base."""
+        """(n,) N m: joint torques that balance gravity, Coriolis and centrifugal forces, on a fixed base."""
         return self.inverse_dynamics(positions, velocities, np.zeros(len(self.joints)))
 
     def energy(self, positions: Sequence[float] | Array, velocities: Sequence[float] | Array) -> float:

@@ -1,4 +1,4 @@
-"""Environments for learning (Gymnasium): a scenario as an environment; needs the extra `gym`."""
+"""Gymnasium environments for reinforcement learning, made from scenarios. They need the extra `gym`."""
 
 from __future__ import annotations
 
@@ -17,29 +17,32 @@ if TYPE_CHECKING:
 def make_env(
     scenario: str | Path | Scenario, *, render_mode: str | None = None, size: int = 256, **options: Unpack[Options]
 ) -> SoftRobotEnv:
-    """A scenario as a Gymnasium environment. An episode lasts the scenario's duration; then it is truncated.
+    """A Gymnasium environment of a scenario. An episode is truncated after the scenario's duration.
 
     Args:
-        scenario: File, or a scenario that was loaded; variant, overrides: as :func:`asrsim.run` takes them.
-        render_mode: `rgb_array` or None; size: of its pictures in pixels.
-        options: As follows, by name.
-        control_rate: Hz of actions; the period is a whole number of steps. Default 50.
-        observe: Quantities, each of all joints that have it, in the order of the joints: those of
-            :data:`asrsim.quantities.QUANTITIES` but works, energies and losses; and `tip`, (3,) m. Default: position and
+        scenario: Scenario file, or a loaded scenario.
+        render_mode: `rgb_array` or None.
+        size: Edge of the pictures in pixels.
+        options: The keyword arguments below.
+        variant: Name of a variant of the scenario, as in `asrsim.run`.
+        overrides: Changes of the scenario, as in `asrsim.run`.
+        control_rate: Rate of the actions in Hz; the control period must be a whole number of steps. Default 50.
+        observe: Quantities to observe, for all joints that have them, in the order of the joints: any quantity of
+            `asrsim.quantities.QUANTITIES` except works, energies and losses; and `tip`, (3,) m. Default: position and
             velocity of the links.
-        act: References that actions set: names of the joints' modes, or `joint.name`; none: the first one of every joint.
-            An action is in [-1, 1] and is scaled to the reference's range (`reference_ranges`, else the robot's limits).
-        reward: Function of the state after each action; none: 0.
-        terminated: Function of the same state: whether the episode is over.
-        randomise: Key (`key & key`: tied) -> law as `asrsim sweep --over` takes them, drawn at every reset: for numbers that
-            need no new reading of the scenario (parameters, damping, masses, constant references).
-        initial: Joint -> law of its position at the start, rad or m.
-        goal: Name -> law, drawn at every reset; the values stand at the end of the observation.
-        tip: Link, and point on it (m) whose position in the world is observed.
+        act: References that the actions set, as `name` or `joint.name`. Default: the first reference of every joint.
+            Actions are in [-1, 1] and are scaled to the range of the reference (`reference_ranges`, else the robot's limits).
+        reward: Function that maps the state after each action to the reward. Default: the reward is 0.
+        terminated: Function that maps the state after each action to whether the episode is over.
+        randomise: Key -> law, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
+            Only values that need no new reading of the scenario: parameters, damping, masses, constant references.
+        initial: Joint -> law of its start position in rad or m.
+        goal: Name -> law, drawn at every reset. The values are the last entries of the observation.
+        tip: Name of a link, and a point on it in m. The position of this point in the world can be observed as `tip`.
 
     Raises:
         InputError: gymnasium is not installed, or an option is unknown or wrong.
-        ScenarioError, RobotError: as :func:`asrsim.run`.
+        ScenarioError, RobotError: as `asrsim.run`.
     """
     library("gymnasium", "gym")
     from asrsim.environment.env import SoftRobotEnv
@@ -51,17 +54,17 @@ def make_env(
 def make_vec_env(
     scenario: str | Path | Scenario, num_envs: int, *, threads: int = 1, **options: Unpack[Options]
 ) -> SoftRobotVectorEnv:
-    """Many environments of a scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than one
-    after the other. An episode that is over begins anew at the next step.
+    """Many environments of one scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than
+    separate environments. An environment whose episode is over is reset at the next step.
 
     Args:
-        scenario: File, or a scenario that was loaded.
+        scenario: Scenario file, or a loaded scenario.
         num_envs: Number of environments.
-        threads: Threads that share them where the engine has native code.
-        options: As of :func:`make_env`; `reward` and `terminated` are called for each environment.
+        threads: Number of threads that step the environments, if the engine has a compiled step.
+        options: As in `make_env`; `reward` and `terminated` are called for each environment.
 
     Raises:
-        InputError, ScenarioError, RobotError: as :func:`make_env`.
+        InputError, ScenarioError, RobotError: as `make_env`.
     """
     library("gymnasium", "gym")
     from asrsim.environment.options import checked
@@ -71,7 +74,7 @@ def make_vec_env(
 
 
 def register() -> None:
-    """Register `asrsim/Scenario-v0` with Gymnasium; importing this module does so. Without Gymnasium nothing happens."""
+    """Register `asrsim/Scenario-v0` with Gymnasium if Gymnasium is installed; importing this module calls this function."""
     try:
         import gymnasium
     except ImportError:

@@ -1,4 +1,4 @@
-"""Random values of an episode: distributions by key, in the forms of sweeps."""
+"""Random values of an episode, drawn from distributions that are written as in sweeps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
 
 class Draws:
-    """Random values of keys, drawn once an episode."""
+    """Laws of random values, from which each episode draws one value per key."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
-        """laws: key (`key & key`: tied) -> list of values, range or distribution, in the forms of sweeps. Raises InputError."""
+        """laws: key -> list of values, range or distribution, as in sweeps; `key & key`: both get the same value. Raises
+        InputError."""
         self._axes = [axis_of(name, value) for name, value in laws.items()]
         problems = [
-            Problem("takes numbers only", key=axis.name, code="sweep-values")
+            Problem("must be finite numbers", key=axis.name, code="sweep-values")
             for axis in self._axes
             if isinstance(axis.law, Values)
             and not all(_is_number(one) for value in axis.law.values for one in axis.assign(value).values())
@@ -33,21 +34,21 @@ class Draws:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All keys, in their order."""
+        """All keys, in the order of the laws."""
         return tuple(key for axis in self._axes for key in axis.keys)
 
     def draw(self, chance: np.random.Generator) -> dict[str, float]:
-        """A value for each key."""
+        """Key -> random value for one episode."""
         return {key: float(value) for axis in self._axes for key, value in axis.assign(_drawn(axis.law, chance)).items()}
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Lower and upper bound of each key; infinite where there is none."""
+        """Lower and upper bounds of the values, one per key; infinite for unbounded laws."""
         pairs = [_bounds(axis, key) for axis in self._axes for key in axis.keys]
         return [low for low, _ in pairs], [high for _, high in pairs]
 
 
 def plan(draws: Draws, prepared: Prepared) -> Plan:
-    """Places of the keys in the scenario. Raises InputError for keys that need the scenario to be read anew."""
+    """Parts of the scenario that the keys set. Raises InputError for keys that need the scenario to be read anew."""
     found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
     wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]
     if wrong:
@@ -63,7 +64,7 @@ def _is_number(value: Any) -> bool:
 def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     if isinstance(law, Values):
         return law.values[int(chance.integers(len(law.values)))]
-    # Open interval: the ends of a distribution may be infinite.
+    # The interval is open, since quantiles at 0 and 1 may be infinite.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])
 

@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
 
 LARGEST = 8192
-"""Largest edge of a picture in pixels."""
+"""Largest allowed edge of a picture in pixels."""
 
 
 class SoftRobotEnv(gymnasium.Env[Single, Single]):
-    """See :func:`asrsim.environment.make_env`. Equal seeds and actions give equal bits."""
+    """The environment that `asrsim.environment.make_env` returns. Equal seeds and actions give identical bits."""
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012
 
     def __init__(self, scenario: Any, options: Mapping[str, Any], *, render_mode: str | None, size: int) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError(f"no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
+            raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
-            raise InputError(f"a picture has from 1 to {LARGEST} pixels an edge", value=size, code="picture-size")
+            raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
         self._made_with = scenario, options, {"render_mode": render_mode, "size": size}
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
@@ -42,16 +42,16 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._count, self._episode = 0, Episode({}, {}, {})
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickled copy begins anew."""
+        """Pickle support: the copy is a new environment made with the same arguments."""
         return again, (type(self), *self._made_with)
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """`joint.reference` of each number of an action."""
+        """Meaning of each entry of an action, as `joint.reference`."""
         return tuple(f"{joint}.{reference}" for joint, reference in self._task.actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Single, dict[str, Any]]:
-        """Return to the start with new random values."""
+        """Begin a new episode with new random values; returns the observation and the random values."""
         super().reset(seed=seed)
         task = self._task
         self._count = 0
@@ -63,7 +63,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return observation, {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
-        """One action for one control period. A motion that diverges ends the episode."""
+        """Apply one action for one control period. If the simulation diverges, the episode is terminated."""
         simulation, task = self.simulation, self._task
         given, values = task.values_of(action)
         for (joint, reference), value in zip(task.actions, values.tolist(), strict=True):
@@ -80,7 +80,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return task.observation(found, goal), reward, ended, self._count >= task.last and not ended, info
 
     def render(self) -> Image | None:
-        """(size, size, 3) of 8 bits, without a display."""
+        """Picture of the present state, (size, size, 3) with 8 bits per value; no display is needed."""
         if self.render_mode is None:
             return None
         from asrsim.environment.picture import Picture
@@ -95,5 +95,5 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
 
 def again(kind: Any, scenario: Any, options: Mapping[str, Any], keywords: Mapping[str, Any]) -> Any:
-    """An environment of that kind, made with these options."""
+    """A new environment of the class `kind`, made with the given arguments; used to unpickle environments."""
     return kind(scenario, options, **keywords)

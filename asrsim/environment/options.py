@@ -1,4 +1,4 @@
-"""Options of an environment, checked before anything is built."""
+"""Options of an environment, and their validation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Options(TypedDict, total=False):
-    """Options that :func:`asrsim.make_env` and :func:`asrsim.make_vec_env` share."""
+    """Options that both `asrsim.make_env` and `asrsim.make_vec_env` accept."""
 
     variant: str | None
     overrides: Any
@@ -30,7 +30,7 @@ class Options(TypedDict, total=False):
 
 
 def _is_names(value: Any) -> bool:
-    # A set has another order in every process.
+    # Sets are rejected: their order differs from process to process.
     return isinstance(value, str) or (isinstance(value, Sequence) and all(isinstance(name, str) for name in value))
 
 
@@ -59,13 +59,15 @@ _FORMS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
     "act": ((), _is_names, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
     "goal": _LAWS, "tip": (None, _is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
 }  # fmt: skip
-"""Option -> its default, whether a value is of its kind, and the kind in words."""
+"""Option -> default, function that validates a value, and description of valid values."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The options with defaults for those that are not given. Raises InputError with every option that is unknown or wrong."""
+    """All options; options that are not given get their defaults. Raises InputError that lists all unknown or wrong options."""
     problems = [
-        Problem("is no option", key=name, choices=tuple(_FORMS), hint=did_you_mean(name, list(_FORMS)), code="unknown-option")
+        Problem(
+            "is not an option", key=name, choices=tuple(_FORMS), hint=did_you_mean(name, list(_FORMS)), code="unknown-option"
+        )
         for name in given.keys() - _FORMS.keys()
     ]
     options = {name: given.get(name, default) for name, (default, _, _) in _FORMS.items()}

@@ -14,16 +14,16 @@ from asrsim.samples import Array
 from asrsim.simulation.simulation import Simulation
 
 LOOKS = 3
-"""Positions of each joint that the camera must see."""
+"""Number of positions of each joint that must be in the camera's view."""
 MOST = 81
-"""Largest number of poses of the robot that the camera must see."""
+"""Largest number of robot poses that must be in the camera's view."""
 
 
 class Picture:
-    """Draws the simulation's robot and world from one viewpoint, which sees all of the joints' ranges."""
+    """Pictures of a simulation's robot and world from a fixed viewpoint that shows the joints' whole ranges."""
 
     def __init__(self, simulation: Simulation, size: int) -> None:
-        """size: pixels of an edge."""
+        """size: edge of the pictures in pixels."""
         self._simulation, self._size = simulation, size
         scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
         self._scene = Scene(drawable(robot, scenario.package_paths).robot, scenario)
@@ -37,7 +37,7 @@ class Picture:
         self._camera = fit_camera(cloud, viewpoint(axis), aspect=1.0)
 
     def image(self) -> Image:
-        """(size, size, 3) of the present state."""
+        """Picture (size, size, 3) of the present state."""
         return self._painter.image(self._frames(), self._camera, self._size, self._size)
 
     def _frames(self) -> dict[str, Array]:

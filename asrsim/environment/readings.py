@@ -1,4 +1,4 @@
-"""Observations of a simulation, or of many worlds, quantity by quantity."""
+"""Observed quantities of one simulation, or of many simulated worlds."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
 _MOTORS = ("motor_1_position", "motor_1_velocity", "motor_2_position", "motor_2_velocity")
-"""State at the present time; of ideal motors, positions of the last step."""
+"""Quantities of the state at the present time; for ideal motors, their positions in the last step."""
 _STEP = (
     "link_torque", "damping_torque", "elastic_torque_1", "elastic_torque_2", "motor_1_torque", "motor_2_torque",
     "friction_torque_1", "friction_torque_2", "reference_1", "reference_2", "external_torque", "stiffness",
 )  # fmt: skip
-"""Values of the last step; at the start of an episode, of the first step."""
+"""Quantities that belong to a step: values of the last step; at the start of an episode, of the first step."""
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3
-"""rad (m): a position may lie so far beyond a stop, rounded to single precision."""
+"""rad or m: margin beyond the stops for observed positions, which are rounded to single precision."""
 
 
 class Readings:
-    """Reads quantities of the joints that have them: (n,) of a simulation, (N, n) of N worlds."""
+    """Reader of the observed quantities: arrays (n,) for a simulation, (N, n) for N worlds, over the joints that have them."""
 
     def __init__(self, source: Simulation | Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
         self._source, self._tip, self._names = source, tip, tuple(names)
@@ -39,30 +39,30 @@ class Readings:
         for name in names:
             self._joints[name] = [j for j, own in enumerate(recorded) if name in own]
             if name not in KNOWN or (name == TIP and tip is None) or not (self._joints[name] or name == TIP):
-                why = "is what no joint has in its mode" if name in KNOWN else "cannot be observed here"
-                why = "needs the argument tip" if name == TIP else why
+                why = "exists for no joint in its mode" if name in KNOWN else "cannot be observed here"
+                why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
                 problems.append(Problem(f"'{name}' {why}", choices=KNOWN, hint=hint, code="unknown-quantity"))
         model = source.model
         if tip is not None and model is None:
-            problems.append(Problem("the engine has no model that knows where a tip is", code="no-model"))
+            problems.append(Problem("the engine has no model that gives the position of a tip", code="no-model"))
         elif tip is not None and model is not None and tip[0] not in model.links:
-            problems.append(Problem(f"no link is called '{tip[0]}'", choices=model.links, code="unknown-link"))
+            problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=model.links, code="unknown-link"))
         if tip is not None and not _is_point(tip[1]):
-            problems.append(Problem("a tip's point is three finite numbers, in m", value=tip[1], code="tip"))
+            problems.append(Problem("the point of a tip must be three finite numbers in m", value=tip[1], code="tip"))
         if not names:
-            problems.append(Problem("nothing is observed", choices=KNOWN, code="no-quantity"))
+            problems.append(Problem("the option observe names no quantity", choices=KNOWN, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
     @property
     def size(self) -> int:
-        """Number of values of one environment."""
+        """Number of observed values of one environment."""
         return sum(3 if name == TIP else len(joints) for name, joints in self._joints.items())
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Lower and upper bound of each value; infinite where there is none."""
+        """Lower and upper bounds of the observed values; infinite where a value is unbounded."""
         low: list[float] = []
         high: list[float] = []
         stops = [drive.joint.stops for drive in self._source.prepared.drives]
@@ -77,7 +77,7 @@ class Readings:
         return low, high
 
     def read(self) -> dict[str, Array]:
-        """Quantity -> (..., n), SI."""
+        """Quantity -> present values (..., n) in SI units."""
         state = self._source.observe()
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
@@ -88,7 +88,7 @@ class Readings:
         if name in _STEP:
             return step[name][..., joints]
         values = np.asarray(getattr(state, name))[..., joints]
-        # An ideal motor has no state of its own.
+        # Ideal motors have no state: their values come from the last step.
         return np.where(np.isnan(values), step[name][..., joints], values) if name in _MOTORS else values
 
     def _tip_position(self, positions: Array) -> Array:
@@ -101,7 +101,7 @@ class Readings:
 
 
 def _is_point(values: Any) -> bool:
-    """Whether these are three finite numbers."""
+    """Whether `values` are three finite numbers."""
     try:
         found = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

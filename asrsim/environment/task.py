@@ -1,4 +1,4 @@
-"""What one environment and many have in common: actions, observations, what is drawn at a reset, rewards."""
+"""Actions, observations, random values and rewards, shared by single and vectorised environments."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.ranges import ranges_of, with_ranges
 
 LARGEST = float(np.finfo(np.float32).max)
-"""Bound of values without a bound of their own."""
+"""Bound in the observation space of values that are unbounded."""
 Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class State:
-    """State after an action, for rewards."""
+    """State after an action, which functions of reward and termination receive."""
 
     time: float
     """s since the start of the episode."""
     values: Mapping[str, Array]
-    """Observed quantity -> (n,), SI."""
+    """Observed quantity -> values (n,) in SI units."""
     goal: Mapping[str, float]
     action: Array
-    """The action as given, in [-1, 1]."""
+    """The action as the caller gave it, nominally in [-1, 1]."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """Random values of an episode."""
+    """Random values of an episode: parameters, goal and start positions of joints."""
 
     parameters: Mapping[str, float]
     goal: Mapping[str, float]
@@ -50,22 +50,22 @@ class Episode:
 
 
 class Task:
-    """A scenario as a task for learning; see :func:`asrsim.environment.make_env`."""
+    """A scenario as a learning task; see `asrsim.environment.make_env`."""
 
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any]) -> None:
-        """options: all of them; see :mod:`asrsim.environment.options`."""
+        """options: values of all options, as `asrsim.environment.options.checked` returns them."""
         scenario = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"])
         self.prepared = prepared = with_ranges(scenario)
         self.steps = _steps(options["control_rate"], scenario.step)
-        """Steps of the scenario in one action."""
+        """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
-        """Number of actions of an episode."""
+        """Number of actions per episode."""
         self.actions, low, high = _actions(prepared, _listed(options["act"]))
-        """Joint and reference of each number of an action."""
+        """Joint and reference that each entry of an action sets."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
         self._random, self._start, self._goal = (Draws(options[name]) for name in ("randomise", "initial", "goal"))
-        # A start beyond a stop is an error now, and not long into a training.
+        # Start positions beyond a stop must raise now, not after hours of training.
         for places in self._start.bounds():
             prepared.start(dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True)), {})
         self._plan = plan(self._random, prepared)
@@ -73,15 +73,15 @@ class Task:
 
     @property
     def read_names(self) -> list[str]:
-        """Quantities that the readings need."""
+        """Names of the quantities that the worlds must record for the observations."""
         return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
 
     def readings(self, simulation: Any) -> Readings:
-        """Readings of a simulation or of worlds. Raises InputError for what cannot be observed."""
+        """Reader of the observed quantities of a simulation or of worlds. Raises InputError for unknown quantities."""
         return Readings(simulation, self._observe, self._tip)
 
     def spaces(self, readings: Readings) -> tuple[Any, Any]:
-        """Spaces of observations and actions of one environment."""
+        """Observation space and action space of one environment."""
         low, high = readings.bounds()
         ends = self._goal.bounds()
         bounds = [np.clip(np.concatenate(pair), -LARGEST, LARGEST) for pair in ((low, ends[0]), (high, ends[1]))]
@@ -90,27 +90,27 @@ class Task:
         return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def draw(self, chance: np.random.Generator) -> Episode:
-        """Random values of the next episode."""
+        """Random values for the next episode."""
         goal = self._goal.draw(chance)
         parameters = self._random.draw(chance) if self._random.keys else {}
         return Episode(parameters, goal, self._start.draw(chance) if self._start.keys else {})
 
     @property
     def goals(self) -> int:
-        """Number of values of a goal."""
+        """Number of goal values in an observation."""
         return len(self._goal.keys)
 
     @property
     def draws(self) -> bool:
-        """Whether episodes have random values."""
+        """Whether any value is drawn at random for each episode."""
         return bool(self._random.keys or self._start.keys or self._goal.keys)
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
-        """Parameters of the robot in an episode."""
+        """Parameters of the robot that the episode changes: joint -> parameter -> value."""
         return self._plan.changes(dict(episode.parameters)) if episode.parameters else {}
 
     def references(self, episode: Episode) -> list[tuple[str, str, float]]:
-        """Joint, reference and value of constant references that were drawn."""
+        """Joint, reference and value of each constant reference that was drawn at random for the episode."""
         return [
             (joint, reference, episode.parameters[key])
             for key, places in self._plan.references.items()
@@ -118,12 +118,12 @@ class Task:
         ]
 
     def values_of(self, actions: Any, count: int | None = None) -> tuple[Array, Array]:
-        """The actions (..., numbers) of `count` environments, or of one, as they are given and as references in SI. Raises
-        InputError."""
+        """The actions as an array, and the same actions as references in SI units. count: number of environments; None: a
+        single environment, whose action is one row. Raises InputError."""
         given = np.asarray(actions, dtype=np.float64)
         shape = (len(self.actions),) if count is None else (count, len(self.actions))
         if given.shape != shape or not np.isfinite(given).all():
-            whose = "an action is" if count is None else f"actions are {count} rows of"
+            whose = "an action must be" if count is None else f"actions must be {count} rows of"
             raise InputError(f"{whose} {len(self.actions)} finite numbers", value=actions, code="action")
         return given, self._middle + self._half * np.clip(given, -1.0, 1.0)
 
@@ -133,11 +133,11 @@ class Task:
 
     @property
     def judges(self) -> bool:
-        """Whether rewards or ends need states."""
+        """Whether the user has given a function for rewards or for termination."""
         return self._reward is not None or self._terminated is not None
 
     def judge(self, state: Callable[[], State]) -> tuple[float, bool]:
-        """Reward, and whether the episode is over. Raises InputError for a reward that is no number."""
+        """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
         if not self.judges:
             return 0.0, False
         seen = state()
@@ -161,13 +161,13 @@ def _steps(control_rate: float, step: float) -> int:
         raise InputError("the control rate must be above 0 Hz", value=control_rate, code="control-rate")
     count = 1.0 / (control_rate * step)
     if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
-        message = f"a control period of {1.0 / control_rate:g} s is no whole number of steps of {step:g} s"
+        message = f"the control period of {1.0 / control_rate:g} s is not a whole number of steps of {step:g} s"
         raise InputError(message, value=control_rate, code="control-rate")
     return round(count)
 
 
 def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Array, Array]:
-    """Joint and reference of each number of an action, with least and largest values."""
+    """Joint and reference of each entry of an action, and the smallest and largest values of these references."""
     ranges = ranges_of(prepared)
     firsts = [(joint, name) for joint, given in ranges.items() for name in list(given)[:1] if name != "external_torque"]
     known = {f"{joint}.{name}": (joint, name) for joint, given in ranges.items() for name in given}
@@ -178,12 +178,12 @@ def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, s
         if not own:
             choices = (*dict.fromkeys(pair[1] for pair in known.values()), *known)
             hint = did_you_mean(name, choices)
-            message = f"no joint has the reference '{name}' in its mode"
+            message = f"no joint has a reference '{name}' in its mode"
             problems.append(Problem(message, choices=choices, hint=hint, code="unknown-reference"))
         found += [pair for pair in own if pair not in found]
     table = np.array([ranges[joint][name] for joint, name in found]).reshape(-1, 2)
     problems += [
-        Problem(f"{name} of '{joint}' has no limits; declare them by reference_ranges", code="no-range")
+        Problem(f"reference '{name}' of joint '{joint}' has no limits: declare them in reference_ranges", code="no-range")
         for (joint, name), pair in zip(found, table, strict=True)
         if not np.isfinite(pair).all()
     ]

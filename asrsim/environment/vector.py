@@ -1,4 +1,4 @@
-"""Many environments of one task, stepped together."""
+"""Vectorised environment: many environments of one task, stepped together."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from asrsim.simulation.worlds import Start, Worlds
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
-    """See :func:`asrsim.environment.make_vec_env`. Environment i is equal to the bit to one alone with the seed of i."""
+    """The environments that `asrsim.environment.make_vec_env` returns. Environment i gives the same bits as a single
+    environment with the seed of environment i."""
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
@@ -38,18 +39,18 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._episodes = [Episode({}, {}, {})] * num_envs
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
-        """Environments that the next step resets."""
+        """(n,): whether the next step resets the environment, because its episode is over."""
         self._goals = np.zeros((num_envs, task.goals))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A pickled copy begins anew."""
+        """Pickle support: the copy is a new set of environments made with the same arguments."""
         return again, (type(self), *self._made_with)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Single, dict[str, Any]]:
-        """Return to the start with new random values. seed: of the first environment, the others count on from it; or one for
-        each. options: `reset_mask` (n,): only these."""
+        """Begin new episodes with new random values. seed: seed of the first environment, from which the other seeds count up,
+        or a seed for each environment. options: `reset_mask` (n,) selects the environments to reset; without it, all."""
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
         mask = np.broadcast_to(mask, self.num_envs).astype(bool)
         if seed is not None:
@@ -75,7 +76,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._counts[mask], self._over[mask] = 0, False
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """One action each for one control period. An environment whose episode is over begins the next one instead."""
+        """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
         task, worlds = self._task, self.worlds
         given, values = task.values_of(actions, self.num_envs)
         going, fresh = ~self._over, self._over.copy()
@@ -101,7 +102,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         return np.concatenate([*found.values(), self._goals], axis=1).astype(np.float32)
 
     def _infos(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
-        """Random values of the environments that have just begun, as infos of a vector environment."""
+        """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
         if not fresh.any() or not self._task.draws:
             return {}
         infos: dict[str, Any] = {}

@@ -17,7 +17,7 @@ from asrsim.samples import Array
 SEARCH = 16.0
 """rad (or m) from the link's position within which the equilibrium is searched for: a few turns of a motor."""
 EXACT = 1e-9
-"""Relative error of a load that counts as held."""
+"""Largest relative error of the torque at which the spring counts as holding the load."""
 
 
 class LoadError(InputError):
@@ -41,7 +41,8 @@ def equilibrium_for_load(drive: Drive, position: float, load: float, preset: flo
 def equilibria_for_loads(
     drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
 ) -> Array:
-    """(n,) :func:`equilibrium_for_load` at each instant of a motion; all arrays (n,). time: s, for the message of LoadError."""
+    """(n,) rad: equilibrium positions at the instants of a motion; see `equilibrium_for_load`. All arrays are (n,). time: s,
+    for the message of LoadError."""
     law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
 
     def torques(equilibria: Array) -> Array:

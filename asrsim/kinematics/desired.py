@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.samples import Array
 
 MODEL_STEP = 4e-3
-"""s, smallest distance between the samples of a motion that the models follow."""
+"""s: smallest time step between the samples of a motion for the inverse models."""
 MODEL_SAMPLES = 2000
 """Largest number of samples of a motion: a longer motion is sampled more coarsely."""
 KNOT = 0.03
@@ -33,7 +33,7 @@ class DesiredMotion:
 
     @property
     def step(self) -> float:
-        """s."""
+        """Time step in s."""
         return float(self.time[1] - self.time[0])
 
 
@@ -44,12 +44,12 @@ def model_time(duration: float, step: float) -> Array:
 
 
 def knot_distance(duration: float) -> float:
-    """s between spline knots for a motion of `duration` s."""
+    """Time in s between spline knots for a motion of `duration` s."""
     return max(KNOT, duration / MOST_KNOTS)
 
 
 def smooth_motion(time: Array, samples: Array) -> DesiredMotion:
-    """Quintic splines fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
+    """The motion that quintic splines give, fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
     from scipy.interpolate import make_lsq_spline
 
     duration = float(time[-1] - time[0])

@@ -26,8 +26,8 @@ from asrsim.kinematics.desired import smooth_motion
 from asrsim.samples import Array
 
 SLOW = 0.02
-"""rad/s: the models take friction as F tanh(velocity / SLOW)."""
-HELD = 1e-3
+"""rad/s: the inverse models approximate friction by F tanh(velocity / SLOW)."""
+RESERVE = 1e-3
 """Share of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
 """Largest number of iterations between the distance of the motors and the torques of the springs."""
@@ -50,7 +50,8 @@ class DriveMotion:
 
 
 def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array) -> DriveMotion:
-    """The motion of the drive; all arrays (n,), at equidistant times in s. preset: the second reference."""
+    """Motion and torques of the drive for the wanted motion of its link; all arrays (n,), at equidistant times in s. preset:
+    the second reference."""
     n, step = len(position), float(time[1] - time[0])
     if not drive.mode.spring:
         error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
@@ -72,7 +73,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
     # A torque beyond the largest torque of the springs is clipped just below it.
-    given = np.clip(torque, least + HELD * np.abs(least), most - HELD * np.abs(most))
+    given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
         return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)
@@ -104,19 +105,19 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
 
 def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
-    """rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
+    """Coefficients rho (2,) and c (2, n) of the reference map r = rho e + c at the presets (n,)."""
     references = over_arrays(drive.actuator.motor_references)
     offsets = references(np.zeros(len(preset)), preset)
     return references(np.ones(len(preset)), preset)[:, 0] - offsets[:, 0], offsets
 
 
 def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:
-    """(n,) the error r - theta for which P error + I int error = output (n,)."""
+    """(n,) position error r - theta of a controller for which P error + I int error = output (n,)."""
     if integral <= 0.0:
         return np.asarray(output / proportional)
     from scipy.signal import lfilter
 
-    # The integral by the trapezoidal rule.
+    # The integral is approximated by the trapezoidal rule.
     half = 0.5 * step * integral
     ahead, behind = proportional + half, half - proportional
     return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))
@@ -132,9 +133,10 @@ def _distance(
     across: Array,
     commanded: Array,
 ) -> Array:
-    """(n,) d of the next iteration: sum nu_i (theta_i + lag_i) = nu c, with the slope of the springs at the present d."""
+    """(n,) distance d of the motors in the next iteration, from sum nu_i (theta_i + lag_i) = nu c with the slope of the springs
+    at the present d."""
     gain = np.array(drive.proportional)
-    # Integral action removes the steady-state error in time.
+    # Controllers with integral action have no steady-state error.
     droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / gain)
     inertia = float(across**2 @ (np.array(drive.motor_inertia) / gain))
     drag = float(across**2 @ ((np.array(drive.motor_damping) + np.array(drive.derivative)) / gain))

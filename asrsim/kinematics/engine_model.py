@@ -1,6 +1,6 @@
 """The rigid-body model of a run: the engine's model of the robot on its base, without other objects, with joint stops.
 
-Tests and users may bring their own class with the members of :class:`EngineModel`.
+Tests and users may use another class with the members of `EngineModel`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class EngineModel:
         self.joints: tuple[str, ...] = model.joints
         self.links: tuple[str, ...] = tuple(link.name for link in robot.links)
         self.lower, self.upper = np.array([robot.joint(name).stops for name in self.joints]).reshape(-1, 2).T
-        """(n,) rad or m: stops; infinite where there is none."""
+        """(n,) rad or m: lower and upper stops; infinite for joints without stops."""
 
     def pose(self, positions: Array, link: str, point: Point) -> tuple[Array, Array]:
         """Position (3,) in m of `point` (m, in the frame of `link`) and rotation (3, 3) of the link, in the world."""

@@ -1,4 +1,4 @@
-"""Where each joint comes to rest under the arm's own weight, given its springs and motors.
+"""Positions at which the joints come to rest under the arm's own weight, given their springs and motors.
 
 The motors stand at their references, less the steady-state error of their controllers under load. They give at most their
 largest torque at rest, and each joint at most its effort limit. The friction of the motors is neglected.
@@ -29,17 +29,17 @@ FALL = 1.0
 SLIDING = 0.2
 """m of a prismatic joint that count as much as 1 rad of a revolute joint: a link of this length moves its tip so far."""
 OFF = 0.1
-"""A joint at a stop farther from its reference than this share of the joint's scale has fallen onto the stop."""
+"""Distance from the reference, as a share of the joint's scale, above which a joint at a stop has fallen onto the stop."""
 STEPS = 400
 """Largest number of relaxation steps until rest."""
 LARGEST_STEP = 0.05
-"""rad, largest relaxation step."""
+"""rad: largest relaxation step."""
 TABLE = 401
-"""Positions of a link at which the torque of its drive is tabulated."""
+"""Number of link positions at which the torque of a drive is tabulated."""
 FARTHEST = 4.0
 """rad or m: largest tabulated distance from the reference."""
 POSTURES = 64
-"""Random postures from which the variation of the weight is estimated."""
+"""Number of random postures from which the variation of gravity's torque is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,11 +52,11 @@ class Holding:
     load: float
     """N m or N, load of gravity on the joint at the position that the reference asks for, at the instant `time`."""
     on_stop: bool
-    """The joint comes to rest at a stop where the reference does not put it."""
+    """Whether the joint rests at a stop although its reference is elsewhere."""
     limited: bool
-    """A motor gives its largest torque."""
+    """Whether a motor gives its largest torque."""
     overloaded: bool
-    """The joint's effort limit clips the torque of its springs."""
+    """Whether the joint's effort limit clips the torque of its springs."""
     time: float
     """s, the instant of the largest sag."""
     scale: float
@@ -66,7 +66,7 @@ class Holding:
 
     @property
     def falls(self) -> bool:
-        """The joint falls: it does not merely sag."""
+        """Whether the joint falls instead of sagging a little."""
         return self.on_stop or self.sag > FALL * self.scale
 
 
@@ -85,7 +85,7 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 
 
 def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
-    """Each joint at the instant of its largest sag, found by overdamped motion from the position of its references."""
+    """Largest sag of each joint over time, found by overdamped relaxation from the position of its references."""
     chain = Chain(robot=merge_fixed(robot).robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
     time = _instants(scenario, blocks)
     wanted = {
@@ -113,7 +113,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
         positions |= after
         if np.max(np.abs(moved) / share) < 1e-5:
             break
-        # Joints that move together may oscillate together: a step that reverses was too long and is shortened.
+        # The relaxation of coupled joints may oscillate: after a step that reverses the motion, the next is shorter.
         share = np.where(np.sum(moved * before, axis=0) < 0.0, 0.5 * share, np.minimum(1.1 * share, 1.0))
         before = moved
     return tuple(joint.holding(time, wanted[name], positions[name], start[name]) for name, joint in joints.items())
@@ -135,7 +135,7 @@ class _Joint:
     """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
     def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
-        """weights: N m of gravity in random postures; the largest bounds the change of gravity's torque with posture."""
+        """weights: N m, torques of gravity in random postures; the largest bounds how this torque varies with the posture."""
         self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
         self._weight = max(float(np.abs(weights).max()), 1e-6)
         low, high = self._joint.stops
@@ -152,7 +152,7 @@ class _Joint:
         return resting, over_arrays(self._drive.actuator.elastic_torques)(position, *resting, self._drive.elastic)
 
     def settle(self, position: Array, load: Array, share: Array) -> Array:
-        """(n,) the position moved towards equilibrium with the load by a share of a full step."""
+        """(n,) position after a relaxation step towards equilibrium with the load. share: fraction of a full step."""
         table = zip(position, self._places.T, self._torques.T, self._slopes.T, strict=True)
         rows = [(np.interp(q, places, torques), np.interp(q, places, slopes)) for q, places, torques, slopes in table]
         torque, stiffness = np.array(rows).T
@@ -160,7 +160,7 @@ class _Joint:
         return np.asarray(np.clip(position + share * step, self._places[0], self._places[-1]))
 
     def holding(self, time: Array, wanted: Array, position: Array, load: Array) -> Holding:
-        """The result at the instant of the largest sag."""
+        """Sag of the joint at the instant of the largest sag."""
         off = np.abs(position - wanted)
         worst = int(np.argmax(off))
         low, high = self._joint.stops

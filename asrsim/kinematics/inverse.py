@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from asrsim.kinematics.engine_model import EngineModel
 
 INVERTED_MODES = (1, 3, 6)
-"""Modes whose first reference is a position: of the link or of its equilibrium."""
+"""Modes whose first reference is a position of the link or an equilibrium position."""
 START = 0.1
-"""s at the start in which demands are not checked: motors that start unloaded must first take up their load. The last two
-knots of the splines are not checked either: the derivatives are inaccurate there."""
+"""s: initial interval in which demands are not checked, since motors that start unloaded must first take up their load. The
+last two knots of the splines are not checked either, since the derivatives are inaccurate there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,19 +39,19 @@ class Demand:
 
     joint: str
     what: str
-    """`motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or `error from the
-    start` (an error in the first moments that learning cannot remove)."""
+    """Name of the demand: `motor torque`, `motor speed`, `spring deflection`, `spring torque`, `joint effort`, `joint stop`, or
+    `error from the start` (an error in the first moments that learning cannot remove)."""
     needed: float
     limit: float
     unit: str
     time: float
     """s, the instant of the largest value."""
     motor: int = 0
-    """1 or 2; 0 if the demand is not about a motor."""
+    """Number of the motor, 1 or 2; 0 if the demand does not concern a motor."""
 
     @property
     def score(self) -> float:
-        """Needed value divided by the limit: above 1 the motion is out of reach."""
+        """Needed value divided by the limit; above 1 the drive cannot follow the motion."""
         if self.what == "joint stop":
             return 2.0
         return abs(self.needed / self.limit) if self.limit else (np.inf if self.needed else 0.0)
@@ -76,11 +76,11 @@ class InverseDynamics:
     """(n, joints) N m, torques on the links."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
-    """One for each part of each joint, the highest score first."""
+    """Demands on all parts of all joints, the highest score first."""
 
     @property
     def inputs(self) -> Array:
-        """(n, joints) the modes' first references."""
+        """(n, joints): first references of the joints."""
         return np.column_stack([drive.inputs for drive in self.drives])
 
     @property
@@ -118,20 +118,20 @@ class SoftArm:
         return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
 
     def preset(self, joint: str, time: Array) -> Array:
-        """(n,) second reference; zeros in modes without one."""
+        """(n,): second reference of the joint; zeros in modes without a second reference."""
         names = self.drives[joint].mode.references
         given = self.scenario.references_of(joint)
         return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
 
     def delay(self, joint: str) -> float:
-        """s, delay of the joint's commands."""
+        """Delay of the joint's commands in s."""
         effects = for_joint(self.scenario.command_effects, joint)
         return 0.0 if effects is None else effects.delay
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """The motion of all joints of the model when `joints` move along `positions` (n, joints) at `time` (n,).
 
-        Another driven joint follows its desired motion, else its reference. A joint without drive stays where it is.
+        Other driven joints follow their desired motions, or their references. Joints without a drive do not move.
         """
         grid = model_time(float(time[-1] - time[0]), float(time[1] - time[0])) + time[0]
         columns = []
@@ -171,7 +171,7 @@ class SoftArm:
             item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             law = for_joint(self.scenario.link_damping, drive.joint)
             if law is not None:
-                # The torque of the damping hardly changes the stiffness: one iteration is enough.
+                # The damping torque hardly changes the stiffness: one iteration is enough.
                 torque = torque + _link_damping(drive, law, position, item) * velocity
                 item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             found.append(item)
@@ -184,7 +184,7 @@ class SoftArm:
 
 
 def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
-    """(n,) N m s/rad."""
+    """(n,) N m s/rad: viscous damping of the link at each instant."""
     if not drive.mode.spring:
         return np.full(len(position), law.constant)
     stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.elastic)
@@ -194,7 +194,7 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
 def demands_of(
     drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint | None = None
 ) -> list[Demand]:
-    """The highest demand on each part of a joint over the motion. joint: None: without effort limit and stops."""
+    """The highest demand of the motion on each part of a joint. joint: None to ignore effort limit and stops."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     slides = joint is not None and joint.kind == "prismatic"

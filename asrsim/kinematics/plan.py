@@ -23,21 +23,21 @@ from asrsim.signals.sampled import Sampled
 PLAN_STEP = 2e-3
 """s, time step of the inverse kinematics; references are linear between its results."""
 ORIENTATION_TOLERANCE = 0.01
-"""rad, error of an orientation above which it counts as unreachable."""
+"""rad: error above which an orientation counts as unreachable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedReferences:
-    """References and joint positions that a Cartesian task was planned to."""
+    """References and joint positions that fulfil a Cartesian task."""
 
     path: JointPath
     """Link positions that fulfil the task."""
     references: Mapping[str, Mapping[str, Array]]
-    """Joint -> reference by the mode's name -> (n,) values at `path.time`."""
+    """Joint -> name of the reference -> (n,) values at `path.time`."""
 
     @property
     def time(self) -> Array:
-        """(n,) s."""
+        """(n,) s: times of the path and the references."""
         return self.path.time
 
     def signals(self) -> dict[str, dict[str, Signal]]:
@@ -59,9 +59,9 @@ def plan(
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
-    drives: the actuated joints; a joint that the task does not move holds its initial position (and its weight, with
-    gravity compensation). initial: link positions at the start by joint; a missing one is 0. duration: s. presets: second
-    references by joint; a joint without one takes the task's preset, else the typical one of its actuator.
+    drives: the actuated joints. A joint that the task does not move stays at its initial position; with gravity compensation,
+    its references account for the weight. initial: joint -> link position at the start, 0 by default. duration: s. presets:
+    joint -> second reference; default: the task's preset, else the typical preset of the actuator.
     Raises ScenarioError for poses or paths that the robot cannot reach (it names the closest reachable point), and for loads
     that a spring or motor cannot hold.
     """
@@ -124,7 +124,7 @@ def _check_poses(
 def _check_path(
     task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
 ) -> None:
-    """Check the path between the poses too, after the time that the loop needs to converge to it."""
+    """Raise ScenarioError if the robot cannot follow the path between the poses. The start of the path is not checked."""
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
     missed = settled & (
         (path.position_error > task.tolerance) | (path.orientation_error > max(ORIENTATION_TOLERANCE, task.tolerance))
@@ -158,7 +158,7 @@ def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
 
 
 def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Array, loads: Array, preset: Array) -> Array:
-    """(n,) equilibria that hold the loads. Raises ScenarioError."""
+    """(n,) equilibrium positions at which the springs hold the loads. Raises ScenarioError."""
     try:
         return equilibria_for_loads(drive, positions, loads, preset, droop=task.motor_droop, time=time)
     except LoadError as error:
@@ -168,14 +168,14 @@ def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Arra
 
 
 def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
-    """(n,) second references over time."""
+    """(n,) values of the second reference at `time`."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
     return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
 def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
-    """The mode's references at the given equilibria."""
+    """Name of each reference of the mode -> values for the given equilibrium positions."""
     mode = drive.mode
     if len(mode.references) == 1:
         return {mode.references[0]: equilibria}

@@ -1,4 +1,4 @@
-"""Whether a pose can be reached, else the closest reachable pose: bounded least squares from several starts."""
+"""The reachable pose that is closest to a wanted pose, found by bounded least squares from several starts."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from asrsim.kinematics.trajectory import rotation_between
 from asrsim.samples import Array
 
 STARTS = 12
-"""Number of further starts of the search, spread over the joints' ranges."""
+"""Number of additional starts of the search, spread over the joints' ranges."""
 FREE_RANGE = float(np.pi)
 """rad, range of the search for a joint without stops."""
 ORIENTATION_WEIGHT = 0.1
 """m/rad, weight of the orientation's error for a pose with an orientation."""
 MET = 1e-6
-"""m, error below which a pose counts as reached."""
+"""m: error below which a pose counts as reached."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,13 +27,13 @@ class Reach:
     """The closest reachable pose to a wanted pose."""
 
     positions: Array
-    """(joints,) rad or m."""
+    """(joints,) rad or m: joint positions of the reachable pose."""
     point: Array
-    """(3,) m, position of the tip there."""
+    """(3,) m: position of the tip in the reachable pose."""
     distance: float
-    """m, from the reachable position to the wanted one."""
+    """Distance in m from the reachable position to the wanted position."""
     turn: float
-    """rad, from the reachable orientation to the wanted one; 0 if the orientation is free."""
+    """Angle in rad between the reachable and the wanted orientation; 0 if the orientation is free."""
 
 
 def closest(

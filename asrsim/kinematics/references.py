@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """The scenario with its task and its desired motions replaced by references; the same scenario if it has neither.
+    """The scenario with its task and its desired motions replaced by references; unchanged if it has neither.
 
-    robot: with the scenario's modes and parameters. A preset in the scenario's references, constant or changing, is kept, and
-    the gravity compensation accounts for it. Raises ScenarioError for what the robot cannot reach or hold.
+    robot: the robot with the scenario's modes and parameters. Presets in the scenario's references are kept, and gravity
+    compensation accounts for them. Raises ScenarioError for poses that cannot be reached and loads that cannot be held.
     """
     if scenario.task is None:
         planned = inputs_for_motions(scenario, robot) if any(scenario.inverse_dynamics.values()) else {}
@@ -41,12 +41,12 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
     references = dict(scenario.references)
     for joint, signals in planned.items():
         references[joint] = {**scenario.references_of(joint), **signals}
-    # The references hold the plan now, so that preparing the scenario again does not plan it again.
+    # The references replace the plan, so that preparing the scenario again does not plan it again.
     return replace(scenario, references=references, inverse_dynamics={}, desired={**desired, **scenario.desired})
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
-    """By joint, the first references that move the links as the scenario's `inverse_dynamics` asks.
+    """Joint -> the first reference that moves the links as the scenario's `inverse_dynamics` requires.
 
     Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
     """

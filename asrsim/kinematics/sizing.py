@@ -1,6 +1,6 @@
-"""Whether springs and motors hold the arm's own weight, and parameters with which it is held and comes to rest.
+"""Checks that springs and motors hold the arm's own weight, and proposed parameters with which the arm holds and comes to rest.
 
-Steps and swings are judged joint by joint, with the mass matrix of the zero pose.
+Responses to steps and oscillations are estimated joint by joint, with the mass matrix of the zero pose.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 SAG = 0.3
-"""rad of sag above which a joint gets a warning; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad,
-it is a share of the joint's scale (see `Holding.scale`)."""
+"""rad: sag above which a joint gets a warning; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad,
+a share of the joint's scale (see `Holding.scale`)."""
 ENOUGH = 0.15
-"""rad (or share of the scale) of sag that proposed parameters leave: smaller, as a margin for what is neglected here."""
+"""rad (or share of the scale): sag that proposed parameters leave. It is below `SAG` as a margin for neglected effects."""
 RESERVE = 0.5
-"""Share of its largest torque that a motor may need to hold an arm with proposed parameters: the rest is for moving it.
-(Measured on 35 random arms without damping: at 0.8 two were at their motors' limits for two thirds of a run, their sliders
-0.06 and 0.07 m off on average; at 0.5 one was for a third of the run, 0.02 m off.)"""
+"""Share of a motor's largest torque that may be needed to hold an arm with proposed parameters: the rest moves the arm.
+(Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
+errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
 TRIES = 40
 """Largest number of attempts to find parameters."""
 SLOW = 5.0
-"""rad/s, lowest natural frequency of a joint with proposed parameters: a slower joint has not arrived when a run of some
-seconds ends, even with good damping."""
+"""rad/s: lowest natural frequency of a joint with proposed parameters. A slower joint has not reached its reference when a run
+of some seconds ends, even with good damping."""
 STEP_SHARE = 0.6
-"""Share of its largest torque that a motor with proposed parameters needs when its reference steps."""
+"""Share of a motor's largest torque that a step of its reference needs, with proposed parameters."""
 LONGEST_DECAY = 8.0
-"""s, longest time until 5 % of a swing is left with the damping of the robot file; above it a warning is given."""
+"""s: settling time (to 5 %) with the damping of the robot file, above which a warning is given."""
 RATIO = 0.3
-"""Proposed damping ratio of a joint: an overdamped arm shows nothing of its springs."""
+"""Proposed damping ratio of a joint; in an overdamped arm the effect of the springs would be invisible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,22 +52,22 @@ class Sizing:
     """How far the joints sag or fall, and parameters that would hold them."""
 
     joints: tuple[Holding, ...]
-    """All joints with a spring."""
+    """Sag of each joint that has a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameter -> value with which no joint sags. Empty if none sags anyway, or if no such values were found."""
+    """Joint -> parameter -> value with which no joint sags too much; empty if none does, or if no such values were found."""
 
     @property
     def weak(self) -> tuple[Holding, ...]:
-        """Joints that sag or fall."""
+        """Joints that sag too much or fall."""
         return _beyond(self.joints, SAG)
 
 
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
-    """How far the joints of a scenario's robot, as :func:`apply_to_robot` made it, sag at their references.
+    """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
-    Skipped are floating bases, modes without spring, references that are torques, voltages or currents, and references that
-    already account for the weight: those of a task, of learning, or beside a `desired` motion of the link. sag: parameters
-    are proposed for joints that sag by more; see `SAG`.
+    robot: the robot with the scenario's modes and parameters. Ignored are floating bases, modes without springs, references
+    that are torques, voltages or currents, and references that already account for the weight: those of a task, of learning,
+    or of a joint with a `desired` motion. sag: parameters are proposed for joints that sag by more than this; see `SAG`.
     """
     blocks = [
         block
@@ -98,8 +98,8 @@ def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float
 
 
 def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tuple[Problem, ...]:
-    """Warnings for joints that sag or fall under the arm's own weight. propose: with parameters that hold it, which takes about
-    ten times as long."""
+    """Warnings for joints that sag or fall under the arm's own weight. propose: whether to search for parameters that hold the
+    arm, which takes about ten times as long."""
     cure = "Choose stiffer actuators or a lighter arm" if propose else "`asrsim check` proposes parameters that hold the arm"
     return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path, cure=cure)
 
@@ -107,7 +107,7 @@ def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tupl
 def problems_of_weight(
     found: Sizing, robot: Robot, file: Path | None = None, *, cure: str = "Choose stiffer actuators or a lighter arm"
 ) -> tuple[Problem, ...]:
-    """A warning for each joint that sags or falls. cure: the hint if no parameters are proposed."""
+    """A warning for each joint that sags or falls. cure: hint of the warnings if no parameters are proposed."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
@@ -131,7 +131,7 @@ def problems_of_weight(
 
 
 def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
-    """Joint -> parameter -> value with which no joint is slow, and motors can follow the steps of the references."""
+    """Joint -> parameter -> value with which no joint is slow and the motors can follow steps of the references."""
     inertia, blocks = _carried(robot), _sprung(robot)
     loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
     found: dict[str, dict[str, float]] = {}
@@ -150,8 +150,8 @@ def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
 
 
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
-    """s for which the arm swings with the damping of its file, and by joint the keys of `link_damping` that bring it to rest;
-    empty if it comes to rest soon anyway, or if its masses are unknown."""
+    """Settling time of the arm in s with the damping of the robot file, and joint -> proposed keys of `link_damping`. The
+    proposal is empty if the arm settles soon, or if its masses are unknown."""
     inertia = _carried(robot)
     lasts, keys = 0.0, {}
     for block in _sprung(robot):
@@ -164,7 +164,7 @@ def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mappi
 
 
 def _sprung(robot: Robot) -> list[ActuatorBlock]:
-    """Joints with a spring and a position as reference."""
+    """Actuators with a spring and a position as reference."""
     return [block for block in robot.actuators if MODES[block.mode].spring and not MODES[block.mode].direct]
 
 
@@ -174,13 +174,13 @@ def _beyond(joints: tuple[Holding, ...], sag: float) -> tuple[Holding, ...]:
 
 
 def _carried(robot: Robot) -> dict[str, float]:
-    """Joint -> kg m^2: inertia that its spring must bear, with the other joints accelerating as much as the joint itself."""
+    """Joint -> inertia in kg m^2 that its spring moves if all joints accelerate equally."""
     names = [joint.name for joint in robot.moving_joints]
     return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
 
 
 def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float, float]:
-    """N m/rad of the joint's springs at the end of its references, and rad by which these change during the run."""
+    """Stiffness of the springs in N m/rad at the last references, and change of the references during the run in rad."""
     drive = drive_of(block)
     motors, goal = goals_of(scenario, block, np.array([0.0, scenario.duration]))
     law: Any = drive.actuator.stiffness
@@ -188,14 +188,15 @@ def _stiffness_and_step(scenario: Scenario, block: ActuatorBlock) -> tuple[float
 
 
 def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
-    """Stronger motors if a motor is at its limit, else stiffer controllers or springs; empty if no parameter would help."""
+    """Parameters of stronger motors if a motor is at its limit, else of stiffer controllers or springs; empty if no parameter
+    would help."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     most = 4.0 if weak.falls else 2.0
-    # For a joint on its stop it is not known how far it would sag.
+    # The sag of a joint on its stop is unknown, since the stop ends the motion.
     factor = most if weak.on_stop else min(max(1.25, math.sqrt(weak.sag / (ENOUGH * weak.scale))), most)
     drive = drive_of(block)
     lacking = abs(weak.load) / (RESERVE * min(drive.max_torque, default=math.inf))
-    # Beyond the spring's largest torque it no longer shows that the motor was at its limit first.
+    # A load above the spring's largest torque may hide that the motor reached its limit first.
     if weak.limited or lacking > 1.0:
         names, factor = motor_limits(values), max(1.25, lacking)
     elif weak.droop > 0.3 * weak.sag:
@@ -206,8 +207,7 @@ def _stronger(block: ActuatorBlock, weak: Holding) -> dict[str, float]:
 
 
 def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters of a spring to which its torque is proportional: those in units with N. Empty if the torque is not
-    proportional to them."""
+    """Names of the spring parameters with N in their units, if the torque is proportional to them; else empty."""
     names = tuple(parameter.name for parameter in actuator.parameters if "N" in parameter.unit.split("/")[0])
     point = (0.0, *actuator.motor_references(0.1, actuator.typical_preset))
     once, twice = (
@@ -221,13 +221,13 @@ def linear_parameters(actuator: type[Actuator], values: Mapping[str, float]) -> 
 
 
 def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
-    """Parameters to which the motors' largest torques are proportional: their limits of torque, voltage and current."""
+    """Names of the motors' limits of torque, voltage and current, to which the largest torques are proportional."""
     limits = ("_max_torque", "_max_voltage", "_max_current")
     return tuple(name for name, value in values.items() if name.endswith(limits) and math.isfinite(value))
 
 
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """The block with motor limits reduced by `RESERVE`: the rest of their torque is for moving."""
+    """The block with motor limits multiplied by `RESERVE`: the rest of the torque is reserved for motion."""
     values = block.values()
     return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 
@@ -238,5 +238,5 @@ def _with_values(block: ActuatorBlock, given: Mapping[str, float]) -> ActuatorBl
 
 
 def _rounded(value: float) -> float:
-    """The value with two digits, as a person would write it."""
+    """The value rounded to two significant digits."""
     return float(f"{value:.2g}")

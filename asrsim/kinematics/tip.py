@@ -1,4 +1,4 @@
-"""The tip of a Cartesian task: the actual pose of the task's point, and the pose that its path asks for."""
+"""Poses of the tip of a Cartesian task: the actual pose of the task's point, and its desired pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class TipPoses:
-    """Adds the pose of the tip and its goal to samples, as two bodies of the log."""
+    """Adds the actual and the desired pose of the tip to samples, as two bodies of the log."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         """The scenario must have a task."""
@@ -35,7 +35,7 @@ class TipPoses:
         self._path = PoseTrajectory.through(task.poses, task.interpolation, (position[0], rotation[0]))
 
     def _tip(self, positions: dict[str, Array], base: Pose | None) -> tuple[Array, Array]:
-        """Position (n, 3) and rotation (n, 3, 3) of the task's point."""
+        """Position (n, 3) in m and rotation (n, 3, 3) of the task's point."""
         rotation, position = self._chain.poses(positions, base)[self._task.link]
         return position + rotation @ np.array(self._task.point), rotation
 
@@ -50,7 +50,7 @@ class TipPoses:
 
 
 def _row(position: Array, rotation: Array) -> Array:
-    """(n, 7): position in m, orientation as quaternion x y z w."""
+    """Poses (n, 7): position in m, orientation as quaternion x, y, z, w."""
     from scipy.spatial.transform import Rotation
 
     return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=1)

@@ -14,12 +14,12 @@ from asrsim.scenario.data import CartesianPose
 
 
 def minimum_jerk(fraction: Array) -> Array:
-    """10 s^3 - 15 s^4 + 6 s^5: from 0 to 1 with least jerk, at rest at both ends (Flash and Hogan 1985)."""
+    """Minimum-jerk profile 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 
 def linear(fraction: Array) -> Array:
-    """Constant speed; the velocity jumps at the waypoints."""
+    """Profile of constant speed; the velocity jumps at the waypoints."""
     return fraction
 
 

@@ -1,4 +1,4 @@
-"""Logs: one MCAP file a run, written from Samples and read back into them, bit for bit."""
+"""Logs of runs: one MCAP file for each run. Samples that are written and read back are equal bit for bit."""
 
 from __future__ import annotations
 

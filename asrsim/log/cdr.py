@@ -1,7 +1,7 @@
-"""CDR, the encoding of ROS 2 messages, as templates: constant bytes with the places where numbers go.
+"""Templates of ROS 2 messages in CDR encoding: constant bytes, and the offsets of the numbers in them.
 
-All messages of a topic have one length, because names and counts do not change in a run. So a message is laid out
-once, and NumPy fills the numbers of thousands of messages at a time.
+All messages of a topic have equal length, because names and counts do not change in a run. A message is laid out once, and
+NumPy fills in the numbers of thousands of messages at a time.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Column(NamedTuple):
-    """Where a number comes from: one scalar signal of :class:`asrsim.samples.Samples`."""
+    """Source of a number in a message: a scalar signal of `asrsim.samples.Samples`."""
 
     kind: str
     """`time`, `value`, `body` or `contact`."""
@@ -26,18 +26,18 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class CdrTemplate:
-    """A message without its numbers."""
+    """Message in which the numbers are still missing."""
 
     data: bytes
-    """Encapsulation header (little endian) and payload; NaN where numbers go."""
+    """Encapsulation header (little endian) and payload, with NaN in place of the numbers."""
     floats: tuple[tuple[int, Column], ...]
-    """Offset in `data` and source of every float64 that changes."""
+    """Offset in `data` and source of each variable float64."""
     stamps: tuple[int, ...]
-    """Offsets of time stamps (int32 s, uint32 ns)."""
+    """Offsets in `data` of the time stamps (int32 s, uint32 ns)."""
 
 
 class CdrBuilder:
-    """Lays out one message, field by field in the order of its definition."""
+    """Lays out a message field by field, in the order of its definition."""
 
     def __init__(self) -> None:
         self._data = bytearray(b"\x00\x01\x00\x00")
@@ -45,38 +45,38 @@ class CdrBuilder:
         self._stamps: list[int] = []
 
     def header(self, frame: str = "") -> CdrBuilder:
-        """A std_msgs/Header."""
+        """Add a std_msgs/Header."""
         return self.stamp().string(frame)
 
     def stamp(self) -> CdrBuilder:
-        """A builtin_interfaces/Time."""
+        """Add a builtin_interfaces/Time."""
         self._align(4)
         self._stamps.append(len(self._data))
         self._data += bytes(8)
         return self
 
     def uint32(self, value: int) -> CdrBuilder:
-        """A number that does not change, such as the length of a sequence."""
+        """Add a constant number, such as the length of a sequence."""
         self._align(4)
         self._data += struct.pack("<I", value)
         return self
 
     def string(self, text: str) -> CdrBuilder:
-        """A string, with its length and closing zero."""
+        """Add a string with its length and a final zero."""
         encoded = text.encode()
         self.uint32(len(encoded) + 1)
         self._data += encoded + b"\x00"
         return self
 
     def strings(self, texts: Sequence[str]) -> CdrBuilder:
-        """A sequence of strings."""
+        """Add a sequence of strings."""
         self.uint32(len(texts))
         for text in texts:
             self.string(text)
         return self
 
     def float64(self, column: Column | None) -> CdrBuilder:
-        """A number that changes; without a source it stays NaN."""
+        """Add a variable number; without a source it remains NaN."""
         self._align(8)
         if column is not None:
             self._floats.append((len(self._data), column))
@@ -84,16 +84,16 @@ class CdrBuilder:
         return self
 
     def float64s(self, columns: Sequence[Column | None]) -> CdrBuilder:
-        """A sequence of numbers."""
+        """Add a sequence of variable numbers."""
         self.uint32(len(columns))
         for column in columns:
             self.float64(column)
         return self
 
     def build(self) -> CdrTemplate:
-        """The finished message."""
+        """Template of the finished message."""
         return CdrTemplate(data=bytes(self._data), floats=tuple(self._floats), stamps=tuple(self._stamps))
 
     def _align(self, size: int) -> None:
-        """Pads to a multiple of `size`, counted from the end of the encapsulation header."""
+        """Add zeros up to a multiple of `size` bytes, counted from the end of the encapsulation header."""
         self._data += bytes(-(len(self._data) - 4) % size)

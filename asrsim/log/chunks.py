@@ -1,4 +1,4 @@
-"""What a chunk record holds: read, checked and decompressed."""
+"""Reads, checks and decompresses the chunks of an MCAP file."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import BinaryIO
 from asrsim.log.structure import CHUNK_HEAD, ChunkPlace
 
 _LARGEST_CHUNK = 1 << 30
-"""Bytes of a chunk that is believed to be one; a damaged length may say anything."""
+"""Largest accepted size of a chunk, bytes; in a damaged file, the stated size may have any value."""
 
 
 def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
-    """The messages of a chunk, decompressed and checked; raises ValueError if it is damaged."""
+    """Decompressed and checked messages of a chunk. Raises ValueError if the chunk is damaged."""
     file.seek(place.offset)
     content = file.read(place.length)
     if len(content) < place.length:
@@ -25,7 +25,7 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
     (packed_size,) = struct.unpack_from("<Q", content, data_start)
     packed = content[data_start + 8 :]
     if packed_size != len(packed):
-        raise ValueError("a chunk has another length than it says")
+        raise ValueError("a chunk differs from its stated length")
     data = decompress(name, packed, size)
     if len(data) != size or (crc and zlib.crc32(data) != crc):
         raise ValueError("a chunk does not match its checksum")
@@ -33,10 +33,10 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
 
 
 def decompress(name: str, packed: bytes, size: int) -> bytes:
-    """The content of a chunk of `size` bytes; raises ValueError where it is damaged, or longer."""
-    # A damaged or hostile file may claim any size.
+    """Decompressed content of a chunk, `size` bytes. Raises ValueError where it is damaged or larger."""
+    # A damaged or hostile file may state any size.
     if size > _LARGEST_CHUNK:
-        raise ValueError("a chunk claims more data than it can hold")
+        raise ValueError("the stated size of a chunk exceeds the limit")
     if name == "":
         return packed
     if name == "zstd":
@@ -44,7 +44,7 @@ def decompress(name: str, packed: bytes, size: int) -> bytes:
 
         try:
             if zstandard.frame_content_size(packed) not in (-1, size):
-                raise ValueError("a chunk has another length than it says")
+                raise ValueError("a chunk differs from its stated length")
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         except zstandard.ZstdError as error:
             raise ValueError(f"a chunk cannot be decompressed: {error}") from error
@@ -56,6 +56,6 @@ def decompress(name: str, packed: bytes, size: int) -> bytes:
         except RuntimeError as error:
             raise ValueError(f"a chunk cannot be decompressed: {error}") from error
         if len(unpacked) != size:
-            raise ValueError("a chunk has another length than it says")
+            raise ValueError("a chunk differs from its stated length")
         return unpacked
-    raise ValueError(f"a chunk's compression '{name}' is not known")
+    raise ValueError(f"the compression '{name}' of a chunk is unknown")

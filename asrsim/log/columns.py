@@ -1,4 +1,4 @@
-"""Columns out of chunks: in a chunk every sample takes a row of equal length, so a number is a strided view."""
+"""Reads columns of numbers from chunks. All rows of a chunk have equal length, so a column is a strided view."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TIME = Column("time")
 
 
 class ColumnReader:
-    """Knows the channels met so far and finds their numbers."""
+    """Reader of columns, which collects the channels of the chunks it has read."""
 
     def __init__(self, channels: Iterable[Channel] = ()) -> None:
         self._columns: dict[int, list[tuple[int, Column]]] = {}
@@ -30,10 +30,18 @@ class ColumnReader:
             self._register(channel)
 
     def read(self, data: bytes, wanted: Collection[str], joints: Collection[str]) -> dict[Column, Array]:
-        """Views (rows,) of the columns in an uncompressed chunk: time, bodies, contacts, and values that are wanted.
+        """Columns in an uncompressed chunk, as views (rows,): time, bodies, contacts, and the wanted values.
 
-        wanted: quantities; joints: their joints. Empty if the chunk has no samples. Raises ValueError if the chunk
-        is not laid out as asrsim does it.
+        Args:
+            data: The chunk.
+            wanted: Quantities to read.
+            joints: Joints to read.
+
+        Returns:
+            Column -> view; empty if the chunk contains no samples.
+
+        Raises:
+            ValueError: The chunk does not have asrsim's layout.
         """
         row_start, row = self._first_row(data)
         if not row:
@@ -41,7 +49,7 @@ class ColumnReader:
         size = sum(length + 9 for _, length, _ in row)
         count, rest = divmod(len(data) - row_start, size)
         if rest:
-            raise ValueError("a chunk is not made of whole rows; was the file rewritten by another program?")
+            raise ValueError("a chunk contains an incomplete row; did another program rewrite the file?")
 
         def view(offset: int, kind: str) -> NDArray[Any]:
             return np.ndarray((count,), kind, data, row_start + offset, (size,))
@@ -57,15 +65,15 @@ class ColumnReader:
                 continue
             same = (view(offset, "u1") == Opcode.MESSAGE) & (view(offset + 1, "<u8") == length)
             if not np.all(same & (view(offset + 9, "<u2") == channel)):
-                raise ValueError("the rows of a chunk differ; was the file rewritten by another program?")
+                raise ValueError("the rows of a chunk differ; did another program rewrite the file?")
             for place, column in columns:
                 if not 0 <= place <= length - (MESSAGE_HEADER.size - 9) - 8:
-                    raise ValueError("a message is shorter than its channel says")
+                    raise ValueError("a message is shorter than its channel states")
                 found[column] = view(offset + MESSAGE_HEADER.size + place, "<f8")
         return found
 
     def _first_row(self, data: bytes) -> tuple[int, list[tuple[int, int, int]]]:
-        """Start of the first row, and (offset in the row, length, channel) of its messages."""
+        """Offset of the first row, and for each message in it: offset in the row, length, and channel."""
         start = 0
         row: list[tuple[int, int, int]] = []
         for opcode, place, length in split_records(data):

@@ -1,4 +1,4 @@
-"""What was set from outside in a live run: messages of a log that are in no row, written and read back."""
+"""Commands from outside in a live run, written to the log and read back. Their messages are not part of the rows."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ COMMAND_TOPIC = "/asrsim/commands"
 @lru_cache(maxsize=1024)
 def _template(joint: str, reference: str) -> CdrTemplate:
     builder = CdrBuilder().header().string(joint).string(reference)
-    # A substep takes as many bytes as a number.
+    # A substep (uint64) has as many bytes as a float64.
     return builder.float64(Column("command", "substep")).float64(Column("command", "value")).build()
 
 
 def command_topic() -> Topic:
-    """The topic of the commands in a log."""
+    """Topic of the commands in a log."""
     return Topic(name=COMMAND_TOPIC, message="asrsim_msgs/Command", template=_template("", ""), canonical=False)
 
 
 def encoded(command: Command, time: float) -> bytes:
-    """The message of a command that took effect at `time` s; NaN stands for the scenario's own value."""
+    """Message of a command that took effect at `time` in s; NaN means that the scenario's value applies again."""
     template = _template(command.joint, command.reference)
     data = bytearray(template.data)
     nanoseconds = round(time * 1e9)
@@ -44,7 +44,7 @@ def encoded(command: Command, time: float) -> bytes:
 
 
 def decoded(data: bytes) -> Command:
-    """The command of a message. Raises ValueError or struct.error if it is none."""
+    """Command in a message. Raises ValueError or struct.error if the message is no command."""
     place = 4 + 8
     _, place = _string(data, place)
     joint, place = _string(data, place)
@@ -55,14 +55,14 @@ def decoded(data: bytes) -> Command:
 
 
 class CommandReader:
-    """Finds commands in chunks, which must be read in their order."""
+    """Reader of the commands in chunks, which must be read in order."""
 
     def __init__(self) -> None:
         self._commands: set[int] = set()
         self._rows: set[int] = set()
 
     def read(self, chunk: bytes) -> Iterator[Command]:
-        """Commands of an uncompressed chunk; they stand before its rows."""
+        """Commands in an uncompressed chunk; they precede its rows."""
         for opcode, place, length in split_records(chunk):
             if opcode == Opcode.CHANNEL:
                 channel = Channel.read(stream(chunk[place : place + length]))
@@ -81,6 +81,6 @@ def _string(data: bytes, place: int) -> tuple[str, int]:
     place += -(place - 4) % 4
     (length,) = struct.unpack_from("<I", data, place)
     if not 1 <= length <= len(data) - place - 4:
-        raise ValueError("a command's text is longer than its message")
+        raise ValueError("the text of a command is longer than its message")
     end = place + 4 + length
     return data[place + 4 : end - 1].decode(), end

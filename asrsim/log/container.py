@@ -1,4 +1,4 @@
-"""MCAP above bytes: schemas, channels, chunks with their indexes, attachments, metadata, and the summary at the end."""
+"""Writes MCAP files: schemas, channels, chunks with their indexes, attachments, metadata, and the final summary."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _FLAGS = sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
 
 
 def encode(record: McapRecord) -> bytes:
-    """The bytes of a record."""
+    """Bytes of a record."""
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()  # type: ignore[no-untyped-call]
@@ -49,12 +49,12 @@ def encode(record: McapRecord) -> bytes:
 
 DATA_END = encode(DataEnd(data_section_crc=0))
 _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MAGIC
-"""Ends a file without index: readers then go through it from the start."""
+"""End of a file without index, which readers read from the start."""
 _TRAILER = DATA_END + _OPEN_END
 
 
 class McapStorage:
-    """The bytes of an MCAP file, appended to in whole records. Raises OutputError if the file cannot be written."""
+    """MCAP file to which complete records are appended. Raises OutputError if the file cannot be written."""
 
     def __init__(self, path: Path, header: Header, body: bytes) -> None:
         self.path = path
@@ -73,14 +73,14 @@ class McapStorage:
                     path.unlink()
             raise self._error(error) from error
         self.size = len(head)
-        """Bytes up to the trailer: where the next record goes."""
+        """Offset of the trailer, where the next record is written, bytes."""
 
     def append(self, body: bytes) -> None:
-        """Adds whole records to the data section. After an OutputError the file is what it was before."""
+        """Append complete records to the data section. An OutputError leaves the file unchanged."""
         self._commit(body, _TRAILER)
 
     def finish(self, body: bytes, footer: Footer) -> None:
-        """Adds the last records, from before DataEnd to the end of the summary, and closes the file."""
+        """Append the last records, from DataEnd to the end of the summary, and close the file."""
         self._commit(body, _OPEN_END)
         try:
             self._write(encode(footer), self.size)
@@ -90,7 +90,7 @@ class McapStorage:
             self.close()
 
     def close(self) -> None:
-        """Closes the file as it is."""
+        """Close the file without a summary."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -115,7 +115,7 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            # Not os.pwrite, which Windows does not have.
+            # os.pwrite does not exist on Windows.
             os.lseek(self._file, position, os.SEEK_SET)
             written = os.write(self._file, rest)
             rest = rest[written:]
@@ -126,17 +126,17 @@ class McapStorage:
 
 
 COLUMNS_KEY = "asrsim_columns"
-"""Channel metadata: JSON list of [offset in the message's data, kind, name, part] of the numbers read back from it."""
+"""Key in a channel's metadata: JSON list of [offset in the message's data, kind, name, part] for each number to read back."""
 
 Aside = tuple[int, int, bytes]
-"""A message that is in no row: channel, time in ns, data."""
+"""Message outside of the rows: channel, time in ns, data."""
 
 _ZSTD_LEVEL = 1
-"""Compact rows are 3 % smaller than by level -1, in two thirds more of their time; 3 is slower still and no smaller."""
+"""Compression level. Level -1 takes 0.6 of the time, but compact rows are 3 % larger; level 3 is slower and not smaller."""
 
 
 class McapContainer:
-    """Writes an MCAP of profile ros2. Memory grows by one packed chunk index (some hundred bytes) a chunk only."""
+    """Writer of an MCAP file with profile ros2. Memory grows only by one packed index (some hundred bytes) for each chunk."""
 
     def __init__(
         self,
@@ -145,7 +145,7 @@ class McapContainer:
         attachments: Mapping[str, tuple[str, bytes]],
         metadata: Mapping[str, Mapping[str, str]],
     ) -> None:
-        """attachments: name -> (media type, data); metadata: name -> record."""
+        """Open the file. attachments: name -> (media type, data); metadata: name -> record."""
         import zstandard
 
         self._compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
@@ -154,7 +154,7 @@ class McapContainer:
         self._pending = b""
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        # One piece of memory that grows: many small ones would part what the run's arrays free and want again.
+        # A single growing buffer: many small objects would fragment the memory that the run's arrays reuse.
         self._chunk_indexes = bytearray()
         self._chunks = 0
         self._index_counts = {Opcode.ATTACHMENT_INDEX: 0, Opcode.METADATA_INDEX: 0}
@@ -176,7 +176,7 @@ class McapContainer:
         self._storage = McapStorage(path, header, body)
 
     def channel(self, topic: Topic) -> int:
-        """The number of a topic's channel, registered at its first use and written with the next chunk."""
+        """Id of a topic's channel. The first call registers the channel, which is written with the next chunk."""
         columns = [[offset, *column] for offset, column in topic.template.floats] if topic.canonical else []
         metadata = {"offered_qos_profiles": ""}
         if columns:
@@ -193,7 +193,7 @@ class McapContainer:
         return self._channels[key].id
 
     def chunk(self, rows: RowBuffer, asides: Sequence[Aside] = ()) -> None:
-        """Writes a chunk: channels not yet written, messages that are in no row, the rows."""
+        """Write a chunk: new channels, then messages outside of the rows, then the rows."""
         start, end = rows.span()
         if asides:
             times = [time for _, time, _ in asides]
@@ -241,7 +241,7 @@ class McapContainer:
         self._span = (min(first, start), max(last, end))
 
     def finish(self, name: str, metadata: Mapping[str, str]) -> None:
-        """Writes a last metadata record and the summary, and closes the file."""
+        """Write a last metadata record and the summary, and close the file."""
         body = self._metadata(name, metadata, self._storage.size) + DATA_END
         start = self._storage.size + len(body)
         first, last = self._span or (0, 0)
@@ -277,7 +277,7 @@ class McapContainer:
         self._storage.finish(body + summary, footer)
 
     def close(self) -> None:
-        """Closes the file as it is, without a summary; it stays readable from its start."""
+        """Close the file without a summary. It remains readable from the start."""
         self._storage.close()
 
     def _schema(self, message: str) -> int:

@@ -1,4 +1,4 @@
-"""Quantities that follow from logged ones: computed, never stored."""
+"""Derived quantities, which are computed from logged quantities and never stored."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _IDEAL_MOTORS = tuple(mode.number for mode in MODES.values() if mode.spring and 
 
 
 def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """(n, number of joints) rad: where the motors hold the unloaded link; NaN for a joint without motors.
+    """Equilibrium positions (n, joints), rad: link positions at which the elastic torque is zero; NaN without motors.
 
-    joints: those of the log (:attr:`RunInfo.joints`), matched by name. Ideal motors (modes 2, 3) that are not
-    recorded stand at the references.
+    joints: Joints of the log (`RunInfo.joints`), matched by name. Positions of ideal motors (modes 2, 3) that are not recorded
+    equal the references.
     """
     result = np.full((len(samples.joints), len(samples.time)), np.nan)
     for (actuator, mode), rows in _kinds(samples, joints):
@@ -31,12 +31,12 @@ def equilibrium_position(samples: Samples, joints: Sequence[JointInfo]) -> Array
 
 
 def deflection(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """(n, number of joints) rad: equilibrium position minus link position."""
+    """Deflections (n, joints), rad: equilibrium position minus link position."""
     return equilibrium_position(samples, joints) - _rows(samples, "link_position").T
 
 
 def position_error(samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """(n, number of joints) rad: reference of the position minus link position; NaN in the torque modes (0, 4)."""
+    """Position errors (n, joints), rad: position reference minus link position; NaN in the torque modes (0, 4)."""
     position = _rows(samples, "link_position")
     result = np.full(position.shape, np.nan)
     for (actuator, mode), rows in _kinds(samples, joints):
@@ -49,7 +49,7 @@ DERIVED_FUNCTIONS: dict[str, Callable[[Samples, Sequence[JointInfo]], Array]] = 
     "equilibrium_position": equilibrium_position,
     "position_error": position_error,
 }
-"""Name of a derived quantity (:data:`asrsim.quantities.DERIVED`) -> its function."""
+"""Name of a derived quantity (`asrsim.quantities.DERIVED`) -> its function."""
 
 _MOTORS = tuple(f"motor_{i}_position" for i in range(1, MOST_MOTORS + 1))
 _REFERENCES = tuple(f"reference_{i}" for i in range(1, MOST_MOTORS + 1))
@@ -58,11 +58,11 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
     "equilibrium_position": (*_MOTORS, *_REFERENCES),
     "position_error": ("link_position", *_REFERENCES),
 }
-"""Quantities to read from a log for a derived one, as far as it has them."""
+"""Derived quantity -> logged quantities that it needs, where the log has them."""
 
 
 def _kinds(samples: Samples, joints: Sequence[JointInfo]) -> Iterator[tuple[tuple[str, int | None], Any]]:
-    """Actuator and mode, and what picks the joints that have them from an array (joints, n)."""
+    """(actuator, mode) and an index that selects the rows of its joints from an array (joints, n), for each pair."""
     kinds: dict[tuple[str, int | None], list[int]] = {}
     places = {name: row for row, name in enumerate(samples.joints)}
     for joint in joints:
@@ -72,13 +72,13 @@ def _kinds(samples: Samples, joints: Sequence[JointInfo]) -> Iterator[tuple[tupl
 
 
 def _rows(samples: Samples, quantity: str) -> Array:
-    """(joints, n), NaN where it is not recorded."""
+    """Values (joints, n) of a quantity; NaN where it is not recorded."""
     values = samples.values.get(quantity)
     return np.broadcast_to(np.nan, (len(samples.joints), len(samples.time))) if values is None else values.T
 
 
 def _reference_position(samples: Samples, actuator: str, mode: int | None, rows: Any) -> Array:
-    """The link positions that the references ask for; NaN where they drive the joints' motors or links directly."""
+    """Link positions that the references command; NaN in modes whose references drive motors or links directly."""
     reference_1: Array = _rows(samples, "reference_1")[rows]
     meaning = MODES.get(mode) if mode is not None else None
     if meaning is None or meaning.direct or "torque" in meaning.references[0]:
@@ -89,7 +89,10 @@ def _reference_position(samples: Samples, actuator: str, mode: int | None, rows:
 
 
 def _mapped(samples: Samples, actuator: str, quantity: str, rows: Any) -> Array:
-    """Equilibrium positions of what stands in a quantity by motor; NaN if the actuator is not registered here."""
+    """Equilibrium positions for the values of a quantity of each motor; NaN if the actuator is not registered.
+
+    quantity: Name with {} in place of the motor's number, such as `motor_{}_position`.
+    """
     if actuator not in ACTUATORS:
         return np.full(_rows(samples, "link_position")[rows].shape, np.nan)
     kind = ACTUATORS.get(actuator)

@@ -1,4 +1,4 @@
-"""What a log says of its run, besides the time series: RunInfo to attachments and metadata, and back."""
+"""Description of the run in its log: converts RunInfo to attachments and metadata, and back."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.plain import Shape, misfit
 from asrsim.samples import JointInfo, RunInfo
 
 FORMAT = "1"
-"""Version of the layout of a log; raised when an older reader would misread a newer log."""
+"""Version of the log's layout; incremented when an older reader would misread a newer log."""
 RUN_METADATA = "asrsim"
 RESULT_METADATA = "asrsim_result"
 
@@ -34,7 +34,7 @@ _RESOLVED_SHAPE: Shape = {
 
 
 def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
-    """Name -> (media type, data) of everything needed to repeat the run. `run.json` holds what has no file of its own."""
+    """Attachments needed to repeat the run: name -> (media type, data). `run.json` contains what has no separate file."""
     run = {
         "format": FORMAT,
         "robot": info.robot,
@@ -54,13 +54,13 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     if info.scenario:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
-    # Last: a cut file that has it has all of them.
+    # Last: a truncated file that contains run.json contains all attachments.
     files[_RUN] = ("application/json", json.dumps(run, indent=1).encode())
     return files
 
 
 def info_metadata(info: RunInfo) -> dict[str, str]:
-    """The metadata record `asrsim`: for people and tools that list metadata."""
+    """Content of the metadata record `asrsim`, for people and for tools that list metadata."""
     return {
         "asrsim_version": __version__,
         "log_format": FORMAT,
@@ -73,17 +73,17 @@ def info_metadata(info: RunInfo) -> dict[str, str]:
 
 
 def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
-    """RunInfo of a log; raises LogError if asrsim did not write it, or a newer asrsim did."""
+    """RunInfo of a log. Raises LogError if another program or a newer asrsim wrote the log."""
     if _RUN not in attachments:
         raise LogError(
             "this MCAP file was not written by asrsim, or ends before its description",
-            hint="A robot's recording is read as a recording (`asrsim plot LOG --experiment FILE`)",
+            hint="If it is a recording of a robot, read it with `asrsim plot LOG --experiment FILE`",
             code="foreign-log",
         )
     run = _plain(_RUN, attachments[_RUN], {"format": object, "*": object})
     if run["format"] != FORMAT:
         raise LogError(
-            "the log has another format than this asrsim reads",
+            "this version of asrsim cannot read the format of the log",
             value=run["format"],
             choices=(FORMAT,),
             hint="Read it with the version of asrsim that wrote it",
@@ -95,7 +95,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
     names = [joint.name for joint in joints]
     if len(set(names)) < len(names):
-        raise _damaged(f"{_RUN}: a joint stands there twice")
+        raise _damaged(f"{_RUN} lists a joint twice")
     try:
         urdf, scenario = (attachments.get(name, b"").decode() for name in (_URDF, _SCENARIO))
     except UnicodeDecodeError as error:
@@ -117,7 +117,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
 
 
 def _plain(name: str, data: bytes, shape: Shape) -> Any:
-    """The JSON of an attachment, which anybody may have edited. Raises LogError if it has not the shape that we gave it."""
+    """JSON content of an attachment, which may have been edited. Raises LogError unless it has the expected structure."""
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""The robot's links as `/tf` and `/tf_static`: what viewers need, beside `/robot_description`, to show it moving."""
+"""Poses of the robot's links as `/tf` and `/tf_static`. Viewers need them besides `/robot_description` to animate the robot."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from asrsim.samples import Array, Frame, Samples
 
 
 class FrameMessages:
-    """Messages of the frames that joints move, at a rate of their own, and once of those that stand still."""
+    """Messages with the frames that joints move, at a given rate, and one message with the fixed frames."""
 
     def __init__(self, frames: Sequence[Frame], rate: float) -> None:
-        """rate: Hz, at most."""
+        """rate: Largest rate of the messages, Hz."""
         self._moving = [frame for frame in frames if frame.joint]
         self._rate, self._next = rate, 0
         self.topic = Topic(name="/tf", message="tf2_msgs/TFMessage", template=_template(self._moving), canonical=False)
@@ -29,14 +29,14 @@ class FrameMessages:
         )  # fmt: skip
         poses = np.array([(*frame.position, *frame.rotation) for frame in still]).reshape(1, -1, 7)
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
-        """The one message of what stands still; None where nothing does."""
+        """Message with the fixed frames; None where there are none."""
 
     def due(self, time: float) -> bool:
-        """Whether a sample at `time` s would have its turn: asked where samples come one by one."""
+        """Whether a message is due for a sample at `time` in s; for callers with single samples."""
         return bool(self._moving) and time * self._rate + 1e-9 >= self._next
 
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
-        """(time in s, message) of the samples whose turn it is; samples come in the order of time."""
+        """(time in s, message) for each sample with a message due. Calls must follow the order of time."""
         if not self._moving or not len(samples.time):
             return []
         ticks = np.floor(samples.time * self._rate + 1e-9)
@@ -50,11 +50,11 @@ class FrameMessages:
         return list(zip(samples.time[due].tolist(), messages, strict=True))
 
     def rewind(self) -> None:
-        """Time begins anew."""
+        """Restart at time 0."""
         self._next = 0
 
     def _poses(self, positions: Array) -> Array:
-        """(n, frames, 7) m and quaternions x y z w of the joints' frames at `positions` (n, frames) in rad (m)."""
+        """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: (n, frames), rad or m."""
         half = np.where(self._slides, 0.0, 0.5 * positions)
         turns = np.concatenate([np.sin(half)[..., None] * self._axes, np.cos(half)[..., None]], axis=-1)
         slides = np.where(self._slides, positions, 0.0)[..., None] * self._axes
@@ -63,20 +63,20 @@ class FrameMessages:
 
 
 def multiplied(a: Array, b: Array) -> Array:
-    """Product of quaternions x y z w (..., 4): first b, then a."""
+    """Product of quaternions x y z w (..., 4): the rotation b followed by a."""
     vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + _cross(a[..., :3], b[..., :3])
     scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
     return np.concatenate([vector, scalar], axis=-1)
 
 
 def rotated(turn: Array, vector: Array) -> Array:
-    """Vectors (..., 3) turned by quaternions x y z w (..., 4)."""
+    """Vectors (..., 3) rotated by quaternions x y z w (..., 4)."""
     twice = 2.0 * _cross(turn[..., :3], vector)
     return np.asarray(vector + turn[..., 3:] * twice + _cross(turn[..., :3], twice))
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """What np.cross says, in a fraction of its time on a few vectors (..., 3)."""
+    """Cross product of vectors (..., 3), faster than np.cross for few vectors."""
     return np.asarray(a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]])
 
 
@@ -90,7 +90,7 @@ def _template(frames: Sequence[Frame]) -> CdrTemplate:
 
 
 def _filled(template: CdrTemplate, time: Array, poses: Array) -> list[bytes]:
-    """Messages of poses (n, frames, 7) at `time` (n,) in s."""
+    """Messages with the poses (n, frames, 7) at the times (n,) in s."""
     rows = np.tile(np.frombuffer(template.data, np.uint8), (len(time), 1))
     stamps = np.stack(np.divmod(np.rint(time * 1e9).astype("<i8"), 1_000_000_000), axis=1).astype("<u4")
     for offset in template.stamps:

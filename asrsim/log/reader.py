@@ -1,4 +1,4 @@
-"""Reading logs, whole or in parts: :func:`read_log` for arrays, :func:`open_log` for logs larger than memory."""
+"""Reads logs: `read_log` into arrays, `open_log` for logs that are larger than memory."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Log:
-    """A log, or a selected part of it, in memory."""
+    """Log, or a selected part of a log, in memory."""
 
     path: Path
     info: RunInfo
     samples: Samples
     metadata: Mapping[str, str]
-    """Of the run (versions, seed, engine, ...) and its result, as text."""
+    """Metadata of the run (versions, seed, engine, ...) and of its result, as text."""
     truncated: bool
-    """The run did not close its log; all samples up to the last whole chunk are there."""
+    """True: the run did not close its log. All samples up to the last complete chunk can be read."""
     status: str
-    """`complete`, `interrupted`, `failed`, ... as the run said; `truncated` if it could not."""
+    """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if it could not write it."""
 
 
 class LogReader:
-    """A log opened for reading; holds no samples and no open file.
+    """Reader of a log, which keeps neither samples nor an open file.
 
-    Raises LogError if the file is not a log of asrsim, or is damaged. A log that was cut off is no error.
+    Raises LogError if the file is damaged or not a log of asrsim. A truncated log raises no error.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -56,28 +56,28 @@ class LogReader:
 
     @property
     def truncated(self) -> bool:
-        """The run did not close its log."""
+        """Whether the run did not close its log."""
         return self._structure.truncated
 
     @property
     def metadata(self) -> dict[str, str]:
-        """Of the run and its result."""
+        """Metadata of the run and of its result."""
         records = self._structure.metadata
         return {**records.get(RUN_METADATA, {}), **records.get(RESULT_METADATA, {})}
 
     @property
     def result(self) -> dict[str, str]:
-        """What the run wrote at its end; empty if it could not."""
+        """Metadata that the run wrote at its end; empty if it could not write them."""
         return dict(self._structure.metadata.get(RESULT_METADATA, {}))
 
     @property
     def status(self) -> str:
-        """`complete`, `interrupted`, `failed`, ... as the run said; `truncated` if it could not."""
+        """Status that the run wrote (`complete`, `interrupted`, `failed`, ...); `truncated` if it could not write it."""
         return self.result.get("status", "truncated")
 
     @property
     def duration(self) -> float:
-        """Simulated time in s from the first to the last sample, to the ns."""
+        """Simulated time from the first to the last sample, s, rounded to ns."""
         chunks = self._structure.chunks
         return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
 
@@ -90,7 +90,7 @@ class LogReader:
         end: float | None = None,
         stride: int | None = None,
     ) -> Log:
-        """All samples, or a selection; arguments as in :meth:`iter_samples`."""
+        """Log with all samples or a selection. The arguments are those of `iter_samples`."""
         parts = list(self.iter_samples(quantities=quantities, joints=joints, start=start, end=end, stride=stride))
         names, members = self._selection(quantities, joints)
         return Log(
@@ -111,10 +111,17 @@ class LogReader:
         end: float | None = None,
         stride: int | None = None,
     ) -> Iterator[Samples]:
-        """The samples chunk by chunk, in constant memory.
+        """Samples of the log chunk by chunk, in constant memory.
 
-        quantities, joints: names, all by default, in the order given. start, end: s, both included.
-        stride: every n-th sample of those. Raises LogError on unknown names and damaged chunks.
+        Args:
+            quantities: Names of the quantities, in this order; None: all.
+            joints: Names of the joints, in this order; None: all.
+            start: First time, s, included.
+            end: Last time, s, included.
+            stride: Read every n-th of these samples.
+
+        Raises:
+            LogError: Unknown name, or damaged chunk.
         """
         names, members = self._selection(quantities, joints)
         step = 1 if stride is None else stride
@@ -133,7 +140,7 @@ class LogReader:
                 chosen = np.flatnonzero((time >= low) & (time <= high))
             first, count = chosen[0] if len(chosen) else 0, len(chosen)
             if np.any(np.diff(chosen) != 1):
-                raise corrupt(self.path, f"times run backwards near {place.start * 1e-9:g} s")
+                raise corrupt(self.path, f"times decrease near {place.start * 1e-9:g} s")
             rows = slice(int(first) + skip, int(first) + count, step)
             taken = len(range(*rows.indices(len(time)))) if skip < count else 0
             skip += taken * step - count
@@ -144,11 +151,11 @@ class LogReader:
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
     ) -> Iterator[tuple[ChunkPlace, dict[Column, Array]]]:
         def outside(place: ChunkPlace) -> bool:
-            # One ns of margin: the log time is rounded.
+            # The log time is rounded to ns, hence the margin.
             before = start is not None and place.end * 1e-9 < start - 1e-9
             return before or (end is not None and place.start * 1e-9 > end + 1e-9)
 
-        # Without an index, channels are met on the way: no chunk can be passed by.
+        # Without an index, the channels stand in the chunks, so that no chunk may be skipped.
         places = self._structure.chunks
         if self._structure.channels:
             places = [place for place in places if not outside(place)]
@@ -157,13 +164,13 @@ class LogReader:
                 yield place, found
 
     def commands(self) -> Iterator[Command]:
-        """What was set from outside in a live run, in the order in which it took effect. Raises LogError."""
+        """Commands from outside in a live run, in the order in which they took effect. Raises LogError."""
         finder = CommandReader()
         for _, commands in self._decoded(self._structure.chunks, lambda data: list(finder.read(data))):
             yield from commands
 
     def _decoded(self, places: Sequence[ChunkPlace], decode: Callable[[bytes], T]) -> Iterator[tuple[ChunkPlace, T]]:
-        """What `decode` makes of each chunk. In a log that was cut, the last one may be damaged."""
+        """Result of `decode` for each chunk. A truncated log may end with a damaged chunk, which is skipped."""
         try:
             with self.path.open("rb") as file:
                 for place in places:
@@ -205,7 +212,7 @@ class LogReader:
 
 
 def open_log(path: str | os.PathLike[str]) -> LogReader:
-    """Opens a log without reading its samples. Raises LogError if it is none or is damaged."""
+    """Reader of a log, opened without reading its samples. Raises LogError if the file is damaged or no log."""
     return LogReader(path)
 
 
@@ -218,7 +225,7 @@ def read_log(
     end: float | None = None,
     stride: int | None = None,
 ) -> Log:
-    """Reads a log into arrays; arguments as in :meth:`LogReader.iter_samples`. Raises LogError."""
+    """Log read into arrays. The arguments are those of `LogReader.iter_samples`. Raises LogError."""
     return LogReader(path).read(quantities=quantities, joints=joints, start=start, end=end, stride=stride)
 
 
@@ -226,7 +233,7 @@ def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequen
     time = found[Column("time")][rows].astype(np.float64)
 
     def matrix(columns: Sequence[Column]) -> Array:
-        # One joint's samples lie together: that is how they are read, plotted and measured.
+        # The samples of a joint are contiguous in memory, as plots and metrics process them joint by joint.
         block = np.empty((len(columns), len(time)))
         for line, column in zip(block, columns, strict=True):
             line[:] = found[column][rows] if column in found else np.nan

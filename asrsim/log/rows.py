@@ -1,4 +1,4 @@
-"""Rows of messages: all topics' messages of one sample back to back, in one byte matrix that NumPy fills by columns."""
+"""Rows of messages. A row contains the messages of all topics for one sample; NumPy fills the rows' byte matrix by columns."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from asrsim.log.topics import Topic
 from asrsim.samples import Array, Samples
 
 MESSAGE_HEADER = struct.Struct("<BQHIQQ")
-"""Opcode, length, channel, sequence, log time, publish time: what stands before a message's data in a chunk."""
+"""Header before a message's data in a chunk: opcode, length, channel, sequence, log time, publish time."""
 
 _CHUNK_BYTES = 4 << 20
-"""Size of the rows that stand in memory at once."""
+"""Size of the rows in memory, bytes."""
 _ROWS = (256, 2048)
-"""Fewest and most rows: below, the calls cost more than the copying; above, a killed run loses more than it need."""
+"""Fewest and most rows in a chunk. Below, calls cost more time than copying; above, a killed run loses more samples."""
 
 
 class RowBuffer:
-    """A chunk in the making."""
+    """Buffer of the rows of the next chunk."""
 
     def __init__(self, topics: Sequence[tuple[int, Topic]]) -> None:
-        """`topics`: channel number and topic, in the order of the messages in a row."""
+        """topics: (channel id, topic) for each message of a row, in order."""
         self.channels = [channel for channel, _ in topics]
         self._starts: list[int] = []
         row = bytearray()
@@ -40,7 +40,7 @@ class RowBuffer:
         self.count = 0
         self._bytes = np.tile(np.frombuffer(bytes(row), np.uint8), (self.capacity, 1))
         self._times = np.zeros(self.capacity, "<u8")
-        # Constant bytes stay from chunk to chunk; only these views are ever written to.
+        # The constant bytes are kept for all chunks; only these views are written to.
         self._sequences = [self._view(start + 11, "<u4") for start in self._starts]
         self._log_times = [self._view(start + place, "<u8") for start in self._starts for place in (15, 23)]
         stamps = [
@@ -57,9 +57,9 @@ class RowBuffer:
         self._columns = tuple(dict.fromkeys(column for _, column in self._floats))
 
     def append(self, samples: Samples, start: int, sequence: int) -> int:
-        """Takes samples from row `start` on until the buffer is full or they are used up; returns how many it took.
+        """Copy samples from row `start` on into the buffer until it is full. Returns the number of copied samples.
 
-        sequence: number of the first of them since the start of the log.
+        sequence: Number of the first copied sample, counted from the start of the log.
         """
         taken = min(len(samples.time) - start, self.capacity - self.count)
         here = slice(self.count, self.count + taken)
@@ -82,7 +82,7 @@ class RowBuffer:
         return taken
 
     def messages(self) -> memoryview:
-        """The bytes of all messages."""
+        """Bytes of all messages in the buffer."""
         return self._bytes[: self.count].data.cast("B") if self.count else memoryview(b"")
 
     def span(self) -> tuple[int, int]:
@@ -91,7 +91,7 @@ class RowBuffer:
         return (int(times.min()), int(times.max())) if self.count else (0, 0)
 
     def message_indexes(self, offset: int) -> tuple[bytes, int]:
-        """Message index records of all channels, and the length of one. `offset`: bytes before the first row."""
+        """Message index records of all channels, and the length of one record. offset: bytes before the first row."""
         count = self.count
         size = 15 + 16 * count
         records = np.empty((len(self.channels), size), np.uint8)
@@ -105,7 +105,7 @@ class RowBuffer:
         return records.tobytes(), size
 
     def clear(self) -> None:
-        """Starts the next chunk."""
+        """Empty the buffer for the next chunk."""
         self.count = 0
 
     def _view(self, offset: int, kind: str) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-"""Where things are in an MCAP file: from its index, or record by record where a killed run left none."""
+"""Finds the records of an MCAP file by its index, or record by record where a killed run left no index."""
 
 from __future__ import annotations
 
@@ -22,44 +22,44 @@ from asrsim.log.container import MAGIC
 
 _WANTED = "Name a log (log.mcap), or the folder of a run: out/SCENARIO/VARIANT"
 _FOOTER_SIZE = 29
-"""Bytes of MCAP's footer record (MCAP specification, record 0x02)."""
+"""Size of the footer record, bytes (MCAP specification, record 0x02)."""
 CHUNK_HEAD = struct.Struct("<QQQI")
-"""Start and end time, uncompressed size and its CRC: what a chunk record begins with."""
+"""First fields of a chunk record: start time, end time, uncompressed size and CRC."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChunkPlace:
-    """A chunk record in the file."""
+    """Position and times of a chunk record in the file."""
 
     offset: int
-    """Of the record's content."""
+    """Offset of the record's content in the file, bytes."""
     length: int
     start: int
-    """First log time in ns."""
+    """First log time, ns."""
     end: int
 
 
 @dataclass(kw_only=True)
 class Structure:
-    """Everything of a log but its messages."""
+    """Content of a log except its messages."""
 
     path: Path
     chunks: list[ChunkPlace] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
-    """Those known without looking into chunks: all of them if the file is whole, none if not."""
+    """Channels listed in the index; empty if the file is truncated."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     truncated: bool = False
-    """The file has no index: its writer was killed or is still at work, or the end is missing."""
+    """True: the file has no index, because its writer was killed or is still running, or because the file was cut."""
 
 
 def corrupt(path: Path, what: str) -> LogError:
-    """The error of a damaged file."""
+    """Error for a damaged log."""
     return LogError(f"the log is damaged: {what}", file=path, code="corrupt-log")
 
 
 def read_structure(path: Path) -> Structure:
-    """Structure of an MCAP file; raises LogError if it cannot be read, is none, or is damaged."""
+    """Structure of an MCAP file. Raises LogError if the file cannot be read, is damaged, or is not MCAP."""
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
@@ -81,24 +81,24 @@ def read_structure(path: Path) -> Structure:
 
 
 def split_records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """(opcode, offset of the content, length) of the records in `data`; raises ValueError where they do not fit."""
+    """(opcode, offset of the content, length) of each record in `data`. Raises ValueError where a record exceeds the data."""
     position = 0
     while position < len(data):
         opcode, length = struct.unpack_from("<BQ", data, position)
         position += 9
         if length > len(data) - position:
-            raise ValueError(f"a record is longer than what holds it ({length} bytes)")
+            raise ValueError(f"a record of {length} bytes exceeds the data around it")
         yield opcode, position, length
         position += length
 
 
 def stream(data: bytes) -> ReadDataStream:
-    """For the record classes of the mcap package."""
+    """Stream of the data, as the record classes of the mcap package need it."""
     return ReadDataStream(BytesIO(data))
 
 
 def _read_index(file: BinaryIO, size: int, structure: Structure) -> bool:
-    """Reads the summary; False if there is none."""
+    """Read the summary into `structure`. Returns False if the file has no summary."""
     end = size - _FOOTER_SIZE - len(MAGIC)
     if end < len(MAGIC):
         return False
@@ -139,7 +139,7 @@ def _read_index(file: BinaryIO, size: int, structure: Structure) -> bool:
 
 
 def _scan(file: BinaryIO, size: int, structure: Structure) -> None:
-    """Goes from record to record until the closing footer, or the last whole one."""
+    """Read records one after another, up to the end of the data or the last complete record."""
     position = len(MAGIC)
     while position + 9 <= size:
         file.seek(position)

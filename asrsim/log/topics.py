@@ -1,7 +1,7 @@
-"""The topics of a log: the toolbox's names under `/<namespace>/`, what viewers expect, and what only asrsim knows.
+"""Topics of a log: those of the toolbox under `/<namespace>/`, those that viewers expect, and asrsim's own topics.
 
-Every number is stored exactly once on a *canonical* topic, from which it is read back; robot-level arrays repeat some
-for tools that expect them.
+Each number is stored exactly once on a *canonical* topic, from which it is read back. Arrays for the whole robot repeat some
+numbers for tools that expect the arrays.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LINK_STATE_FIELDS: dict[str, str] = {
     "tau": "link_torque",
     "stiff": "stiffness",
 }
-"""Fields of the toolbox's `state_info` message -> quantities. Ours has a header, and float64 instead of float32."""
+"""Field of the toolbox's `state_info` message -> quantity. asrsim's message adds a header and uses float64, not float32."""
 
 _OWN_TOPICS = {
     *LINK_STATE_FIELDS.values(),
@@ -34,11 +34,10 @@ _OWN_TOPICS = {
 DETAIL_FIELDS: tuple[str, ...] = tuple(
     name for name, quantity in QUANTITIES.items() if name not in _OWN_TOPICS and not quantity.apart
 )
-"""Quantities without a topic of the toolbox or their own; they share one message a joint, NaN where a joint does not
-record one."""
+"""Quantities without a separate topic. They share one message for each joint, with NaN for quantities that are not recorded."""
 
 SAMPLE_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
-"""Quantities of a message that holds all of a joint."""
+"""Quantities in the message with all numbers of a joint."""
 
 _FIELDS: dict[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -65,19 +64,19 @@ _FIELDS: dict[str, str] = {
 }
 
 OWN_MESSAGES = {name.split("/")[1]: text + "\n" for name, text in _FIELDS.items() if name.startswith("asrsim_msgs/")}
-"""Name -> definition of our own messages: what the ROS package `asrsim_msgs` holds."""
+"""Name -> definition of asrsim's messages, as the ROS package `asrsim_msgs` contains them."""
 
 _SEPARATOR = "=" * 80
 
 
 def schema_name(message: str) -> str:
-    """The name MCAP and ROS 2 use: `std_msgs/Float64` -> `std_msgs/msg/Float64`."""
+    """Name of a message in MCAP and ROS 2: `std_msgs/msg/Float64` for `std_msgs/Float64`."""
     package, name = message.split("/")
     return f"{package}/msg/{name}"
 
 
 def schema_text(message: str) -> str:
-    """The definition of a message followed by those of all the messages it is made of, as rosbag2 stores it."""
+    """Definition of a message, followed by the definitions of the messages in it, as rosbag2 stores them."""
     parts = [_FIELDS[message]]
     parts += [f"{_SEPARATOR}\nMSG: {name}\n{_FIELDS[name]}" for name in _dependencies(message)]
     return "\n".join(parts) + "\n"
@@ -96,7 +95,7 @@ def _dependencies(message: str) -> list[str]:
 
 
 TIME_TOPIC = "/asrsim/time"
-"""Simulated time as float64 in s: the log time is rounded to ns."""
+"""Topic of the simulated time as float64 in s, as log times are rounded to ns."""
 DESCRIPTION_TOPIC = "/robot_description"
 
 REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
@@ -110,28 +109,31 @@ REFERENCE_TOPICS: dict[int | None, tuple[str, ...]] = {
     7: ("motor_1_voltage_command", "motor_2_voltage_command"),
     8: ("motor_1_current_command", "motor_2_current_command"),
 }
-"""Operation mode -> the toolbox's names of its reference topics; of modes that it does not have, ours."""
+"""Operation mode -> names of its reference topics: the toolbox's names, or asrsim's for modes that the toolbox lacks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Topic:
-    """A topic of one log."""
+    """Topic of a log."""
 
     name: str
     message: str
     """Short type, such as `sensor_msgs/JointState`."""
     template: CdrTemplate
     canonical: bool = True
-    """Its numbers are read back from here."""
+    """True: the numbers are read back from this topic."""
 
 
 def robot_topics(
     joints: Sequence[JointInfo], *, compact: bool = False, arrays: bool = True, external: bool = True
 ) -> tuple[Topic, ...]:
-    """Topics that are in every row of a log, the time first.
+    """Topics in every row of a log, the time first.
 
-    compact: one message a joint with all its numbers, instead of the toolbox's; arrays: the robot-level arrays that the
-    toolbox's manager publishes too; external: the topic of external torques, which there may be none of.
+    Args:
+        joints: Joints of the robot.
+        compact: One message with all numbers of a joint, in place of the toolbox's messages.
+        arrays: Add the arrays for the whole robot that the toolbox's manager publishes.
+        external: Add the topic of external torques.
     """
     paths = topic_paths(joints)
     topics = [Topic(name=TIME_TOPIC, message="std_msgs/Float64", template=CdrBuilder().float64(Column("time")).build())]
@@ -147,7 +149,7 @@ def robot_topics(
 
 
 def body_topic(bodies: Sequence[str]) -> Topic:
-    """`/tf` with the pose of every body in the world frame."""
+    """Topic `/tf` with the pose of every body in the world frame."""
     builder = CdrBuilder().uint32(len(bodies))
     for body in bodies:
         builder.header("world").string(body)
@@ -157,7 +159,7 @@ def body_topic(bodies: Sequence[str]) -> Topic:
 
 
 def contact_topic(contact: str) -> Topic:
-    """`/contacts/<first>/<second>` with the force on the first body in the world frame."""
+    """Topic `/contacts/<first>/<second>` with the force on the first body in the world frame."""
     builder = CdrBuilder().header("world")
     for index in range(3):
         builder.float64(Column("contact", contact, index))
@@ -166,7 +168,7 @@ def contact_topic(contact: str) -> Topic:
 
 
 def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
-    """`/<namespace>/<joint>` of every joint, in characters that ROS allows, each of them unique."""
+    """Unique path `/<namespace>/<joint>` of every joint, in characters that ROS allows."""
     paths: list[str] = []
     for joint in joints:
         path = plain = _ros_path(f"{joint.namespace}/{joint.name.replace('/', '_')}")
@@ -179,7 +181,7 @@ def topic_paths(joints: Sequence[JointInfo]) -> tuple[str, ...]:
 
 
 def _whole_joint(joint: JointInfo, path: str) -> Iterator[Topic]:
-    """All numbers of a joint in one message, NaN where it does not record one; those with topics of their own beside it."""
+    """Topics of a joint in a compact log: one with all numbers (NaN if not recorded), and the separate topics."""
     builder = CdrBuilder().header()
     for quantity in SAMPLE_FIELDS:
         builder.float64(Column("value", quantity, joint.name) if quantity in joint.quantities else None)
@@ -230,7 +232,7 @@ def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[To
 
 
 def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:
-    """What the toolbox's manager publishes: one entry a joint with an actuator, in joint order."""
+    """Topics that the toolbox's manager publishes, with one entry for each joint with an actuator."""
     names = {
         "robot_state": ("link_position", "link_velocity", "link_torque"),
         "motor_1_state": ("motor_1_position", "motor_1_velocity", "motor_1_torque"),
@@ -245,7 +247,7 @@ def _array_topics(joints: Sequence[JointInfo], path: str) -> Iterator[Topic]:
 def joint_state(
     name: str, joints: Sequence[JointInfo], columns: Sequence[Sequence[Column | None]], *, canonical: bool = True
 ) -> Topic:
-    """A JointState of some joints; columns: sources of positions, velocities and efforts, None for NaN."""
+    """Topic with the JointState of some joints. columns: sources of positions, velocities and efforts; None for NaN."""
     builder = CdrBuilder().header().strings([joint.name for joint in joints])
     for sequence in columns:
         builder.float64s(sequence)
@@ -257,6 +259,6 @@ def _of(joints: Sequence[JointInfo], quantity: str) -> list[Column | None]:
 
 
 def _ros_path(name: str) -> str:
-    """A ROS name: letters, digits and underscores, no part starting with a digit; a slash in front; empty for nothing."""
+    """ROS path for a name: parts of letters, digits and underscores that start with no digit; empty for an empty name."""
     parts = [re.sub(r"\W", "_", part, flags=re.ASCII) for part in name.split("/") if part]
     return "".join(f"/_{part}" if part[0].isdecimal() else f"/{part}" for part in parts)

@@ -1,4 +1,4 @@
-"""LogWriter: Samples in, one MCAP file out."""
+"""Writes the samples of a run to an MCAP file."""
 
 from __future__ import annotations
 
@@ -18,21 +18,24 @@ from asrsim.samples import RunInfo, Samples
 
 
 class LogWriter:
-    """Writes one run to one MCAP file that ROS 2 tools, viewers and :func:`asrsim.log.read_log` open.
+    """Writer of a run's MCAP file, which ROS 2 tools, viewers and `asrsim.log.read_log` can open.
 
-    path: the file; an existing one is replaced. info: the run; its joints' `quantities` say what is recorded.
+    The file is readable at any time up to the last complete chunk (some hundred to 2048 samples), even if the process is
+    killed. The memory is independent of the duration. Times are simulated times.
 
-    The file is readable at any time, up to the last whole chunk (some hundred to 2048 samples), also if the process
-    is killed. Memory does not depend on the duration. Times are simulated times.
+    Args:
+        path: The file; an existing file is replaced.
+        info: Description of the run; the `quantities` of its joints are recorded.
 
-    Raises OutputError if the file cannot be written; what is in it by then stays readable.
+    Raises:
+        OutputError: The file cannot be written. Samples written before remain readable.
     """
 
     def __init__(self, path: str | os.PathLike[str], info: RunInfo) -> None:
         self.path = Path(path)
         self.info = info
         self.samples = 0
-        """Samples taken so far."""
+        """Number of samples received so far."""
         self._container = McapContainer(
             self.path,
             attachments=info_attachments(info),
@@ -40,7 +43,7 @@ class LogWriter:
         )
         scenario = info.resolved.get("scenario", {})
         compact = scenario.get("log") == "compact"
-        # The arrays are what the toolbox's manager publishes: they are there where a manager's file is.
+        # The toolbox's manager publishes the arrays, so they are written for scenarios with a manager.
         self._robot_topics = robot_topics(
             info.joints, compact=compact, arrays=scenario.get("manager") is not None, external="external_torques" in scenario
         )
@@ -57,11 +60,11 @@ class LogWriter:
 
     @property
     def chunk_samples(self) -> int:
-        """Samples in a whole chunk: what a killed process loses at most."""
+        """Number of samples in a full chunk, the most that a killed process loses."""
         return self._rows.capacity
 
     def write(self, samples: Samples) -> None:
-        """Adds samples, which must follow those before in time. Bodies and contacts may come and go between calls."""
+        """Add samples that follow the previous samples in time. Bodies and contacts may change between calls."""
         if self._failed or self._closed:
             raise OutputError(f"{self.path}: the log is closed")
         layout = (tuple(samples.bodies), tuple(samples.contacts))
@@ -83,11 +86,11 @@ class LogWriter:
                 self.flush()
 
     def aside(self, topic: Topic, time: float, data: bytes) -> None:
-        """Adds a message of `topic` at `time` s that is no part of the samples; it goes to the file with those of its time."""
+        """Add a message of `topic` at `time` in s outside of the samples. It is written with the samples of that time."""
         self._asides.append((self._container.channel(topic), round(time * 1e9), data))
 
     def _begin(self, time: float) -> None:
-        """What is said once, at the first sample's time."""
+        """Add the messages that appear once, at the time of the first sample."""
         self._begun = True
         if self.info.urdf:
             self.aside(self._description, time, self._description.template.data)
@@ -95,9 +98,9 @@ class LogWriter:
             self.aside(self._frames.static_topic, time, self._frames.static)
 
     def close(self, metadata: Mapping[str, str] | None = None) -> None:
-        """Writes what is left, the result as metadata record `asrsim_result`, and the index. Further calls do nothing.
+        """Write the remaining samples, the result as metadata record `asrsim_result`, and the index. Further calls do nothing.
 
-        metadata: the result; `status` is `complete` unless it says otherwise.
+        metadata: The result; `status` is `complete` by default.
         """
         if self._closed:
             return
@@ -123,7 +126,7 @@ class LogWriter:
             error.add_note(str(second))
 
     def flush(self, *, last: bool = False) -> None:
-        """Closes the chunk with what was taken so far, however little it is; last: nothing follows."""
+        """Write all received samples as a chunk, even a small one. last: no samples follow."""
         if last and not self._begun:
             self._begin(0.0)
         end = self._rows.span()[1]

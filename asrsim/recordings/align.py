@@ -1,4 +1,4 @@
-"""Brings a recording and a simulation onto one time: the lag between their clocks, by which quantity, and one resampling."""
+"""Aligns the clock of a recording with that of a simulation: estimates the lag between them and resamples series."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from asrsim.recordings.matching import wrong_unit
 from asrsim.samples import Array, JointInfo, Samples
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
-"""What auto aligns on, the first that moves in both. The reference first: it is the same signal in both, whereas the lag of a
-response belongs to the difference that is to be judged."""
+"""Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
+first, as it is the same signal in both records. The lag of a response belongs to the difference that is to be judged."""
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
-"""(quantities, joints) -> all samples of those."""
+"""(quantities, joints) -> samples of these quantities and joints."""
 SeriesOf = Callable[[str, str], tuple[Array, Array] | None]
-"""(joint, quantity) -> times (n,) in s and values (n,) of the run, None where it has none."""
+"""(joint, quantity) -> times (n,) in s and values (n,) of the run; None where the run lacks the series."""
 
 
 def align_recording(
     recording: Recording, pairing: Mapping[str, str], series: SeriesOf, *, lag: LagChoice = "auto",
     limit: float | None = None, infos: Sequence[JointInfo] = (),
 ) -> Alignment:  # fmt: skip
-    """How a recording's clock is moved to that of a run; at most one series of the run is looked at at a time.
+    """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
 
     Args:
         recording: The experiment.
@@ -38,10 +38,10 @@ def align_recording(
         series: Gives the run's series.
         lag: See `LagChoice`.
         limit: s, largest lag that auto may find; None: a quarter of the shorter record.
-        infos: The run's joints: columns in a unit that cannot be theirs come last.
+        infos: The run's joints; columns whose unit does not fit their joint are tried last.
 
     Raises:
-        RecordingError: No quantity is in both; no overlap in time under auto.
+        RecordingError: Recording and run share no quantity, or do not overlap in time under auto.
     """
     known = {info.name: info for info in infos}
 
@@ -59,13 +59,13 @@ def align_recording(
         moves = _moves(found[1]) and _moves(column.values)
         if best is None or moves:
             best = (f"{joint}.{column.quantity}", *found, column)
-        # Without a search any series will do: its times are all that counts.
+        # Without a search the first series is enough: only its times matter.
         if moves or lag != "auto":
             break
     if best is None:
         choices = tuple(column.meaning for column in columns)
         raise RecordingError(
-            "cannot align: no quantity is in both", file=recording.path, choices=choices, code="no-such-quantity"
+            "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
         )
     name, time, values, column = best
     try:
@@ -75,7 +75,7 @@ def align_recording(
 
 
 def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
-    """Gives the series of a run, such as a log, from which single quantities can be read."""
+    """Function that reads single series of a run, for example from a log."""
     recorded = {info.name: info.quantities for info in infos}
 
     def series(joint: str, quantity: str) -> tuple[Array, Array] | None:
@@ -91,7 +91,7 @@ def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
 
 
 def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
-    """A joint's quantity of a simulation, (n,), derived ones too where `infos` is given; None if it is not recorded."""
+    """Values (n,) of a joint's quantity in a simulation; None if it is not recorded. Derived quantities need `infos`."""
     index = samples.joints.index(joint)
     if quantity in samples.values:
         values = samples.values[quantity][:, index]
@@ -110,21 +110,21 @@ def _moves(values: Array) -> bool:
 
 
 LagChoice = float | Literal["auto", "off", "start"]
-"""auto: by cross-correlation; off: clocks as they are; start: both begin together; a number: s that the recording is late."""
+"""auto: by cross-correlation; off: clocks unchanged; start: aligns the first samples; a number: delay of the recording, s."""
 TRUSTED = 0.6
-"""Correlation below which a lag is not believed."""
+"""Correlation below which an estimated lag is rejected."""
 _CLEARLY = 0.1
-"""Correlation by which a series fits better turned round, if it is turned round."""
+"""Gain in correlation from which a series with reversed sign is taken to be reversed."""
 _GAP = 3.0
-"""Steps of the source beyond which nothing is interpolated."""
+"""Largest gap across which samples are interpolated, in time steps of the source."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alignment:
-    """How the recording's clock was moved."""
+    """Shift of the recording's clock, and how it was found."""
 
     lag: float
-    """s that the recording was late; subtracted from its time."""
+    """Delay of the recording, s; subtracted from its time."""
     how: str
     """`cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
     found: Lag | None = None
@@ -132,9 +132,9 @@ class Alignment:
 
     @property
     def said(self) -> str:
-        """How late or early the recording was, as people say it."""
+        """Delay of the recording as text, for example `0.12 s late`."""
         lag = round(self.lag, 4)
-        # Of a clock that began long ago the digits that differ are the last ones.
+        # On a clock that began long ago, only the last digits differ: fixed decimals show them.
         return f"{f'{abs(lag):.4f}'.rstrip('0').rstrip('.')} s {'early' if lag < 0.0 else 'late'}"
 
 
@@ -142,14 +142,16 @@ def align(
     time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
     limit: float | None = None, name: str = "",
 ) -> Alignment:  # fmt: skip
-    """The lag of a recording behind a simulation.
+    """Lag of a recording behind a simulation.
 
     Args:
-        time_simulation: (n,) s, and time_recording: (m,) s.
-        simulation: (n,) of the quantity to align on, recording: (m,) of the same.
+        time_simulation: Times of the simulation (n,), s.
+        simulation: Values (n,) of the quantity to align on.
+        time_recording: Times of the recording (m,), s.
+        recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
         limit: s, largest lag that auto may find; None: a quarter of the shorter record.
-        name: Of the quantity, for messages.
+        name: Name of the quantity, for messages.
 
     Raises:
         RecordingError: The records do not overlap in time under auto or off.
@@ -161,21 +163,21 @@ def align(
     if isinstance(choice, float | int) and np.isfinite(choice):
         return Alignment(lag=float(choice), how="set")
     if choice != "auto":
-        raise RecordingError("a lag is a number of seconds, auto, off or start", value=choice, code="bad-lag")
+        raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
     start = float(time_recording[0] - time_simulation[0])
     if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
-        # A clock that began long before: sought from where both begin together, and believed where it fits.
+        # One clock began long before the other: the search starts where both records begin together.
         together = align(time_simulation, simulation, time_recording - start, recording, limit=limit, name=name)
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
     found = estimate_lag(time_simulation, simulation, time_recording, recording, limit=limit)
     if found is None:
-        return _unaligned(f"{name} does not move in both", None)
-    # An axis that is counted the other way round would be laid half a period beside itself.
+        return _unaligned(f"{name} must move in both records", None)
+    # A periodic signal with reversed sign would be aligned half a period off.
     turned = estimate_lag(time_simulation, simulation, time_recording, -recording, limit=limit)
     if turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
-        return Alignment(lag=turned.seconds, how=f"cross-correlation of {name}, which moves the other way round", found=turned)
+        return Alignment(lag=turned.seconds, how=f"cross-correlation of {name}, which has the opposite sign", found=turned)
     if found.correlation < TRUSTED:
         return _unaligned(f"the best correlation of {name} is {found.correlation:.2f} (at {found.seconds:.4g} s)", found)
     if found.at_limit:
@@ -195,7 +197,7 @@ def _unaligned(why: str, found: Lag | None) -> Alignment:
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:
-    """Common interval in s of the simulation's time; raises RecordingError with both ranges where there is none."""
+    """Start and end of the common interval on the simulation's clock, s. Raises RecordingError where there is none."""
     start = max(float(time_simulation[0]), float(time_recording[0]) - lag)
     end = min(float(time_simulation[-1]), float(time_recording[-1]) - lag)
     if end <= start:
@@ -203,16 +205,16 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
             "no overlap in time: the simulation lasts from "
             f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
             f"{time_recording[-1] - lag:g} s", code="no-overlap",
-            hint="Let both begin together with --lag start, or set the lag in s",
+            hint="Align the first samples with --lag start, or set the lag with --lag SECONDS",
         )  # fmt: skip
     return start, end
 
 
 def resample(time: Array, values: Array, grid: Array) -> Array:
-    """Values (n,) at the times of the grid (m,), NaN outside and in gaps of more than three steps.
+    """Values (n,) resampled at the times of the grid: (m,), NaN outside the record and in gaps of more than three steps.
 
-    Linear where the source is at least four times as fine as the grid, else Akima's piecewise cubic (Journal of the ACM 17,
-    1970), which follows smooth motion and does not ring at steps. No filter: the result is the source at these instants.
+    The interpolation is linear where the source is at least four times as fine as the grid. Elsewhere it is Akima's piecewise
+    cubic (Journal of the ACM 17, 1970), which follows smooth motion and does not ring at steps. Nothing is filtered.
     """
     keep = np.isfinite(values)
     t, v = time[keep], values[keep]
@@ -226,11 +228,11 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
         from scipy.interpolate import Akima1DInterpolator
 
         result = np.asarray(Akima1DInterpolator(t, v)(np.clip(grid, t[0], t[-1])), dtype=np.float64)
-    # Half a step beyond the ends is the rounding of time stamps; the end value stands there.
+    # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
     slack = 0.5 * min(step, coarse)
     result = np.where(grid < t[0], v[0], np.where(grid > t[-1], v[-1], result))
     outside = (grid < t[0] - slack) | (grid > t[-1] + slack)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    # A sample itself is no part of the gap beside it.
+    # Only times strictly between two samples lie in a gap.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
     return np.where(outside | inside, np.nan, result)

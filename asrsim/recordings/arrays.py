@@ -1,4 +1,4 @@
-"""Reads arrays by name: MATLAB's files, HDF5, NumPy's, Parquet and Feather. Vectors of one length in one struct are a table."""
+"""Reads named arrays from MATLAB, HDF5, NumPy, Parquet and Feather files. Vectors of equal length in a struct form a table."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.times import is_time
 
 Columns = dict[str, list[RawColumn]]
-"""Name of a variable -> its columns: one of a vector, several of a matrix."""
+"""Name of a variable -> its columns: a vector has one column, a matrix several."""
 
 
 def read_matlab(path: Path, reading: Reading) -> Content:
-    """A MATLAB file: by SciPy up to version 7, by h5py from 7.3 on."""
+    """Content of a MATLAB file, read by SciPy (up to version 7) or h5py (from version 7.3)."""
     with path.open("rb") as stream:
         start = stream.read(520)
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
@@ -34,7 +34,7 @@ def read_matlab(path: Path, reading: Reading) -> Content:
 
 
 def read_numpy(path: Path, reading: Reading) -> Content:
-    """Arrays by name; structured ones as the tables that they are."""
+    """Content of a NumPy file: named arrays; a structured array becomes a table."""
     findings: list[Problem] = []
     loaded = np.load(path)
     if isinstance(loaded, np.ndarray):
@@ -47,13 +47,13 @@ def read_numpy(path: Path, reading: Reading) -> Content:
             except ValueError as error:
                 if "pickle" not in str(error):
                     raise
-                # To read objects of Python would run what they hold.
-                findings.append(Problem("holds objects of Python, which are not read", key=name, code="objects"))
+                # Unpickling a Python object would run code from the file.
+                findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
     return _content("numpy", found, findings, reading)
 
 
 def read_arrow(path: Path, reading: Reading) -> Content:
-    """A Parquet or Feather file: its columns of numbers and dates, those in records, and lists of one length."""
+    """Content of a Parquet or Feather file: columns of numbers, of dates, of records, and of lists of equal length."""
     library("pyarrow", "sweep")
     from pyarrow import feather, parquet, types
 
@@ -68,12 +68,12 @@ def read_arrow(path: Path, reading: Reading) -> Content:
         if types.is_list(kind) or types.is_fixed_size_list(kind):
             values = np.stack([*values]) if len({np.shape(one) for one in values}) == 1 else values
         if name in found:
-            raise RecordingError("is the name of several columns", key=name, code="repeated-header")
+            raise RecordingError("several columns have this name", key=name, code="repeated-header")
         if values.dtype == object:
             unread.append(name)
         else:
             found["time" if name.startswith("__index") else name] = values
-    note = Problem("text, and lists of different lengths, are not read", key=listed(unread, 8), code="text-column")
+    note = Problem("text and lists of different lengths are not read", key=listed(unread, 8), code="text-column")
     return _content("arrow", found, [note] if unread else [], reading)
 
 
@@ -83,7 +83,7 @@ def _fields(array: NDArray[Any], name: str) -> dict[str, Any]:
 
 
 def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
-    """Groups and arrays of numbers in an HDF5 group; MATLAB writes arrays transposed."""
+    """Numeric arrays of an HDF5 group and of the groups in it, by name. MATLAB writes its arrays transposed."""
     found: dict[str, Any] = {}
     for name, item in group.items():
         if isinstance(item, h5py.Group) and not name.startswith("#"):
@@ -97,8 +97,8 @@ def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], readin
     tables = tuple(_tables(tree, "", {}, findings, {*reading.time.columns}))
     if not tables:
         raise RecordingError(
-            findings or Problem("holds no series of numbers", code="no-numbers",
-                                hint="Expected vectors with a time beside them, a struct with both, or a matrix of them")
+            findings or Problem("contains no series of numbers", code="no-numbers",
+                                hint="Expected vectors of time and signals, also in a struct, or as columns of a matrix")
         )  # fmt: skip
     return Content(format=form, tables=tables, findings=tuple(findings))
 
@@ -106,7 +106,15 @@ def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], readin
 def _tables(
     struct: Mapping[str, Any], prefix: str, above: Columns, findings: list[Problem], stated: set[str]
 ) -> Iterator[RawTable]:
-    """Tables of a struct and of those in it. above: times of the structs around it; stated: names of the time."""
+    """Tables of a struct and of its inner structs.
+
+    Args:
+        struct: Name -> value.
+        prefix: Path of the struct, which precedes the names of its columns.
+        above: Time columns of the enclosing structs.
+        findings: Receives a problem for each array that is not read.
+        stated: Names that the user gives to the time.
+    """
     columns: Columns = {}
     inner: list[tuple[str, Mapping[str, Any]]] = []
     for name, value in struct.items():
@@ -116,7 +124,7 @@ def _tables(
                 inner.append((f"{prefix}{path}.", item))
             elif type(item).__name__ in ("MatlabOpaque", "MatlabFunction", "MatlabObject", "object"):
                 findings.append(
-                    Problem("is an object of MATLAB (timeseries, table, function), which is not read", key=prefix + path,
+                    Problem("is a MATLAB object (timeseries, table, function), which cannot be read", key=prefix + path,
                             code="mat-object", hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
                 )  # fmt: skip
             else:
@@ -136,9 +144,9 @@ def _tables(
         vectors = tuple(column for own in group.values() if len(own) == 1 for column in own)
         yield from (RawTable(columns=tuple(own)) for own in matrices)
         if vectors and (times or matrices):
-            counts = ", ".join(str(len(own[0].values)) for own in times.values()) or "none is there"
+            counts = ", ".join(str(len(own[0].values)) for own in times.values()) or "there is none"
             findings.append(
-                Problem(f"have {length} samples, and no time has as many ({counts}); not read",
+                Problem(f"have {length} samples, but no time vector has this length ({counts}); they are not read",
                         key=listed([column.name for column in vectors], 8), code="length",
                         hint="Name the time with --map NAME=time")
             )  # fmt: skip
@@ -149,7 +157,7 @@ def _tables(
 
 
 def _columns(name: str, value: Any) -> Columns:
-    """A vector under its name; the columns of a matrix, whose longer side is the time."""
+    """Columns of a vector or matrix. The longer side of a matrix is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
     if array.dtype.kind in "Mm" and array.ndim == 1 and len(array):

@@ -1,4 +1,4 @@
-"""Reads ROS 1 bags, ROS 2 bags and MCAP files without ROS: message definitions are taken from the file itself."""
+"""Reads ROS 1 bags, ROS 2 bags and MCAP files without ROS, by the message definitions in the file."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import printable
 
 _LONGEST = 64
-"""Arrays longer than this are pictures, scans or maps, not signals."""
+"""Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 _NAMES = ("name", "names", "joint_names")
-"""Fields with the names of the entries of the arrays beside them."""
+"""Message fields that name the entries of the other arrays in the message."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
@@ -32,24 +32,24 @@ TOPICS: dict[str, str] = {
     **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in (1, 2)},
     **{name: f"reference_{i}" for names in REFERENCE_TOPICS.values() for i, name in enumerate(names, start=1)},
 }
-"""Last part of a Float64 topic `.../<joint>/<topic>` of the toolbox, and the quantity that it carries."""
+"""Last part of a toolbox topic `.../<joint>/<topic>` of type Float64 -> quantity that the topic carries."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
-"""Parts of the names of messages that carry no signals."""
+"""Parts of the names of message types that carry no signals."""
 _NO_TIME = 2**63
-"""ns from which on a stamp is damage, not a time."""
+"""Time stamps from this value on are invalid, ns."""
 Label = tuple[str, str | None]
-"""Path of a number in a message, and the joint that the message names for it."""
+"""Path of a number in a message, and the joint that the message states for this number."""
 Messages = Iterator[tuple[int, int, bytes]]
-"""Topic's id, ns at which it was recorded, bytes."""
+"""For each message: id of its topic, time of recording in ns, and its bytes."""
 
 
 class NoSignal(Exception):  # noqa: N818
-    """The message holds arrays that are too long for signals."""
+    """Raised for a message whose arrays are too long for signals."""
 
 
 def stamp_of(message: Any) -> int | None:
-    """Stamp of a header, or of a message without one, in ns; None where there is none, or a zero one."""
+    """Time stamp of a message, ns, from its header or its own fields; None where it is missing or zero."""
     for holder, key in ((_member(message, "header"), "stamp"), (message, "stamp"), (message, "timestamp")):
         stamp = _member(holder, key)
         whole, rest = (
@@ -70,7 +70,7 @@ def _is_number(value: Any) -> bool:
 
 
 def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
-    """All numbers of a message, or of plain JSON, with their labels. Raises NoSignal."""
+    """Labels and values of all numbers in a message or JSON object. Raises NoSignal."""
     members = message if isinstance(message, dict) else {
         each.name: getattr(message, each.name) for each in fields(message) if not each.name.startswith("__")
     }  # fmt: skip
@@ -97,7 +97,7 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None]:
-    """Joint and quantity of a labelled number by its topic and message type, as far as these fix them."""
+    """Joint and quantity of a number in a message, by its topic and message type; None where these do not state it."""
     parts = [part for part in topic.split("/") if part]
     last, name = parts[-1] if parts else "", label.partition("[")[0]
     if kind.endswith("/JointState") and name in _JOINT_STATE:
@@ -117,24 +117,24 @@ class _Topic:
     name: str
     kind: str
     decode: Callable[[bytes], Any] | None
-    """None: its messages are not read."""
+    """Decoder of the messages; None: the topic is not read."""
     reason: str = ""
 
 
 @dataclass
 class _Group:
-    """Messages of one topic with the same labels."""
+    """Messages of one topic that contain the same labels."""
 
     labels: tuple[Label, ...]
-    """In the order of the first message."""
+    """Labels in the order of the first message."""
     received: array[int] = field(default_factory=lambda: array("q"))
     stamped: array[int] = field(default_factory=lambda: array("q"))
-    """ns; 0 without a stamp."""
+    """Header stamps, ns; 0 for a message without stamp."""
     values: array[float] = field(default_factory=lambda: array("d"))
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
-    """All numeric series of a bag, but of the topics that are ignored. Raises RecordingError where nothing can be read."""
+    """All numeric series of a bag, except ignored topics. Raises RecordingError where nothing can be read."""
     findings: list[Problem] = []
     with ExitStack() as stack:
         if path.suffix.lower() in (".bag", ".db3") or path.is_dir():
@@ -153,10 +153,10 @@ def read_bag(path: Path, reading: Reading) -> Content:
         names = ", ".join(f"{topic.name} ({topic.kind})" for topic in topics.values()) or "no topic"
         reasons = "; ".join(f"{topic.name}: {topic.reason}" for topic in unknown)
         raise RecordingError(
-            f"holds no numeric messages that can be read; it holds {names}" + (f"; {reasons}" if reasons else ""),
+            f"contains no readable numeric messages; its topics: {names}" + (f"; {reasons}" if reasons else ""),
             code="unknown-message-type" if unknown else "no-numbers",
-            hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other messages with numbers, with their definitions "
-            "in the file",
+            hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other numeric messages whose definitions are in the "
+            "file",
         )  # fmt: skip
     return Content(format="bag", tables=tables, findings=tuple(findings), topics=tuple(one.name for one in topics.values()))
 
@@ -168,7 +168,7 @@ def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[di
     ros1 = path.suffix.lower() == ".bag"
     try:
         reader: Any = stack.enter_context(Reader1(path) if ros1 else Reader2(path))
-    except Exception as error:  # on damaged files rosbags lets errors of many kinds through (struct, sqlite, KeyError, ...)
+    except Exception as error:  # on damaged files rosbags raises errors of many types (struct, sqlite, KeyError, ...)
         raise RecordingError(
             f"cannot be read as a ROS {1 if ros1 else 2} bag: {error}", code="damaged",
             hint="A bag that was not closed can be repaired with `rosbag reindex` or `ros2 bag reindex`",
@@ -184,7 +184,7 @@ def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[di
             for connection, stamp, data in reader.messages(connections=wanted) if wanted else ():
                 yield connection.id, stamp, data
         except Exception as error:  # as above
-            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); read up to there", code="truncated"))
+            findings.append(Problem(f"the file is damaged ({str(error)[:80]}); it is read up to there", code="truncated"))
 
     return topics, messages()
 
@@ -207,7 +207,7 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
         if encoding == "json":
             return _Topic(channel.topic, kind, json.loads)
         if encoding not in types or schema is None:
-            return _Topic(channel.topic, kind, None, f"its encoding '{encoding}' is not known here (cdr, ros1 and json are)")
+            return _Topic(channel.topic, kind, None, f"its encoding '{encoding}' is unknown; known are cdr, ros1 and json")
         language = "IDL" if schema.encoding == "ros2idl" else "MSG"
         return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
 
@@ -232,14 +232,14 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
             if not topics:
                 raise RecordingError(f"cannot be read as MCAP: {type(error).__name__} {error}", code="damaged") from None
             findings.append(
-                Problem("the file ends early (was the recorder killed?); read up to its last whole chunk", code="truncated")
+                Problem("is truncated (was the recorder killed?); it is read up to its last complete chunk", code="truncated")
             )
 
     return topics, messages()
 
 
 class _Types:
-    """Message definitions: those in the file, and the standard ones of ROS where the file has none."""
+    """Message definitions of the file, and ROS's standard definitions where the file has none."""
 
     def __init__(self, *, ros1: bool) -> None:
         from rosbags.typesys import Stores, get_typestore
@@ -249,21 +249,21 @@ class _Types:
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
     def topic(self, name: str, kind: str, definition: str, language: str) -> _Topic:
-        """The topic with its decoder, or with the reason why it has none. language: MSG, IDL, or NONE."""
+        """Topic with its decoder, or with the reason why it cannot be decoded. language: MSG, IDL, or NONE."""
         from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
             return _Topic(name, kind, None, "it carries no signals")
         full = kind if "/msg/" in kind else kind.replace("/", "/msg/", 1)
         store = self.standard
-        reason = "its type is none of the standard ones and the file holds no definition of it"
+        reason = "its type is not a standard type, and the file does not define it"
         if definition.strip() and language != "NONE":
             try:
                 found = get_types_from_msg(definition, full) if language == "MSG" else get_types_from_idl(definition)
                 self.own.register({key: value for key, value in found.items() if key not in self.own.fielddefs})
                 store = self.own
-            except Exception as error:  # rosbags' parser raises errors of several kinds for definitions that it cannot read
-                reason = f"its definition cannot be understood ({str(error)[:80]})"
+            except Exception as error:  # rosbags' parser raises errors of several types for invalid definitions
+                reason = f"its definition cannot be parsed ({str(error)[:80]})"
         if full not in store.fielddefs:
             return _Topic(name, kind, None, reason)
         read = store.deserialize_ros1 if self.ros1 else store.deserialize_cdr
@@ -271,7 +271,7 @@ class _Types:
 
 
 def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]) -> Iterator[RawTable]:
-    """A table for each set of numbers that messages of a topic hold, in any order."""
+    """Tables of a bag: one for each topic and set of labels in its messages."""
     groups: dict[tuple[int, frozenset[Label]], _Group] = {}
     broken: Counter[int] = Counter()
     for topic_id, logged, data in messages:
@@ -284,7 +284,7 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
         except NoSignal:
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
-        except Exception:  # a message that does not fit its definition: counted and reported
+        except Exception:  # the message does not match its definition: counted and reported
             broken[topic_id] += 1
             continue
         if numbers:
@@ -293,7 +293,7 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
     findings += [
-        Problem(f"{count} messages do not fit their type's definition and are left out", key=topics[id_].name,
+        Problem(f"{count} messages do not match their type's definition and are skipped", key=topics[id_].name,
                 value=topics[id_].kind, code="broken-message")
         for id_, count in broken.items()
     ]  # fmt: skip
@@ -303,7 +303,7 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
         if topic.decode is None:
             continue
         if count < 2:
-            findings.append(Problem("one message only; not a series", key=topic.name, code="too-short"))
+            findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
             continue
         values = np.frombuffer(group.values).reshape(count, len(labels))
         columns = []
@@ -324,13 +324,13 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
 
 
 def _is_own_log(path: Path) -> bool:
-    """Whether asrsim wrote the file: the MCAP header's library says so."""
+    """Whether asrsim wrote the file, by the library name in its MCAP header."""
     with path.open("rb") as stream:
         return b"asrsim " in stream.read(128)
 
 
 def _own_log(path: Path) -> Content:
-    """A log of another run as a recording."""
+    """Content of a log that asrsim wrote in another run."""
     from asrsim.log import read_log
 
     log = read_log(path)
@@ -343,7 +343,7 @@ def _own_log(path: Path) -> Content:
         if quantity in QUANTITIES
     ]  # fmt: skip
     if not columns:
-        raise RecordingError("the log holds nothing of any joint", code="no-columns")
-    note = Problem("the log was cut off; read up to its last whole chunk", code="truncated")
+        raise RecordingError("the log contains no quantity of any joint", code="no-columns")
+    note = Problem("the log is truncated; it is read up to its last complete chunk", code="truncated")
     table = RawTable(columns=(RawColumn(name="time", values=log.samples.time, unit="s"), *columns))
     return Content(format="asrsim", tables=(table,), findings=(note,) if log.truncated else ())

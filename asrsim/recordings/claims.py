@@ -1,4 +1,4 @@
-"""Claims against a recording: the same file, mapping, clock and samples as in `asrsim plot`, hence the same numbers."""
+"""Claims that compare a run with a recording. File, mapping, alignment and samples are those of `asrsim plot`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class RecordedSeries:
-    """The recordings that the claims about one run name; each is read and aligned once."""
+    """Recordings that the claims about a run refer to; each is read and aligned once."""
 
     def __init__(self, infos: Sequence[JointInfo], read: Reader) -> None:
         self._infos = infos
@@ -29,9 +29,9 @@ class RecordedSeries:
         self._alignments: dict[str, Alignment] = {}
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
-        """The claim's quantity of a joint in both, aligned by the claim's options `lag` and `lag_limit`.
+        """The claim's quantity of a joint in the run and the recording, aligned by the claim's options `lag` and `lag_limit`.
 
-        Raises RecordingError: the file cannot be read, has no such quantity, or does not overlap in time.
+        Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
         recording, pairing = require_columns(claim, self._infos, (joint,))
         own = {recorded: name for recorded, name in pairing.items() if name == joint.name}
@@ -51,10 +51,10 @@ class RecordedSeries:
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
 ) -> tuple[Recording, dict[str, str]]:
-    """The file under `against` with its pairing to the run's joints; kept while the file is unchanged.
+    """Recording named by the claim's `against`, and its joints mapped to the run's joints; cached until the file changes.
 
-    Read with the claim's options `map` and `rate`. Raises RecordingError where it cannot be read or has no column of the
-    claim's quantity for one of the joints that the claim is about.
+    The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
+    quantity for one of the joints in `about`.
     """
     path = Path(str(claim.against))
     newest = path.stat().st_mtime_ns if path.exists() else 0

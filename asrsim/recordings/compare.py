@@ -1,4 +1,4 @@
-"""A simulation beside a recording: the same quantities on one time, their difference, and metrics."""
+"""Compares a simulation with a recording: common quantities on a common clock, their differences, and metrics."""
 
 from __future__ import annotations
 
@@ -22,37 +22,37 @@ from asrsim.samples import Array, JointInfo, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One quantity of one joint, in both."""
+    """One quantity of one joint, simulated and recorded."""
 
     joint: str
     """Name in the simulation."""
     quantity: str
     unit: str
     time: Array
-    """(m,) s on the simulation's clock: the samples of the coarser of both, where they overlap."""
+    """Times (m,) on the simulation's clock, s: those of the coarser record, within the overlap."""
     simulation: Array
-    """(m,); NaN in gaps."""
+    """Simulated values (m,); NaN in gaps."""
     recording: Array
-    """(m,); NaN in gaps."""
+    """Recorded values (m,); NaN in gaps."""
     source: str
     """Column of the recording."""
     reading: str
-    """How that was read, in words."""
+    """How the column was read, as text."""
     metrics: Mapping[str, float]
-    """Measures of the difference (simulation against recording); NaN where undefined."""
+    """Measure -> value for the difference between simulation and recording; NaN where undefined."""
     steps: Mapping[str, tuple[float, float]]
-    """Measures of a step response: (simulation, recording)."""
+    """Measure of a step response -> its values (simulation, recording)."""
     findings: tuple[Problem, ...] = ()
 
     @property
     def difference(self) -> Array:
-        """(m,) simulation minus recording."""
+        """Simulation minus recording (m,)."""
         return self.simulation - self.recording
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """A simulation and a recording, compared."""
+    """Result of comparing a simulation with a recording."""
 
     recording: Path
     series: tuple[Series, ...]
@@ -60,14 +60,14 @@ class Comparison:
     joints: Mapping[str, str] = field(default_factory=dict)
     """Joint of the recording -> joint of the simulation."""
     findings: tuple[Problem, ...] = ()
-    """Of the comparison; those of the file are in the recording."""
+    """Problems of the comparison; the recording has the problems of its file."""
 
     def find(self, joint: str, quantity: str) -> Series | None:
-        """The series of a joint's quantity, None if it is not in both."""
+        """Series of a joint's quantity; None unless both records have it."""
         return next((s for s in self.series if (s.joint, s.quantity) == (joint, quantity)), None)
 
     def rows(self, source: str = "") -> list[MetricRow]:
-        """All metrics as rows for table, JSON and CSV. source: name of the simulation."""
+        """All metrics as rows for tables, JSON and CSV. source: name of the simulation."""
         name = self.recording.name
         pair = f"{source} - {name}" if source else name
         rows: list[MetricRow] = []
@@ -89,19 +89,19 @@ def compare(
     lag: LagChoice = "auto",
     lag_limit: float | None = None,
 ) -> Comparison:
-    """Compares all quantities that the simulation and the recording have in common.
+    """Comparison of all quantities that the simulation and the recording share.
 
     Args:
-        samples: Of the simulation (a log's).
+        samples: Samples of the simulation, for example of a log.
         recording: The experiment.
-        infos: The log's joints (:attr:`RunInfo.joints`), for derived quantities (deflection, equilibrium, position error).
+        infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
         joints: Joint of the recording -> joint of the simulation; None: by name, or by order for guessed names.
-        quantities: Only these; None: all in common but energies.
-        lag: auto, off, start, or s by which the recording is late.
+        quantities: Quantities to compare; None: all shared quantities except energies.
+        lag: auto, off, start, or the delay of the recording in s.
         lag_limit: s, largest lag that auto may find.
 
     Raises:
-        RecordingError: No common joint or quantity, no overlap in time; with what was found and expected.
+        RecordingError: No common joint, no common quantity, or no overlap in time.
     """
     pairing, findings = match_joints(samples.joints, recording, joints)
     found: dict[tuple[str, str], tuple[Array, Column]] = {}
@@ -122,7 +122,7 @@ def compare(
             found[joint, column.quantity] = (values, column)
     if wrong and not found:
         raise RecordingError(condense(wrong))
-    findings += [replace(problem, message=f"{problem.message}; it is not compared") for problem in wrong]
+    findings += [replace(problem, message=f"{problem.message}; the column is not compared") for problem in wrong]
     if not found:
         recorded = sorted({c.meaning for c in recording.channels.values() if c.joint in pairing and c.quantity})
         asked = f" of {', '.join(quantities)}" if quantities else ""
@@ -152,22 +152,22 @@ def _series(
 ) -> Series:  # fmt: skip
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
-    # The coarser one's samples are kept as they are; only the finer one is interpolated, where that costs least.
+    # The coarser record keeps its samples. Interpolating the finer record adds the smallest error.
     coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
     base = shifted if coarse else time
-    # The last digit of a stamp must not cut off an end.
+    # Rounding in the last digit of a time stamp must not remove the last sample.
     slack = 1e-6 * max(1.0, abs(end))
     part = (base >= start - slack) & (base <= end + slack)
     grid = base[part]
     if len(grid) < 2:
-        raise RecordingError(f"of {joint}.{quantity} less than two samples overlap in time", code="no-overlap")
+        raise RecordingError(f"fewer than two samples of {joint}.{quantity} overlap in time", code="no-overlap")
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     findings = beside(a, b, column, joint)
     unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
-        findings.append(Problem("has no two samples with numbers in both", code="no-overlap"))
+        findings.append(Problem("has fewer than two samples with numbers in both records", code="no-overlap"))
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
     steps = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
@@ -183,25 +183,25 @@ def _row(source: str, s: Series, name: str, value: float) -> MetricRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Several runs of one experiment, on one time."""
+    """Range and mean of several runs of one experiment, at common times."""
 
     time: Array
-    """(m,) s on the simulation's clock."""
+    """Times (m,) on the simulation's clock, s."""
     mean: Array
-    """(m,)."""
+    """Mean of the runs (m,)."""
     low: Array
-    """(m,) smallest of the runs."""
+    """Smallest value of the runs (m,)."""
     high: Array
-    """(m,) largest of the runs."""
+    """Largest value of the runs (m,)."""
     count: int
-    """Runs."""
+    """Number of runs."""
 
 
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
-    """The recordings of several comparisons with one simulation as a band, on the first's time; None if none has it.
+    """Band of several recordings, at the times of the first one; None if no recording has the series.
 
-    NaN before the last run begins and after the first one ends, so that the band never jumps there; in a run's gap inside, the
-    band is that of the others.
+    The band is NaN before the last run begins and after the first run ends, so that it never jumps there. In the gap of one
+    run, the band covers the other runs.
     """
     found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
     if not found:

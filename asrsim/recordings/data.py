@@ -1,4 +1,4 @@
-"""Data of recordings: what a reader of a file format hands on, and the columns that are made of it."""
+"""Data classes of recordings: raw tables from the readers of file formats, and columns in SI units."""
 
 from __future__ import annotations
 
@@ -15,67 +15,67 @@ from asrsim.samples import Array
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawColumn:
-    """One numeric column as the file holds it."""
+    """One numeric column as stored in the file."""
 
     name: str
-    """Name in the file: a column's header, a message's field, a variable's path."""
+    """Name in the file: header of a column, field of a message, or path of a variable."""
     values: Array
-    """(n,) in the file's unit, NaN where a cell has no number; of dates s since `zero`."""
+    """Values (n,) in the file's unit, NaN where a cell has no number. Dates are in s since `zero`."""
     unit: str = ""
-    """Unit that stands beside the name, such as in a row of units; "" where it stands in the name or nowhere."""
+    """Unit stated outside the name, for example in a row of units; "" where only the name, or nothing, states a unit."""
     zero: int | None = None
-    """Of dates: Unix time in ns at which the values are 0; of times of day: ns since midnight."""
+    """Origin of the values: Unix time in ns for dates, ns since midnight for times of day, None for other columns."""
     place: int = 0
-    """Its number among all columns of the file, from 1; 0: as it stands in its table."""
+    """Number of the column in the file, counted from 1; 0: its position in the table counts."""
     joint: str | None = None
-    """Joint that the file itself names (JointState)."""
+    """Joint that the file states, as JointState messages do."""
     quantity: str | None = None
-    """Quantity that the kind of message fixes."""
+    """Quantity that the message type implies."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawTable:
-    """Columns of one length: a sheet, the vectors of a struct, the messages of a topic."""
+    """Columns of equal length: a sheet, the vectors of a struct, or the messages of a topic."""
 
     name: str = ""
-    """Stands before the names of its columns: a topic, a struct's path."""
+    """Prefix of the column names: a topic, or the path of a struct."""
     columns: tuple[RawColumn, ...]
     lines: NDArray[np.int64] | None = None
-    """(n,) line of each row in a text file, counted from 1."""
+    """Line number (n,) of each row in a text file, counted from 1."""
     received: NDArray[np.int64] | None = None
-    """(n,) ns at which messages were recorded; None for tables whose time is a column."""
+    """Times of recording (n,) of messages, ns; None for tables whose time is a column."""
     stamped: NDArray[np.int64] | None = None
-    """(n,) ns in the headers of messages; None where they have none."""
+    """Time stamps (n,) in the headers of messages, ns; None where the headers have none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Content:
-    """What a reader of a file format hands on."""
+    """Content of a file, as its format's reader returns it."""
 
     format: str
     tables: tuple[RawTable, ...]
     findings: tuple[Problem, ...] = ()
     layout: Mapping[str, str | int] = field(default_factory=dict)
-    """How a text or sheet was found to be laid out, as the keys of a document state it."""
+    """Detected layout of a text or sheet, under the keys of a reading document."""
     topics: tuple[str, ...] = ()
-    """Topics of a bag, those without numbers too."""
+    """All topics of a bag, including topics without numbers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawSeries:
-    """A raw column on its clean time."""
+    """A raw column at strictly increasing times."""
 
     column: RawColumn
     time: Array
-    """(n,) s; columns of one table share one array."""
+    """Times (n,), s; the columns of a table share this array."""
     values: Array
-    """(n,), of the rows that were kept."""
+    """Values (n,) of the rows that were kept."""
     clock: str = ""
-    """Where its time stands, as a document states it."""
+    """Column and unit of the time, in the syntax of a reading document."""
 
     @property
     def name(self) -> str:
-        """Name of its column."""
+        """Name of the column."""
         return self.column.name
 
 
@@ -84,22 +84,23 @@ class Column:
     """One column of a recording, in SI units."""
 
     time: Array
-    """(n,) s; the same array for all columns of one table."""
+    """Times (n,), s; all columns of a table share this array."""
     values: Array
-    """(n,) in `unit`; NaN where the file had no valid number."""
+    """Values (n,) in `unit`; NaN where the file has no valid number."""
     unit: str
-    """SI unit, such as `rad`, `N m`, `s`; "" where the file states none and no quantity implies one."""
+    """SI unit, such as `rad`, `N m`, `s`; "" where neither the file nor the quantity states a unit."""
     joint: str | None
     quantity: str | None
-    """Name from :data:`asrsim.quantities.QUANTITIES` or `DERIVED`; None: not mapped to the simulation."""
+    """Name in `asrsim.quantities.QUANTITIES` or `DERIVED`; None: the column is not mapped to the simulation."""
     source: str
     """Name of the column in the file."""
     conversion: str
-    """What was done to the numbers: "deg -> rad, x 0.0174533", "rad assumed", "" for nothing."""
+    """Conversion of the numbers: "deg -> rad, x 0.0174533", "rad assumed"; "" for none."""
     stated: bool = False
-    """The file or the mapping states the unit; else it is assumed."""
+    """True if the file or the mapping states the unit, False if it is assumed."""
     origin: str = ""
-    """Why: "command line", "lab.csv.yaml", "named in the file", "by its name", "asked: ...", "not used: ..."."""
+    """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
+    "not used: ..." with the reason."""
 
     @property
     def meaning(self) -> str:
@@ -108,52 +109,52 @@ class Column:
 
     @property
     def reading(self) -> str:
-        """How it was read: its name in the file, what was done to its numbers, and why."""
+        """Name of the column in the file, the conversion of its numbers, and the source of its meaning, as text."""
         return f"'{self.source}' ({'; '.join(filter(None, (self.conversion or self.unit, self.origin)))})"
 
     @property
     def given(self) -> bool:
-        """Whether the command line or a document says what it is."""
+        """Whether the command line or a document states the meaning of the column."""
         return self.origin == "command line" or self.origin.endswith((".yaml", ".yml"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """An experiment's file, read: never resampled, only cleaned, with each cleaning step in `findings`."""
+    """Recording of an experiment. Samples are cleaned but never resampled; `findings` lists each cleaning step."""
 
     path: Path
     format: str
     """Name of the reader: text, json, mcap, bag, matlab, numpy, excel, arrow, asrsim, or a user's."""
     time: Array
-    """(n,) s, strictly increasing; its start as in the file (absolute stamps: from the first, see `epoch`)."""
+    """Times (n,), s, strictly increasing, as in the file. Absolute stamps count from the first one (see `epoch`)."""
     channels: Mapping[str, Column]
-    """By source name, in the file's order. A column has its own time (`column.time`), which is `time` for the largest table."""
+    """Name in the file -> column, in the file's order. Each column has its times; `time` above is that of the longest table."""
     findings: tuple[Problem, ...] = ()
-    """Everything odd: bad rows, gaps, jitter, constant columns, assumed units. Nothing is dropped without one."""
+    """Problems of the file: bad rows, gaps, jitter, constant columns, assumed units. Every dropped sample is reported."""
     epoch: float | None = None
-    """Unix time in s of time 0 where the file has absolute stamps."""
+    """Unix time in s of time 0; None where the file has no absolute stamps."""
     reading: Path | None = field(default=None, repr=False)
-    """Document that says how the file is read; None: its columns were read by their names."""
+    """Document that says how the file is read; None: the names of the columns decided."""
 
     @property
     def asked(self) -> tuple[Column, ...]:
-        """Columns that may be a joint's quantity and are not used, since their names do not say it for certain."""
+        """Unused columns that may be a joint's quantity, but whose names are ambiguous."""
         return tuple(column for column in self.channels.values() if column.origin.startswith("asked"))
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Joints with at least one mapped column, in the file's order."""
+        """Names of the joints with at least one mapped column, in the file's order."""
         names = [column.joint for column in self.channels.values() if column.joint is not None and column.quantity]
         return tuple(dict.fromkeys(names))
 
     def quantities(self, joint: str) -> tuple[str, ...]:
-        """Quantities recorded of a joint."""
+        """Names of the quantities recorded for a joint."""
         return tuple(
             column.quantity for column in self.channels.values() if column.joint == joint and column.quantity is not None
         )
 
     def column(self, joint: str, quantity: str) -> Column:
-        """The column of a joint's quantity; raises RecordingError naming what there is."""
+        """Column of a joint's quantity. Raises RecordingError, which lists the columns, where it is missing."""
         for column in self.channels.values():
             if column.joint == joint and column.quantity == quantity:
                 return column

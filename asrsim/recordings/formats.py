@@ -1,4 +1,4 @@
-"""Readers of file formats: one each, in a registry that users extend by the entry point group `asrsim.recordings`."""
+"""Registry of file readers, one for each format. Users add readers by the entry point group `asrsim.recordings`."""
 
 from __future__ import annotations
 
@@ -25,24 +25,25 @@ from asrsim.recordings.text import read_text
 from asrsim.registry import Registry
 
 SECONDS = 300.0
-"""Of wall clock that a reader of a binary format may take."""
+"""Time limit for reading a binary format, s of wall clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reader:
-    """What reads a file format."""
+    """Reader of a file format."""
 
     suffixes: tuple[str, ...]
     read: Callable[[Path, Reading], Content]
-    """Raises RecordingError with what is wrong; other errors are taken for damage of the file."""
+    """Reads a file. Raises RecordingError for a known problem; any other error is reported as a damaged file."""
     magic: tuple[bytes, ...] = ()
-    """First bytes by which the format is known, under any ending."""
+    """First bytes that identify the format, whatever the file's ending."""
     confined: bool = True
-    """It is read in a process of its own, bounded in time and memory: every format but text."""
+    """True: the file is read in a child process with limits on time and memory. True for all formats except text."""
 
 
 LEAST, RATIO = 256 * 2**20, 50
-"""Bytes that any archive may unpack to, and times its own size; measured signals in text compress by 3 to 30."""
+"""Limits on the unpacked size of an archive: bytes that are always allowed, and the allowed multiple of the file's size.
+Measured signals in text compress by a factor of 3 to 30."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 for _name, _reader in {
     "text": Reader(
@@ -62,7 +63,7 @@ for _name, _reader in {
 
 
 def content_of(path: Path, reading: Reading) -> Content:
-    """What the file holds, by the reader of its format. Raises RecordingError with what was found and expected."""
+    """Content of the file, read by the reader of its format. Raises RecordingError."""
     try:
         name = format_of(path)
         reader = READERS.get(name)
@@ -76,7 +77,7 @@ def content_of(path: Path, reading: Reading) -> Content:
 
 
 def _without(table: RawTable, missing: float | None) -> RawTable:
-    """The table without the number that stands for a missing one."""
+    """Table in which the code for missing values (such as -9999) is replaced by NaN."""
     if missing is None:
         return table
     return replace(
@@ -85,12 +86,12 @@ def _without(table: RawTable, missing: float | None) -> RawTable:
 
 
 def format_of(path: Path) -> str:
-    """Name of the reader: by the first bytes, else by the ending, else as text. Raises RecordingError."""
+    """Name of the reader, by the file's first bytes or else its ending; text by default. Raises RecordingError."""
     if not path.exists():
         raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
-            raise RecordingError("is a folder without a metadata.yaml, so no ROS 2 bag", code="no-bag")
+            raise RecordingError("is a folder without metadata.yaml; a ROS 2 bag has one", code="no-bag")
         return "bag"
     with path.open("rb") as stream:
         start = stream.read(512)
@@ -101,7 +102,7 @@ def format_of(path: Path) -> str:
     by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
     if by_magic is not None:
         return by_magic
-    # Text may have any ending, as MATLAB's `save -ascii` writes it.
+    # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start
     if by_suffix not in ("text", "json") and not text:
         return by_suffix
@@ -109,10 +110,10 @@ def format_of(path: Path) -> str:
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
-    """A reader's content from a process of its own: damaged files crash libraries, or make them ask for all memory."""
+    """Content read in a child process, as damaged files may crash a library or make it request all memory."""
     if path.is_file() and zipfile.is_zipfile(path):
         _check_unpacked(path)
-    # What we send is ours, and may be a pickle; what comes back has met the file, and is plain data.
+    # The request is trusted and may be a pickle. The answer depends on the hostile file and is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
         "reading": pickle.dumps(reading).hex(),
@@ -124,19 +125,19 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
 
 
 def _check_unpacked(path: Path) -> None:
-    """Raises RecordingError for an archive that would unpack to very much: a few kB may stand for all memory."""
+    """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
     with zipfile.ZipFile(path) as archive:
         size = sum(one.file_size for one in archive.infolist())
     if size > max(LEAST, RATIO * path.stat().st_size):
         message = (
-            f"would unpack to {size / 2**20:.0f} MiB; at most {LEAST / 2**20:.0f} MiB or {RATIO} times the file are unpacked"
+            f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"
         )
-        hint = "If you trust it, unpack it by its own tools first, or export it as CSV"
+        hint = "If you trust the file, unpack it with its own tools first, or export it as CSV"
         raise RecordingError(message, code="too-large", hint=hint)
 
 
 def answer_of(request: dict[str, str]) -> bytes:
-    """What the child process answers: a packed content, or the problems."""
+    """Answer of the child process: the content or the problems, packed."""
     try:
         reading = pickle.loads(bytes.fromhex(request["reading"]))
         return pack(READERS.get(request["reader"]).read(Path(request["path"]), reading))
@@ -145,15 +146,15 @@ def answer_of(request: dict[str, str]) -> bytes:
     except AsrsimError as error:
         return pack([Problem(str(error), code="damaged")])
     except MemoryError:
-        return pack([Problem("cannot be read: it needs too much memory", code="too-large")])
-    except Exception as error:  # on damaged files libraries let errors of many kinds through
+        return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
+    except Exception as error:  # on damaged files libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
         return pack([Problem(message, code="damaged")])
 
 
 def pack(answer: Content | Sequence[Problem]) -> bytes:
-    """A content, or problems, as bytes that hold no code: a line of JSON, and behind it NumPy's arrays."""
+    """Content or problems as bytes without executable code: a line of JSON, followed by NumPy arrays."""
     arrays: list[NDArray[Any]] = []
 
     def plain(one: Any) -> Any:
@@ -169,7 +170,7 @@ def pack(answer: Content | Sequence[Problem]) -> bytes:
 
 
 def unpack(data: bytes) -> Content:
-    """The reverse of :func:`pack`; raises RecordingError with the problems where these were packed."""
+    """Content from the bytes of `pack`. Raises RecordingError where the bytes contain problems."""
     head, _, rest = data.partition(b"\n")
     arrays = {None: None, **np.load(BytesIO(rest), allow_pickle=False)}
 

@@ -1,4 +1,4 @@
-"""Which joint of a recording is which of the simulation: by name, or by order where the recording names none."""
+"""Maps the joints of a recording to those of the simulation: by name, or by order where the recording has no names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.recordings.data import Column, Recording
 def match_joints(
     names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
 ) -> tuple[dict[str, str], list[Problem]]:
-    """Joint of the recording -> joint of the simulation; raises RecordingError where none is common."""
+    """Joint of the recording -> joint of the simulation, and notes for the user. Raises RecordingError if none is common."""
     recorded = recording.joints
     if joints is not None:
         unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]
@@ -28,8 +28,8 @@ def match_joints(
         return pairing, []
     if recorded and all(_made_up(recording, joint) for joint in recorded) and len(recorded) <= len(names):
         pairing = dict(zip(recorded, names, strict=False))
-        message = f"the file names no joints; taken in order: {', '.join(f'{a} is {b}' for a, b in pairing.items())}"
-        hint = "Say otherwise with --map COLUMN=JOINT.QUANTITY"
+        message = f"the file names no joints; they are matched by order: {', '.join(f'{a} is {b}' for a, b in pairing.items())}"
+        hint = "Use another order with --map COLUMN=JOINT.QUANTITY"
         return pairing, [Problem(message, file=recording.path, code="joints-by-order", hint=hint)]
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
     doubt = next((f"; {one.source}: {one.origin.partition(': ')[2]}" for one in recording.asked), "")
@@ -43,12 +43,12 @@ def match_joints(
 
 
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
-    """What is wrong with a column whose stated unit cannot be one of that joint: m of a revolute one, rad of a prismatic one.
+    """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if it fits.
 
-    mode: of the run, whose reference is a position or a torque; None: its unit is not checked.
+    mode: Control mode of the run, which decides whether the reference is a position or a torque; None: not checked.
     """
     quantity = str(column.quantity)
-    # Second references and motors have units of their own (AwAS-II's adjuster moves in m).
+    # Second references and second motors may have any unit (the adjuster of AwAS-II moves in m).
     if not column.stated or quantity == "reference_2" or quantity.startswith("motor_2_"):
         return None
     if quantity == "reference_1" and mode in MODES:
@@ -66,7 +66,7 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
 
 
 def matching_name(name: str, names: Sequence[str]) -> str | None:
-    """The one of `names` that equals `name` but for case and separators; None if there is none."""
+    """Name in `names` that equals `name` up to case and separators; None if there is none."""
     return next((other for other in names if _plain(other) == _plain(name)), None)
 
 
@@ -75,6 +75,6 @@ def _plain(name: str) -> str:
 
 
 def _made_up(recording: Recording, joint: str) -> bool:
-    """Whether the name is ours (joint_3 for a number in a column's name)."""
+    """Whether asrsim made the joint's name up, such as joint_3 from a number in a column's name."""
     columns = [column for column in recording.channels.values() if column.joint == joint and column.quantity]
     return joint.startswith("joint_") and all(column.origin.startswith("by its name") for column in columns)

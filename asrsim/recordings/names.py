@@ -1,4 +1,4 @@
-"""What the name of a column says for certain. Each name is read by itself: no other column changes its meaning."""
+"""Derives joint and quantity from the name of a column. Each name is read independently of all other columns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asrsim.recordings.data import RawColumn
 from asrsim.recordings.units import Unit, find_unit, fits, split_header
 
 KNOWN = {**QUANTITIES, **DERIVED}
-"""Every quantity that a column may be of, by name."""
+"""All quantities that a column may contain, by name."""
 ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
     "reference": "reference_1", "stiffness_preset": "reference_2", "motor_position": "motor_1_position",
@@ -19,7 +19,7 @@ ALIASES: dict[str, str] = {
     "tau": "link_torque", "tau_ext": "external_torque", "preset": "reference_2", "motor_1": "motor_1_position",
     "motor_2": "motor_2_position",
 }  # fmt: skip
-"""Short names that a mapping, or a column called `joint.quantity`, may use besides the quantities' own."""
+"""Short name of a quantity -> its full name; both are valid in mappings and in columns called `joint.quantity`."""
 _WORDS = {
     word: meant
     for meant, words in {
@@ -30,7 +30,7 @@ _WORDS = {
     }.items()
     for word in words.split()
 }  # fmt: skip
-"""Word -> the word of `_QUANTITIES` that it stands for."""
+"""Spelling in a column's name -> word in `_QUANTITIES`."""
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
@@ -43,25 +43,25 @@ _QUANTITIES = {
     }.items()
     for words in spellings.split(",")
 }  # fmt: skip
-"""Words, in any order, that make a quantity together."""
+"""Sorted words of a column's name -> quantity."""
 _FILLING = {"joint", "joints", "axis", "link", "measured", "meas", "actual", "data", "value", "values", "angular", "state",
             "states"}  # fmt: skip
-"""Words that change nothing: `q1_meas`, `joint 1 position`."""
+"""Words without effect on the meaning, as in `q1_meas` and `joint 1 position`."""
 _DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load", "trq",
              "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
-"""Words by which a name that is not understood may mean a quantity of a joint: it is asked about."""
+"""Words that suggest a quantity of a joint: the user is asked about ambiguous names with one of these words."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """What a name says; `quantity` None: it is not used."""
+    """Joint and quantity derived from a column's name; if `quantity` is None, the column is not used."""
 
     joint: str | None = None
     quantity: str | None = None
     reason: str = ""
-    """Why it is not used, or asked about."""
+    """Reason why the column is not used, or why the user is asked about it."""
     asked: bool = False
-    """It may be a joint's quantity, and the user is asked."""
+    """True: the column may be a joint's quantity, and the user is asked."""
 
 
 def tokens_of(name: str) -> list[str]:
@@ -71,7 +71,7 @@ def tokens_of(name: str) -> list[str]:
 
 
 def stated_unit(name: str, beside: str = "") -> Unit | None:
-    """The unit of a column, by what stands beside its name or in it. A velocity in deg is one in deg/s."""
+    """Unit of a column, from `beside` or else from its name. A velocity in deg is read in deg/s."""
     unit = find_unit(beside) or split_header(name)[1]
     if unit is not None and unit.si in ("rad", "m") and any(_WORDS.get(word, word) == "velocity" for word in tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
@@ -79,7 +79,7 @@ def stated_unit(name: str, beside: str = "") -> Unit | None:
 
 
 def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
-    """What a column is, by its name and unit alone. joints: of the simulation; None: not known, and taken from the name."""
+    """Meaning of a column, by its name and unit alone. joints: joints of the simulation; None: the name states the joint."""
     plain = re.sub(r"#\d+$", "", split_header(name)[0])
     head, dot, last = plain.strip("./ ").rpartition(".")
     if dot and ALIASES.get(last, last) in KNOWN:
@@ -95,11 +95,11 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
         words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
     exact = "_".join(tokens)
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
-    # Other signs may mean anything: q', q*, a dot above.
+    # Other characters (q', q*, a dot above) are ambiguous.
     if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
         mentioned = {_WORDS.get(word, word) for word in tokens_of(rest)}
         asked = bool(_DOUBTFUL & mentioned) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
-        reason = "its name is not certain to be a quantity of a joint"
+        reason = "its name may or may not be a quantity of a joint"
         return Meaning(joint=joint, reason=reason, asked=asked and "reference" not in words)
     owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
@@ -107,7 +107,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     if unclear and (joint or len(joints or ()) == 1):  # reference_1, motor_1_torque
         return _fitting(joint or (joints or [""])[0], exact, unit)
     if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
-        return Meaning(reason="what the number in its name counts is unclear", asked=True)
+        return Meaning(reason="the number in its name is ambiguous", asked=True)
     if joint is None and not count and {*tokens_of(owner)} - _FILLING:
         return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
     if joint is None:
@@ -119,24 +119,24 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
 
 
 def _of_joint(name: str, quantity: str, unit: Unit | None, joints: Sequence[str] | None) -> Meaning:
-    """The meaning where a name of a joint stands before the quantity."""
+    """Meaning of a column whose name states a joint before the quantity."""
     called = find_joint(name, joints or ())[0] or re.split("[./]", name)[-1]
     place = re.fullmatch(r"joint_(\d+)", called)
     if place is None or not joints or called in joints:
         return _fitting(called, quantity, unit)
-    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # another robot's file
+    joint, doubt = joint_of(int(place[1]), joints, indexed=False)  # the file is of another robot
     return Meaning(reason=doubt, asked=True) if doubt else _fitting(joint, quantity, unit)
 
 
 def _fitting(joint: str | None, quantity: str, unit: Unit | None) -> Meaning:
-    """The meaning, where the unit can be the quantity's."""
+    """Meaning with this joint and quantity if the unit fits the quantity; else a question to the user."""
     if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
-        return Meaning(reason=f"its name says {quantity}, but its unit is {unit.symbol}", asked=True)
+        return Meaning(reason=f"its name means {quantity}, but its unit is {unit.symbol}", asked=True)
     return Meaning(joint=joint, quantity=quantity)
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
-    """The joint whose name is part of the column's name, and the rest of the name."""
+    """Joint whose name is part of the column's name, and the rest of the column's name."""
     for joint in sorted(joints, key=len, reverse=True):
         for spelling in (joint.lower(), joint.lower().replace("_", "")):
             match = re.search(rf"(?<![a-z0-9]){re.escape(spelling)}(?![0-9])", name.lower())
@@ -146,11 +146,11 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
 
 
 def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:
-    """The joint that a number counts, and why it is unclear. indexed: counted from 0, as in an array."""
+    """Joint with this number, and the reason if it is ambiguous. indexed: counted from 0, as in an array."""
     if number is None:
         if joints is None or len(joints) == 1:
             return (joints or ["joint_1"])[0], ""
-        return None, f"it does not say which of {', '.join(joints[:8])} it is of"
+        return None, f"its name does not state the joint: {', '.join(joints[:8])}"
     if joints is None:
         return f"joint_{number}", ""
     ends = [re.sub(r".*?(\d*)$", r"\1", joint) for joint in joints]
@@ -160,11 +160,11 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
     place = number if indexed else number - 1
     if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):
         return joints[place], ""
-    return None, f"which of {', '.join(joints[:8])} the number {number} counts is unclear"
+    return None, f"the number {number} in its name fits none of {', '.join(joints[:8])} for certain"
 
 
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
-    """Index of a column by its header, with or without unit, by its case-blind name, or by its number in the file."""
+    """Index of a column by its header (with or without unit, in any case), or by its number in the file."""
     labels = [column.name for column in columns]
     plain = [split_header(label)[0] for label in labels]
     for candidates in (labels, plain, [label.lower() for label in labels], [label.lower() for label in plain]):

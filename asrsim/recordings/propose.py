@@ -1,4 +1,4 @@
-"""Proposes the document that says how a file is read: each line with its reason, and questions where it is not sure."""
+"""Proposes the document that says how a recording is read: a reason for each line, and questions where names are ambiguous."""
 
 from __future__ import annotations
 
@@ -17,20 +17,30 @@ def propose(
     path: Path, out: Path | None = None, *, mapping: Sequence[str] = (), rate: float | None = None,
     joints: Sequence[str] | None = None, force: bool = False, called: str = "",
 ) -> tuple[Path, Recording]:  # fmt: skip
-    """Writes `lab.csv.yaml` beside a recording, or `out`; gives its path and the recording as it was read for it.
+    """Write a reading document such as `lab.csv.yaml`. Returns the document's path and the recording.
 
-    joints: of the simulation; called: how the document names the recording, its name where it stands beside it.
-    Raises RecordingError where the file cannot be read, OutputError where the document is there and not to be replaced.
+    Args:
+        path: The recording.
+        out: The document; None: beside the recording.
+        mapping: Items of `--map`.
+        rate: Sampling rate that replaces the file's time, Hz.
+        joints: Joints of the simulation.
+        force: Replace an existing document.
+        called: The recording's path in the document; "": its name.
+
+    Raises:
+        RecordingError: The file cannot be read.
+        OutputError: The document exists and `force` is False.
     """
     place = path.with_name(path.name + ENDING) if out is None else out
     if place.exists() and not force:
-        raise OutputError(f"{place} is there already; --overwrite replaces it")
+        raise OutputError(f"{place} exists already; replace it with --overwrite")
     reading = resolve_reading(list(mapping) or None, path, rate, beside=False)
     content, series, recording = read_series(path, reading, joints)
     lines = [
-        f"# How {path.name} is read, proposed by `asrsim init --experiment`. Beside the recording every command obeys it;",
-        "# elsewhere it is given in the place of the recording. With `map` nothing is taken from names: check each line,",
-        "# answer the questions, and strike what is not to be used.",
+        f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
+        "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
+        "# each line, answer the questions, and delete the columns that are not to be used.",
         f"file: {_text(called or path.name)}",
         *(_line(f"{key}: {_text(value)}", "as found in the file") for key, value in content.layout.items()),
     ]
@@ -47,7 +57,7 @@ def propose(
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
-    """The columns that are used; as comments that need only be completed those that may be, and what is odd."""
+    """Lines of `map`: used columns, ambiguous columns as comments to complete, and problems of the file as comments."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
     yield "map:" if any(column.quantity for column in columns) else "map: {}"
@@ -55,7 +65,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
         if column.quantity:
             unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
             target = given.get(column.source) or column.meaning + (f" [{unit}]" if unit else "")
-            doubt = "" if column.stated or not KNOWN[column.quantity].unit else "; ? it states no unit"
+            doubt = "" if column.stated or not KNOWN[column.quantity].unit else "; ? the file states no unit"
             yield _line(f"  {_text(column.source)}: {_text(target)}", column.origin + doubt)
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"
@@ -63,7 +73,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     others = [column.source for column in columns if not column.quantity and not column.origin.startswith("asked")]
     yield from [f"# not used: {', '.join(others)}"] if others else []
     odd = [f"#   {problem.key}: {problem.message}" for problem in recording.findings if problem.key in recording.channels]
-    yield from ["# odd about the file:", *odd] if odd else []
+    yield from ["# problems of the file:", *odd] if odd else []
 
 
 def _line(text: str, reason: str) -> str:
@@ -71,7 +81,7 @@ def _line(text: str, reason: str) -> str:
 
 
 def _text(value: object) -> str:
-    """A value as YAML writes it: quoted where it must be."""
+    """Value in YAML syntax, quoted where YAML needs quotes."""
     text = str(value)
     plain = text.replace("_", "").replace(".", "").replace("/", "").replace(" ", "").isalnum() and not text[:1].isdigit()
     return text if isinstance(value, int) or (plain and text == text.strip()) else json.dumps(text, ensure_ascii=False)

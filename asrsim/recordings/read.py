@@ -1,4 +1,4 @@
-"""`read_recording`: one entry to every format; what each column is, its unit, and what is odd about its numbers."""
+"""Reads recordings of any format: determines each column's quantity and unit, and checks its numbers."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from asrsim.recordings.times import series_of
 from asrsim.recordings.units import Unit, find_unit, fits
 
 LARGEST = 1e30
-"""SI units: what is beyond it was not measured, and its squares and slopes leave the range of numbers."""
+"""Largest magnitude of a measured value, SI units; squares and slopes of larger values would overflow."""
 _TURNS = 20.0
-"""Whole numbers beyond it are no angles in rad: counts of an encoder, or degrees."""
+"""Whole numbers above this magnitude are encoder counts or degrees, not angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
-"""Why a column is what it is, the strongest first; "": a document's name."""
+"""Sources of a column's meaning, the strongest first; "" stands for the name of a document."""
 
 
 def read_recording(
@@ -38,15 +38,14 @@ def read_recording(
     joints: Sequence[str] | None = None,
     rate: float | None = None,
 ) -> Recording:
-    """Reads an experiment's file.
+    """Recording of an experiment, read from a file.
 
     Args:
-        path: A file of any format in :data:`asrsim.recordings.READERS`; a document with the key `file` stands for the recording
-            that it describes.
-        mapping: What columns are: items `COLUMN=JOINT.QUANTITY [unit]` (or `COLUMN=time [ms]`, `COLUMN=ignore`), a table of the
-            same, or a document that is read in place of the one beside the file, `lab.csv.yaml`. Items overrule documents.
-        joints: Of the simulation; numbers in columns' names count them.
-        rate: Hz; replaces the file's time by an even one from 0.
+        path: A file of any format in `asrsim.recordings.READERS`, or a reading document whose key `file` names the recording.
+        mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or a mapping
+            from column to meaning, or a reading document in place of `lab.csv.yaml`. Items take precedence over documents.
+        joints: Joints of the simulation, which numbers in the names of columns refer to.
+        rate: Sampling rate, Hz; evenly spaced times from 0 replace the file's time.
 
     Returns:
         The recording in SI units with all findings.
@@ -56,7 +55,7 @@ def read_recording(
     """
     path, joints = Path(path), None if joints is None else one_or_more(joints)
     if is_document(str(path)) and mapping is None:
-        with suppress(RecordingError):  # any other file may be called so, too
+        with suppress(RecordingError):  # a recording may have this ending too
             described = load_reading(path).file
             path, mapping = (path, None) if described is None else (path.parent / described, path)
     return read_series(path, resolve_reading(mapping, path, rate), joints)[2]
@@ -65,7 +64,7 @@ def read_recording(
 def read_series(
     path: Path, reading: Reading, joints: Sequence[str] | None
 ) -> tuple[Content, list[RawSeries], Recording]:  # fmt: skip
-    """What the file holds, its series on their clean times, and the recording."""
+    """Content of the file, its series at strictly increasing times, and the recording."""
     findings: list[Problem] = []
     series: list[RawSeries] = []
     try:
@@ -74,7 +73,7 @@ def read_series(
         series, epoch = series_of(content, reading, findings)
         recording = _recording(path, content, series, reading, joints, findings=findings, epoch=epoch)
     except RecordingError as error:
-        # Only a file that cannot be read may be another document.
+        # Where the file cannot be read, it may be another kind of document.
         unread = not series and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         other = mistaken(path, "recording") if unread else None
         problems = [other] if other is not None else [replace(one, file=one.file or path) for one in error.problems]
@@ -86,7 +85,7 @@ def _recording(
     path: Path, content: Content, series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, *,
     findings: list[Problem], epoch: float | None,
 ) -> Recording:  # fmt: skip
-    """The recording; raises RecordingError with all problems of the mapping."""
+    """Recording made of the series. Raises RecordingError with all problems of the mapping."""
     series = _windowed(series, reading)
     explicit = _explicit(series, reading, joints, content.topics)
     repeated = {_first_of(one.name) for one in series if _first_of(one.name) != one.name}
@@ -96,7 +95,7 @@ def _recording(
     findings += [*suspicions(columns, series), *_questions(path, columns)]
     times = {id(column.time): len(column.time) for column in columns if column.quantity}
     if len(times) > 1:
-        message = f"its columns have times of their own, with {listed(sorted({*times.values()}), 6)} samples; each is kept"
+        message = f"its columns have different times, with {listed(sorted({*times.values()}), 6)} samples; all are kept"
         findings.append(Problem(message, code="several-times"))
     return Recording(
         path=path, format=content.format, time=max(columns, key=lambda column: len(column.time)).time, epoch=epoch,
@@ -106,12 +105,12 @@ def _recording(
 
 
 def _first_of(name: str) -> str:
-    """The name without the number of its repetition: q of q#2."""
+    """Name without its repetition number: q for q#2."""
     return re.sub(r"#\d+$", "", name)
 
 
 def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeries]:
-    """The series within the window; raises RecordingError where nothing is left."""
+    """Series cut to the window. Raises RecordingError where no samples are left."""
     if reading.window is None:
         return series
     inside = {id(one.time): (one.time >= reading.start) & (one.time <= reading.end) for one in series}
@@ -120,7 +119,7 @@ def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeri
             for one in series if len(times[id(one.time)]) > 1]  # fmt: skip
     if not kept:
         start, end = min(one.time[0] for one in series), max(one.time[-1] for one in series)
-        message = f"has no samples from {reading.start:g} to {reading.end:g} s; it lasts from {start:g} to {end:g} s"
+        message = f"has no samples from {reading.start:g} to {reading.end:g} s; the recording lasts from {start:g} to {end:g} s"
         raise RecordingError(message, key="window", code="no-overlap")
     return kept
 
@@ -128,9 +127,9 @@ def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeri
 def _explicit(
     series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
 ) -> dict[int, ColumnMap]:
-    """Index of a series -> its mapping. Raises RecordingError for unknown columns and joints, and units of another kind.
+    """Index of a series -> its mapping. Raises RecordingError for unknown columns, unknown joints and unfitting units.
 
-    joints: of the simulation. A document may serve a larger robot, and so name others.
+    joints: joints of the simulation. Documents may name other joints, as they may describe a larger robot.
     """
     names = [one.name for one in series]
     found: dict[int, ColumnMap] = {}
@@ -141,10 +140,10 @@ def _explicit(
         if index is None and one.quantity is None and (parts or one.column in topics):
             found |= dict.fromkeys(parts, one)
         elif index is None:
-            message, hint = f"there is no such column, named by {one.origin}", did_you_mean(one.column, names)
+            message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
             problems.append(Problem(message, key=one.column, choices=_shown(names), hint=hint, code="no-such-column"))
         elif one.quantity is not None and not fits((unit := _unit(series[index], one)).si, KNOWN[one.quantity].unit):
-            message = f"is in {unit.symbol}, which cannot be a {one.quantity} ({KNOWN[one.quantity].unit})"
+            message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({KNOWN[one.quantity].unit})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
             problems.append(Problem(message, key=one.column, hint=hint, code="wrong-unit"))
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
@@ -158,24 +157,24 @@ def _explicit(
 
 
 def _unit(series: RawSeries, one: ColumnMap | None) -> Unit:
-    """The unit that is stated, by the mapping or in the file; an empty one where there is none."""
+    """Unit stated by the mapping or the file; an empty unit where neither states it."""
     stated = None if one is None else one.unit
     return stated or stated_unit(series.name, series.column.unit) or Unit("", "", 1.0)
 
 
 def _shown(names: Sequence[str]) -> tuple[str, ...]:
-    """Names for a message: of very many the first."""
+    """Names for a message; of more than 13 names, the first 12 and the number of the others."""
     return (*names[:12], f"and {len(names) - 12} more") if len(names) > 13 else tuple(names)
 
 
 def _column(
     series: RawSeries, one: ColumnMap | None, reading: Reading, joints: Sequence[str] | None, repeated: Collection[str]
 ) -> Column:
-    """The column in SI units: as it is stated, else by what the file or its name says for certain."""
+    """Column in SI units, by its mapping, or else by the file or the column's name."""
     if one is not None:
         return in_si(series, one)
     if reading.columns is not None:
-        return in_si(series, None, f"not used: not in {reading.origin.name if reading.origin else 'the document'}")
+        return in_si(series, None, f"not used: missing in {reading.origin.name if reading.origin else 'the document'}")
     meaning = _meaning(series, joints)
     if _first_of(series.name) in repeated and (meaning.quantity or meaning.asked):
         meaning = replace(meaning, reason="several columns have its name", asked=True)
@@ -187,29 +186,29 @@ def _column(
 
 
 def _meaning(series: RawSeries, joints: Sequence[str] | None) -> Meaning:
-    """What the file, or else the name of a column says."""
+    """Joint and quantity that the file states for a column, or else that the column's name implies."""
     column, unit = series.column, stated_unit(series.name, series.column.unit)
     if column.quantity is not None:
         place = re.search(r"\[(\d+)\]$", column.name)
         joint, doubt = (column.joint, "") if column.joint else joint_of(int(place[1]) if place else None, joints, indexed=True)
         return Meaning(joint=joint, quantity=column.quantity, reason=doubt, asked=bool(doubt))
-    own = column.joint is not None  # then the place in its array counts no joints
+    own = column.joint is not None  # the file states the joint, so the array index is not a joint number
     name = re.sub(r"(?:\[[^\]]*\]|(?<=[a-z])\d+)$", "", column.name) if own else column.name
     found = meaning_of(name, unit, [str(column.joint)] if own else joints)
     if own:
         found = replace(found, joint=column.joint)
     if found.quantity is None or unit is not None:
         return found
-    doubt = f"its unit [{column.unit}] is not known" if column.unit and find_unit(column.unit) is None else ""
+    doubt = f"its unit [{column.unit}] is unknown" if column.unit and find_unit(column.unit) is None else ""
     values = series.values[np.isfinite(series.values)]
     angle = KNOWN[found.quantity].unit == "rad" or found.quantity == "reference_1"
     if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
-        doubt = f"its whole numbers up to {np.max(np.abs(values)):g} look like counts or degrees, not rad"
-    return replace(found, reason=f"its name says {found.quantity}, but {doubt}", asked=True) if doubt else found
+        doubt = f"its whole numbers up to {np.max(np.abs(values)):g} look like encoder counts or degrees, not rad"
+    return replace(found, reason=f"its name means {found.quantity}, but {doubt}", asked=True) if doubt else found
 
 
 def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
-    """A column in SI units by what is stated of it, else by the unit in its header; what was done stands in words."""
+    """Column in SI units, converted by its mapping or else by the unit in its header. Its `conversion` lists the steps."""
     unit = _unit(series, one)
     one = one or ColumnMap(column=series.name, origin=origin)
     quantity = KNOWN[one.quantity].unit if one.quantity is not None else ""
@@ -234,18 +233,21 @@ def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
 
 
 def _measured(column: Column, findings: list[Problem]) -> Column:
-    """Without numbers that cannot have been measured: their squares and slopes leave the range of numbers."""
+    """Column in which values above `LARGEST`, which no sensor measures, are replaced by NaN."""
     beyond = np.abs(column.values) > LARGEST
     if not beyond.any():
         return column
-    message = f"{int(beyond.sum())} of {len(beyond)} samples are beyond {LARGEST:g}, or infinite: read as no number"
+    message = f"{int(beyond.sum())} of {len(beyond)} samples are above {LARGEST:g} or infinite; they are read as missing"
     findings.append(Problem(message, key=column.source, code="no-measurement"))
     return replace(column, values=np.where(beyond, np.nan, column.values))
 
 
 def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """One column a quantity: what is stated wins over what the file names, and that over names; a commanded position wins over
-    the torque that a controller makes of it; then the first."""
+    """Columns of which at most one has each joint and quantity.
+
+    The strongest source in `ORIGINS` wins, then a commanded position over the torque of its controller, then the first column.
+    Raises RecordingError where the user maps two columns to one quantity.
+    """
 
     def rank(column: Column) -> tuple[int, bool]:
         origin = ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
@@ -257,11 +259,11 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=rank):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        message = f"is a second {column.meaning} beside '{first.source}'"
+        message = f"is a second column for {column.meaning}, beside '{first.source}'"
         if rank(column)[0] == rank(first)[0] < 2:
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column)[0] == rank(first)[0]:
-            hint = f"Choose with --map '{column.source}={column.meaning}'"
+            hint = f"To use this column instead: --map '{column.source}={column.meaning}'"
             findings.append(Problem(f"{message}, which is used", key=column.source, code="second-column", hint=hint))
         origin = f"not used: {column.meaning} is '{first.source}'"
         result[column.source] = replace(column, joint=None, quantity=None, origin=origin)
@@ -271,16 +273,16 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
 
 
 def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
-    """What is asked about columns that are not used, with the line that answers it."""
+    """Questions about ambiguous columns, each with the option that answers it."""
     asked = [column for column in columns if column.origin.startswith("asked")]
-    propose = f"`asrsim init --experiment {path.name}` writes all of them down for you to complete"
+    propose = f"`asrsim init --experiment {path.name}` writes a document with all questions, for you to complete"
     if asked:
         first = asked[0]
-        message = f"not used, since {first.origin.partition(': ')[2]}" + (" (and the like)" if len(asked) > 1 else "")
-        hint = f"If it is a joint's: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
+        message = f"not used, since {first.origin.partition(': ')[2]}" + (" (and similar)" if len(asked) > 1 else "")
+        hint = f"If it is a quantity of a joint: --map '{first.source}={first.joint or 'JOINT'}.QUANTITY [unit]'; {propose}"
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []
-    message = f"no column is a joint's quantity by its name; found {listed([column.source for column in columns], 20)}"
-    hint = f"Say what a column is with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
+    message = f"no column's name means a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
+    hint = f"State the meaning of a column with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
     return [Problem(message, code="nothing-mapped", hint=hint)]

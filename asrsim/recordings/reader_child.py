@@ -1,6 +1,7 @@
-"""Run as a script by :mod:`asrsim.confined`: reads a recording of a binary format, whose libraries damaged files crash.
+"""Reads a recording of a binary format in a child process, as damaged files may crash the library of the format.
 
-Reads a request in JSON from stdin, and writes what :func:`asrsim.recordings.formats.pack` makes of the content to stdout.
+`asrsim.confined` runs this script. It reads a request in JSON from stdin and writes the bytes of
+`asrsim.recordings.formats.pack` to stdout.
 """
 
 from __future__ import annotations

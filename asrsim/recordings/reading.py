@@ -1,4 +1,4 @@
-"""How a file is read: a small document beside it, `lab.csv.yaml`, and items of `--map`, which overrule it."""
+"""Options for reading a recording: a document such as `lab.csv.yaml`, and items of `--map`, which take precedence."""
 
 from __future__ import annotations
 
@@ -19,70 +19,70 @@ from asrsim.recordings.names import ALIASES, KNOWN
 from asrsim.recordings.units import Unit, find_unit, parse_unit
 
 ENDING = ".yaml"
-"""Behind a recording's name: the document that says how it is read."""
+"""Ending appended to a recording's name: name of the document that says how the recording is read."""
 SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
-"""Word in a document -> what stands between cells; None: runs of white space."""
+"""Word in a document -> separator of cells; None: runs of white space."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*(?:(?P<joint>[^\[\]*]+)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
     rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER})|\s+-\s*(?P<zero>start|mean))?"
 )
-"""`-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
+"""Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnMap:
-    """What one column is."""
+    """Meaning of a column: joint, quantity, unit and conversion."""
 
     column: str
-    """Its header, or its number counted from 1."""
+    """Header of the column, or its number counted from 1."""
     joint: str | None = None
     quantity: str | None = None
-    """None: the column is not used."""
+    """Quantity in the column; None: the column is not used."""
     unit: Unit | None = None
-    """Replaces the unit in the header."""
+    """Unit that replaces the unit in the header."""
     scale: float = 1.0
-    """Factor on the numbers beside the unit, such as -1 for a reversed axis."""
+    """Factor on the numbers in addition to the unit's factor, such as -1 for a reversed axis."""
     offset: float = 0.0
-    """Added after scaling, in SI units."""
+    """Offset added after scaling, SI units."""
     zero: str = ""
-    """`start` or `mean`: what is taken away after scaling, of the column's own numbers."""
+    """`start` or `mean`: the column's first value or mean is subtracted after scaling; "": neither."""
     unwrapped: bool = False
-    """An angle goes on where it jumps by a whole turn."""
+    """True: jumps of an angle by a whole turn are removed."""
     origin: str = "command line"
     text: str = "ignore"
-    """What stands behind `COLUMN=` in an item of `--map`."""
+    """Text after `COLUMN=` in an item of `--map`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TimeKeys:
-    """Where the time is."""
+    """Column, unit and rate of the time."""
 
     column: str | tuple[str, ...] | None = declare(
         Optional(Either(((is_list, ListOf(of=Text(noun="name of a column"), minimum=1)), (lambda _: True, Text())))),
-        doc="its column, by header or number from 1; a list of two that are added: seconds and nanoseconds, a date and a "
-        "time of day; of messages `header` or `received`", default=None,
+        doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
+        "a date and a time of day; for messages `header` or `received`", default=None,
     )  # fmt: skip
-    unit: str | None = declare(Optional(Text(noun="unit of time")), doc="of its numbers", default=None, shown="the header's")
+    unit: str | None = declare(Optional(Text(noun="unit of time")), doc="unit of the time", default=None, shown="the header's")
     rate: float | None = declare(
-        Optional(Number(above=0.0)), doc="sampling rate that replaces the file's time by an even one from 0", unit="Hz",
+        Optional(Number(above=0.0)), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
         default=None,
     )  # fmt: skip
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Its columns."""
+        """Names or numbers of the time's columns."""
         return () if self.column is None else (self.column,) if isinstance(self.column, str) else self.column
 
     @property
     def factor(self) -> float | None:
-        """s of its unit; None where it states none."""
+        """Size of the time unit, s; None where no unit is stated."""
         unit = None if self.unit is None else parse_unit(self.unit)
         return None if unit is None else unit.factor
 
     def __post_init__(self) -> None:
         if self.unit is not None and (find_unit(self.unit) is None or parse_unit(self.unit).si != "s"):
-            raise _error("unit", f"time cannot be in {self.unit}", choices=("s", "ms", "us", "ns"))
+            raise _error("unit", f"{self.unit} is no unit of time", choices=("s", "ms", "us", "ns"))
 
 
 TIME = block_of(TimeKeys, "time", main="column")
@@ -90,38 +90,41 @@ TIME = block_of(TimeKeys, "time", main="column")
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How a file is read. What it does not state is found in the file; with `columns`, no meaning is taken from a name."""
+    """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
 
     file: str | None = declare(
-        Optional(Text(noun="name of a file")), doc="the recording, where this document is given in its place", default=None
+        Optional(Text(noun="name of a file")), doc="the recording that this document describes", default=None
     )
-    time: TimeKeys = declare(TIME, doc="the time's column, unit and rate", default=TimeKeys(), shown="the column named so")
+    time: TimeKeys = declare(TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column named so")
     separator: str | None = declare(
-        Optional(Choice(tuple(SEPARATORS))), doc="text: what stands between cells", default=None, shown="found"
+        Optional(Choice(tuple(SEPARATORS))), doc="text: the separator of cells", default=None, shown="detected"
     )
-    decimal: str | None = declare(Optional(Choice((".", ","))), doc="text: the decimal mark", default=None, shown="found")
-    encoding: str | None = declare(Optional(Text()), doc="text: such as utf-8, latin-1, shift_jis", default=None, shown="found")
+    decimal: str | None = declare(Optional(Choice((".", ","))), doc="text: the decimal mark", default=None, shown="detected")
+    encoding: str | None = declare(
+        Optional(Text()), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
+    )
     header: int | None = declare(
-        Optional(Integer(minimum=0)), doc="text and sheets: line of the names, counted from 1; 0: there are none",
-        default=None, shown="found",
+        Optional(Integer(minimum=0)), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
+        default=None, shown="detected",
     )  # fmt: skip
     sheet: str | None = declare(
-        Optional(Text(noun="name of a sheet")), doc="workbooks: the sheet", default=None, shown="the first with numbers"
+        Optional(Text(noun="name of a sheet")), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
     missing: float | None = declare(
-        Optional(NUMBER), doc="the number that stands for a missing one, in the file's unit, such as -9999", default=None,
+        Optional(NUMBER), doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
         shown="none",
     )  # fmt: skip
     window: tuple[float | None, ...] | None = declare(
-        Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))), doc="the part that is kept, on its clock",
+        Optional(ListOf(of=Optional(NUMBER), length=2, names=("start", "end"))),
+        doc="start and end of the part that is kept, on the recording's clock",
         unit="s", default=None,
     )  # fmt: skip
     columns: Mapping[str, str] | None = declare(
         Optional(MapOf(of=Text(noun="JOINT.QUANTITY [unit]"), noun="column", star=False)), key="map",
-        doc="what each column is that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
+        doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
     )  # fmt: skip
     maps: tuple[ColumnMap, ...] = ()
-    """`columns` and the items of `--map`."""
+    """Meanings of the columns, from `columns` and the items of `--map`."""
     origin: Path | None = None
 
     def __post_init__(self) -> None:
@@ -130,16 +133,16 @@ class Reading:
             try:
                 codecs.lookup(self.encoding)
             except LookupError:
-                problems.append(Problem("is no encoding that Python knows", key="encoding", value=self.encoding, code="choice"))
+                problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
         if self.window is not None and not self.start < self.end:
-            problems.append(Problem("must be START..END in s", key="window", value=list(self.window), code="range"))
+            problems.append(Problem("must be a start and a later end", key="window", value=list(self.window), code="range"))
         known = {one.column for one in self.maps}
         maps: list[ColumnMap] = []
         for column, text in (self.columns or {}).items():
             try:
                 found = parse_item(f"{column}={text}", origin="")
                 if not isinstance(found, ColumnMap):
-                    raise _error(column, "is the time: state it under `time`")
+                    raise _error(column, "is the time; state its column under `time`")
                 maps += [found] if column not in known else []
             except RecordingError as error:
                 problems += [replace(one, key="columns", message=f"{column}: {one.message}") for one in error.problems]
@@ -149,17 +152,17 @@ class Reading:
 
     @property
     def start(self) -> float:
-        """s, where the window begins."""
+        """Start of the window, s."""
         return -math.inf if self.window is None or self.window[0] is None else self.window[0]
 
     @property
     def end(self) -> float:
-        """s, where the window ends."""
+        """End of the window, s."""
         return math.inf if self.window is None or self.window[1] is None else self.window[1]
 
     @property
     def items(self) -> list[str]:
-        """What it says of columns and the window, as items of `--map`."""
+        """Columns and window of this document, as items of `--map`."""
         ends = ["" if end is None else f"{end:.12g}" for end in self.window or ()]
         unit = f" [{self.time.unit}]" if self.time.unit else ""
         times = [f"{column}=time{unit}" for column in self.time.columns[:1]]
@@ -167,22 +170,22 @@ class Reading:
 
     @property
     def ignored(self) -> set[str]:
-        """Columns and topics that are not read."""
+        """Names of the columns and topics that are not read."""
         return {one.column for one in self.maps if one.quantity is None}
 
 
 READING = block_of(Reading, "reading")
-"""The document's keys."""
+"""Keys of the reading document."""
 
 
 def reading_file(path: Path) -> Path | None:
-    """The document beside a recording that says how it is read, or None."""
+    """Path of the reading document beside a recording; None if it does not exist."""
     beside = path.with_name(path.name + ENDING)
     return beside if beside.is_file() else None
 
 
 def load_reading(path: Path) -> Reading:
-    """A document that says how a file is read. Raises RecordingError with all problems."""
+    """Reading options from a document. Raises RecordingError with all problems."""
     try:
         found = read_file(READING, path)
     except InputError as error:
@@ -193,7 +196,7 @@ def load_reading(path: Path) -> Reading:
 def resolve_reading(
     mapping: Mapping[str, str] | Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
 ) -> Reading:
-    """How a file is read: by the document beside it or that `mapping` names, and by items, which overrule it."""
+    """Reading options from the document beside the file or named in `mapping`, and from items, which take precedence."""
     given = [f"{column}={target}" for column, target in mapping.items()] if isinstance(mapping, Mapping) else mapping
     items: Sequence[str | Path] = [given] if isinstance(given, str | Path) else given or []
     documents = [Path(item) for item in items if is_document(item)]
@@ -229,12 +232,12 @@ def is_document(item: str | Path) -> bool:
 
 
 def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys | tuple[float | None, ...]:
-    """One item of `--map`: what a column is, `COLUMN=JOINT.QUANTITY [unit]` or `COLUMN=ignore`; `COLUMN=time [ms]`;
-    `window=2..12`, which gives start and end.
+    """Meaning of an item of `--map`. Raises RecordingError.
 
-    A minus before the joint turns the sign: `COLUMN=-JOINT.QUANTITY`; a factor stands there as well: `COLUMN=0.01*JOINT...`.
-    An offset comes last, in SI: `... [deg] - 0.02`, or `- start`, `- mean` of the column's own numbers; before it `unwrapped`,
-    for an angle that jumps by whole turns. Raises RecordingError.
+    `COLUMN=JOINT.QUANTITY [unit]` and `COLUMN=ignore` give a `ColumnMap`, `COLUMN=time [ms]` gives `TimeKeys`, and
+    `window=2..12` gives (start, end) in s. A minus or factor before the joint scales: `COLUMN=-JOINT.QUANTITY`,
+    `COLUMN=0.01*JOINT.QUANTITY`. The offset comes last, in SI units: `... [deg] - 0.02`. The offsets `- start` and `- mean`
+    subtract the column's first value and mean. `unwrapped` before the offset removes jumps by whole turns.
     """
     column, _, target = (part.strip() for part in text.rpartition("="))
     if not column or not target:

@@ -1,4 +1,4 @@
-"""Reads rows of cells that are no text: JSON, and workbooks by calamine."""
+"""Reads JSON files and workbooks as rows of cells."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
 
 _LONGEST = 64
-"""Entries of a list in a record; longer ones are pictures or scans."""
+"""Largest number of entries of a signal list in a record; longer lists are pictures or scans."""
 _START = re.compile(rb"\s*(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*\{)")
 
 
@@ -27,9 +27,9 @@ def is_json(path: Path) -> bool:
 
 
 def read_json(path: Path, reading: Reading) -> Content:
-    """The table of a JSON file: a record a line, a list of records, or an object of lists of one length.
+    """Table of a JSON file: one record per line, a list of records, or an object of lists of equal length.
 
-    Raises RecordingError where it is no JSON, or holds no records.
+    Raises RecordingError where the file is not JSON or contains no records.
     """
     text = path.read_text(encoding=reading.encoding or "utf-8-sig", errors="replace")
     try:
@@ -46,7 +46,7 @@ def read_json(path: Path, reading: Reading) -> Content:
     if len(records) < 2:
         raise RecordingError(
             f"is JSON with {len(records)} records; at least 2 are needed", code="no-numbers",
-            hint="Expected records with a time and signals: one a line, a list of them, or lists by name",
+            hint="Expected records with a time and signals: one per line, a list of records, or an object of lists",
         )  # fmt: skip
     labels = list(dict.fromkeys(label for record in records for label in record))
     names = [f"{label} [{units[label]}]" if isinstance(units, dict) and label in units else label for label in labels]
@@ -54,7 +54,7 @@ def read_json(path: Path, reading: Reading) -> Content:
 
 
 def _of_lines(text: str, whole: Exception) -> list[Any]:
-    """Records of lines; the last one of a file that was cut off may be none."""
+    """Records of a file with one record per line. The last line of a truncated file may be incomplete."""
     records = []
     lines = [line for line in text.splitlines() if line.strip()]
     for count, line in enumerate(lines, start=1):
@@ -68,7 +68,7 @@ def _of_lines(text: str, whole: Exception) -> list[Any]:
 
 
 def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """A record's numbers and words by their path: `header.stamp.sec`, `position[0]`."""
+    """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`."""
     if isinstance(data, dict):
         for key, value in data.items():
             yield from _flat(value, f"{prefix}.{key}" if prefix else key)
@@ -80,7 +80,7 @@ def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:
 
 
 def read_excel(path: Path, reading: Reading) -> Content:
-    """The sheet that is named, else the first of a workbook with two rows of numbers. Raises RecordingError without one."""
+    """Table of the sheet in `reading`, or else of the first sheet with two rows of numbers. Raises RecordingError."""
     from python_calamine import CalamineWorkbook
 
     book = CalamineWorkbook.from_path(path)
@@ -91,13 +91,13 @@ def read_excel(path: Path, reading: Reading) -> Content:
     full = [name for name, rows in tables.items() if sum(any(isinstance(cell, float) for cell in row) for row in rows) > 1]
     if not full:
         raise RecordingError("has no sheet with rows of numbers", code="no-numbers")
-    # A title in one cell is no row of the table.
+    # A row with a single filled cell is a title, not part of the table.
     rows = [row if sum(cell != "" for cell in row) > 1 else [] for row in tables[full[0]]]
     found = read_cells("excel", [[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:
         return found
-    message = f"has {len(full)} sheets with numbers; the first is read: {listed(full, 6)}"
-    note = Problem(message, code="several-sheets", hint="State another in the document beside it: `sheet:`")
+    message = f"has {len(full)} sheets with numbers: {listed(full, 6)}; the first is read"
+    note = Problem(message, code="several-sheets", hint="Name another sheet under `sheet` in the document beside the file")
     return replace(found, findings=(note, *found.findings))
 
 

@@ -1,4 +1,4 @@
-"""What the numbers of columns make doubtful: it is said, with the item of a mapping that would cure it. Nothing changes."""
+"""Finds probable errors of unit, sign and range in the numbers of columns. Only reports them, with the option that corrects."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from asrsim.recordings.data import Column, RawSeries
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
-"""Number in a unit / number in SI, and the unit."""
+"""Typical wrong units: (value in this unit / value in SI, name of the unit)."""
 _FEWEST = 20
-"""Samples below which columns are not compared with each other."""
+"""Fewest common samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7
-"""Correlation above which a column follows another, and below which it moves against it."""
+"""Correlation above which one column follows another, and correlation below which its sign is reversed."""
 _MARKS = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0)
-"""Numbers that recorders write for a missing one."""
+"""Numbers that recorders write for missing values."""
 
 
 def suspicions(columns: Sequence[Column], series: Sequence[RawSeries]) -> list[Problem]:
-    """All suspicions about the columns of a recording that are used. series: theirs, in the file's units."""
+    """All suspected errors in the used columns of a recording. series: raw series of the columns, in the file's units."""
     used = {(column.joint, column.quantity): column for column in columns if column.quantity}
     found = [one for column, raw in zip(columns, series, strict=True) if column.quantity for one in _alone(column, raw.values)]
     for (joint, quantity), column in used.items():
@@ -39,27 +39,35 @@ def suspicions(columns: Sequence[Column], series: Sequence[RawSeries]) -> list[P
 
 
 def beside(expected: Array, measured: Array, column: Column, joint: str, than: str = "the simulation") -> list[Problem]:
-    """Suspicions about a column beside what is expected, both (n,) on one time. than: what is expected, in words."""
+    """Suspected errors of unit and sign in a column, against expected values.
+
+    Args:
+        expected: Expected values (n,).
+        measured: Values of the column at the same times (n,).
+        column: The column.
+        joint: Joint of the simulation.
+        than: Name of the expected values, for messages.
+    """
     target = f"{joint}.{column.quantity}"
     found = [] if (scale := suspect_scale(expected, measured, than, column.source, target)) is None else [scale]
     both = np.isfinite(expected) & np.isfinite(measured)
     correlation = _correlation(expected[both], measured[both]) if both.sum() >= 10 else 0.0
     if correlation < _TURNED:
-        message = f"the recording moves against {than} (correlation {correlation:.2f}): is its sign the other way round?"
-        found.append(Problem(message, hint=f"Turn it: --map '{column.source}=-{target}'", code="suspected-sign"))
+        message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
+        found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
     return found
 
 
 def suspect_scale(
     expected: Array, measured: Array, than: str = "the simulation", source: str = "COLUMN", target: str = "JOINT.QUANTITY"
 ) -> Problem | None:
-    """A suspicion that a unit is wrong: 57.3 or 1000 times as large, or as small, as expected.
+    """Suspected wrong unit: values 57.3 or 1000 times too large or too small; None if there is no suspicion.
 
-    Compares the ranges (5 to 95 %) of both series, (n,) and (m,); where either does not move, their mean magnitudes.
+    The ranges (5 to 95 %) of both series, (n,) and (m,), are compared; where one is constant, their mean magnitudes.
     """
     ratio = _ratio(expected, measured)
     for factor, unit in _FACTORS:
-        for size, what in ((factor, f"is it in {unit}"), (1 / factor, f"was it converted from {unit} once too often")):
+        for size, what in ((factor, f"is it in {unit}"), (1 / factor, f"was it converted from {unit} twice")):
             if 0.8 < ratio / size < 1.25:
                 message = f"is {ratio:.4g} times as large as {than}, close to {size:.4g}: {what}?"
                 cure = f"Convert it: --map '{source}={1 / size:.7g}*{target}'"
@@ -68,49 +76,49 @@ def suspect_scale(
 
 
 def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
-    """A question where a link's numbers without a unit lie where its joint cannot go."""
+    """Question to the user if link positions without a stated unit exceed the joint's stops; None otherwise."""
     most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
     if column.quantity != "link_position" or column.stated or not len(values):
         return None
-    farthest = float(np.percentile(values, 98))  # single samples left out
+    farthest = float(np.percentile(values, 98))  # ignores single outliers
     if farthest < 1.5 * most:
         return None
     return (
-        f"{column.source}: states no unit and goes to {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
-        f"in degrees or mm? Say so with --map '{column.source}={joint}.link_position [deg]'"
+        f"{column.source}: states no unit and reaches {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
+        f"in degrees or mm? State the unit with --map '{column.source}={joint}.link_position [deg]'"
     )
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:
-    """The notes; more than two of one kind become one, with the words of the first and the places of the others."""
+    """Problems, where more than two with one code become one problem: the first message, and the keys of the others."""
     kinds: dict[str, list[Problem]] = {}
     for one in findings:
         kinds.setdefault(one.code, []).append(one)
     for code, notes in kinds.items():
         if len(notes) > 2:
             places = listed(dict.fromkeys(one.key for one in notes[1:] if one.key), 4)
-            message = f"{notes[0].message}; and {len(notes) - 1} more like it" + (f": {places}" if places else "")
+            message = f"{notes[0].message}; and {len(notes) - 1} similar problems" + (f": {places}" if places else "")
             kinds[code] = [replace(notes[0], message=message)]
     return [one for notes in kinds.values() for one in notes]
 
 
 def _alone(column: Column, raw: Array) -> Iterator[Problem]:
-    """What is odd about the numbers of one column. raw: in the file's unit."""
+    """Problems in the numbers of one column. raw: values in the file's unit."""
     missing = np.isnan(column.values)
     time, values, numbers = column.time[~missing], column.values[~missing], raw[~missing]
     if missing.all():
-        yield Problem("has no number at all", key=column.source, code="empty-column")
+        yield Problem("contains no number", key=column.source, code="empty-column")
         return
     if missing.any():
         message = (
             f"{int(missing.sum())} of {len(missing)} samples have no number, the first at t = {column.time[missing][0]:.6g} s"
         )
-        hint = "They are left out of every comparison, not bridged"
+        hint = "Comparisons skip these samples; they are not interpolated"
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
     for mark in _MARKS:
         others = numbers[numbers != mark]
         if len(numbers) - len(others) > 1 and len(others) and np.max(np.abs(others)) < 0.02 * abs(mark):
-            message = f"{len(numbers) - len(others)} numbers stand far from all others: do they mean a missing one?"
+            message = f"{len(numbers) - len(others)} numbers are far from all others: do they mark missing values?"
             cure = f"If so, state it in the document beside the file: `missing: {mark:g}`"
             yield Problem(message, key=column.source, value=mark, hint=cure, code="missing-mark")
     whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
@@ -121,11 +129,11 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         if jumps.any() and np.max(steps[~jumps], initial=0.0) < 0.1 * period:
             message = f"jumps by {period:.6g} {jumps.sum()} times, first at t = {time[1:][jumps][0]:.6g} s: "
             if series is values:
-                message += "does its encoder begin anew after a turn?"
-                hint = f"Let it go on: --map '{column.source}={column.meaning} unwrapped'"
+                message += "does its encoder restart after each turn?"
+                hint = f"Remove the jumps: --map '{column.source}={column.meaning} unwrapped'"
             else:
-                message += "are these negative numbers, read without their sign?"
-                hint = f"If so, take {period:.0f} from all above {period / 2:.0f}"
+                message += "are these negative numbers that were read as unsigned?"
+                hint = f"If so, subtract {period:.0f} from all numbers above {period / 2:.0f} in the file"
             yield Problem(message, key=column.source, hint=hint, code="wrapped" if series is values else "unsigned")
     if len(values) > 2 and np.ptp(values) == 0.0:
         hint = "" if str(column.quantity).startswith("reference") else "Was the sensor connected?"
@@ -134,28 +142,28 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
 
 
 def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
-    """A velocity that is not the slope of its position. Integrals are compared: slopes of measured numbers are noise."""
+    """Problem of a velocity that is not the derivative of the position. Compares integrals, as derivatives amplify noise."""
     time, angle, speed = _on_one_time(position, velocity)
     if len(time) < _FEWEST:
         return
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
-    # A velocity with a small offset departs from its position along a line.
+    # The integral of a small velocity offset is a straight line, which is removed.
     line = np.column_stack([np.ones_like(time), time - time[0]])
     angle, integral = (values - line @ np.linalg.lstsq(line, values, rcond=None)[0] for values in (angle, integral))
     correlation = _correlation(angle, integral)
     if correlation < -_FOLLOWS:
-        message = f"goes down where '{position.source}' rises: is the sign of one of them the other way round?"
-        hint = f"Turn it: --map '{velocity.source}=-{velocity.meaning}'"
+        message = f"is negative where '{position.source}' rises: is the sign of one column reversed?"
+        hint = f"Reverse it: --map '{velocity.source}=-{velocity.meaning}'"
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-sign")
     ratio = float(np.std(integral) / np.std(angle)) if correlation > _FOLLOWS else 1.0
     if not 1 / 1.5 < ratio < 1.5:
-        message = f"is {ratio:.3g} times the slope of '{position.source}': are the units of both right, and that of the time?"
-        hint = "57.3: a velocity in degrees, or .0175: a position; 9.55: rpm; 1000: thousandths; else: is one before the gear?"
+        message = f"is {ratio:.3g} times the slope of '{position.source}': are the units of position, velocity and time right?"
+        hint = "57.3: velocity in deg/s; 0.0175: position in deg; 9.55: rpm; 1000: thousandths; other: is one before the gear?"
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-unit")
 
 
 def _on_one_time(first: Column, second: Column) -> tuple[Array, Array, Array]:
-    """Time and numbers (n,) of both columns where both have one; none of them where one does not move."""
+    """Common times and the values of both columns there, (n,) each; empty where one column is constant."""
     known = np.isfinite(second.values)
     values = second.values
     if first.time is not second.time and known.any():
@@ -167,12 +175,12 @@ def _on_one_time(first: Column, second: Column) -> tuple[Array, Array, Array]:
 
 
 def _correlation(a: Array, b: Array) -> float:
-    """0 where one of them does not move."""
+    """Correlation coefficient of two series (n,); 0 where one of them is constant."""
     return float(np.corrcoef(a, b)[0, 1]) if min(np.ptp(a), np.ptp(b)) > 1e-9 else 0.0
 
 
 def _ratio(expected: Array, measured: Array) -> float:
-    """Size of what was measured over that of what was expected: of their ranges, or their magnitudes at rest; 0: unknown."""
+    """Ratio of the measured range to the expected range; at rest, ratio of the mean magnitudes; 0: unknown."""
     known = [values[np.isfinite(values)] for values in (expected, measured)]
     if not all(map(len, known)):
         return 0.0

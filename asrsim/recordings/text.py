@@ -1,4 +1,4 @@
-"""Reads delimited text, and cells of sheets: the layout by the first lines, then blocks of lines, fast where they are clean."""
+"""Reads delimited text and cells of sheets. The first lines decide the layout; then NumPy reads blocks of valid lines."""
 
 from __future__ import annotations
 
@@ -26,27 +26,27 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "-", "--"}
 _STAMP = re.compile(r"(\d{4}-\d\d-\d\d)?(?:(?:^|[T ])(\d\d:\d\d:\d\d)(?:[.,](\d+))?)?(Z|[-+]\d\d:?\d\d)?")
 """ISO 8601: a date, a time of day, or both."""
 _SAMPLE = 200
-"""Lines by which the layout of a file is found."""
+"""Number of lines at the start of a file that decide its layout."""
 _BLOCK = 20_000
-"""Lines read at a time; bounds the memory beside the numbers themselves."""
+"""Lines that are read at a time, which limits the memory for text."""
 Row = tuple[int, list[str]]
-"""Line and cells."""
+"""Line number and cells of a row."""
 
 
 def printable(text: str) -> str:
-    """The text without control characters and halves of characters, which would reach a terminal or fail there."""
+    """Text with "?" in place of control characters and invalid characters, which terminals must not receive."""
     return text if text.isprintable() else "".join(sign if sign.isprintable() else "?" for sign in text)
 
 
 def split(line: str, separator: str | None) -> list[str]:
-    """Cells of a line, stripped of blanks and quotes. separator: None for runs of blanks."""
+    """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
     if separator is not None and '"' in line:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip(' "') for cell in line.split(separator)]
 
 
 def number(cell: str, decimal: str) -> float | None:
-    """The cell's number, NaN where it is missing, None where it is text."""
+    """Number in the cell; NaN for a missing value, None for text."""
     try:
         return float(cell.replace(",", ".") if decimal == "," else cell) if "_" not in cell else None
     except ValueError:
@@ -54,7 +54,7 @@ def number(cell: str, decimal: str) -> float | None:
 
 
 def stamp_ns(cell: str) -> int | None:
-    """Nanoseconds since 1970 of a date (UTC where no zone is given), since midnight of a time of day, or None."""
+    """Unix time in ns of a date (UTC by default), or ns since midnight for a time of day; None for other text."""
     found = _STAMP.fullmatch(cell)
     if found is None or not (found[1] or found[2]):
         return None
@@ -67,14 +67,14 @@ def stamp_ns(cell: str) -> int | None:
 
 
 def share_of_values(cells: Sequence[str], decimal: str) -> float:
-    """Fraction of cells that are numbers, missing or dates; 0 for a row of missing ones."""
+    """Fraction of cells that are numbers, dates or missing; 0 if all cells are missing."""
     values = [number(cell, decimal) is not None or stamp_ns(cell) is not None for cell in cells]
     filled = any(value and cell.lower() not in MISSING for value, cell in zip(values, cells, strict=True))
     return sum(values) / len(cells) if filled else 0.0
 
 
 def kind_of(cells: Sequence[str], decimal: str) -> str:
-    """What a column holds by its cells: `number`, `stamp` or `text`."""
+    """Kind of a column by its cells: `number`, `stamp` (dates and times) or `text`."""
     filled = [cell for cell in cells if cell.lower() not in MISSING]
     numbers = sum(number(cell, decimal) is not None for cell in filled)
     stamps = sum(stamp_ns(cell) is not None for cell in filled)
@@ -83,27 +83,27 @@ def kind_of(cells: Sequence[str], decimal: str) -> str:
 
 @dataclass(kw_only=True)
 class Rows:
-    """How the rows of a table are read, and what was wrong with lines and cells."""
+    """Layout of a table, and the faults of its lines and cells."""
 
     separator: str | None
-    """None: runs of white space."""
+    """Separator of cells; None: runs of white space."""
     decimal: str
     names: tuple[str, ...]
     units: tuple[str, ...]
-    """Of a row of their own beside the names, else empty."""
+    """Unit of each column from a row of units; "" without such a row."""
     kinds: tuple[str, ...]
-    """Of columns: number, stamp or text."""
+    """Kind of each column: number, stamp or text."""
     header: int
-    """Line of the names; 0: there are none."""
+    """Line of the names; 0: the file has no names."""
     first: int
     """Line of the first row of numbers."""
     faults: dict[tuple[str, int], tuple[list[int], str]] = field(default_factory=dict)
-    """Code and column (-1: whole lines) -> lines and the first cell."""
+    """(code of the problem, column) -> (lines, text of the first cell); column -1 stands for whole lines."""
     zeros: dict[int, int] = field(default_factory=dict)
-    """Column of dates -> ns of the first."""
+    """Index of a column of dates -> first date, ns."""
 
     def read(self, rows: Iterable[Row]) -> tuple[Array, NDArray[np.int64]]:
-        """Numbers and lines. Rows of another length are left out, cells that are no numbers are NaN; both are noted."""
+        """Numbers and line numbers of the rows. Rows of another length are skipped, text becomes NaN; both are reported."""
         found: list[list[float]] = []
         kept: list[int] = []
         for line, cells in rows:
@@ -117,7 +117,7 @@ class Rows:
         return np.array(found, dtype=float).reshape(len(found), len(self.names)), np.array(kept, dtype=np.int64)
 
     def fast(self, block: Sequence[str]) -> Array | None:
-        """All lines at once by NumPy's reader; None where a line needs a closer look."""
+        """Numbers of all lines, read by NumPy at once; None where a line is not a plain row of numbers."""
         if {*self.kinds} != {"number"}:
             return None
         try:
@@ -125,7 +125,7 @@ class Rows:
             values = np.loadtxt(lines, delimiter=self.separator, comments=None, ndmin=2)
         except ValueError:
             return None
-        # NumPy passes over blank lines, which would shift the line numbers.
+        # NumPy skips blank lines, which would shift the line numbers.
         return values if values.shape == (len(block), len(self.names)) else None
 
     def _value(self, cell: str, column: int, line: int) -> float:
@@ -141,12 +141,12 @@ class Rows:
         self.faults.setdefault((code, column), ([], printable(cell[:30])))[0].append(line)
 
     def content(self, form: str, values: Array, lines: NDArray[np.int64]) -> Content:
-        """The table with its findings, one of each kind."""
+        """Content with the table, and one problem for each kind of fault."""
         findings = []
         for (code, column), (where, cell) in sorted(self.faults.items()):
-            message = f"{len(where)} cells are no numbers and count as missing, such as '{cell}'"
+            message = f"{len(where)} cells are not numbers, such as '{cell}', and are read as missing"
             if column < 0:
-                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields, or the like, are left out"
+                message = f"{len(where)} rows with {cell} instead of {len(self.names)} fields (or another number) are skipped"
             message += f": line{'s' if len(where) > 1 else ''} {listed(where, 8)}"
             key = self.names[column] if column >= 0 else None
             findings.append(Problem(message, line=where[0], key=key, code=code))
@@ -166,7 +166,7 @@ class Rows:
 
 
 def read_text(path: Path, reading: Reading) -> Content:
-    """The table of a text file. Raises RecordingError if there is none."""
+    """Content of a text file. Raises RecordingError if it contains no table."""
     encoding = reading.encoding or _encoding(path)
     with path.open(encoding=encoding, errors="replace") as stream:
         lines = [(i, line.strip("\r\n")) for i, line in enumerate(itertools.islice(stream, _SAMPLE), start=1)]
@@ -192,7 +192,7 @@ def read_text(path: Path, reading: Reading) -> Content:
 
 
 def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
-    """The table of rows of cells, as a sheet or a list of records has them."""
+    """Content made of rows of cells, from a sheet or a list of records."""
     width = max((len(row) for row in rows), default=0)
     counted = [(i, row + [""] * (width - len(row))) for i, row in enumerate(rows, start=1) if any(row)]
     if not counted:
@@ -202,16 +202,16 @@ def read_cells(form: str, rows: list[list[str]], reading: Reading) -> Content:
 
 
 def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: str | None) -> Rows:
-    """The layout by the first rows. Raises RecordingError where they hold no table, or a header of another length."""
+    """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     columns = Counter(len(cells) for _, cells in rows[len(rows) // 2 :]).most_common(1)[0][0]
 
     def share(row: Row) -> float | None:
-        """Fraction of values in a row; None for rows of another length, and comments."""
+        """Fraction of the row's cells that are values; None for comments and rows of another length."""
         line, cells = row
         whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
         return share_of_values(cells, decimal) if whole else None
 
-    # "Samples 400 400" above a header is no row of numbers: it has fewer of them than most rows, and words follow.
+    # A line such as "Samples 400 400" above the header is no data: it has fewer numbers than most rows, and text follows.
     shares = [*map(share, rows), None]
     usual = max(0.5, float(np.median([one for one in shares if one is not None] or [1.0])))
     whole = [one is not None and one >= usual for one in shares]
@@ -220,8 +220,8 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
     )
     if place is None:
         raise RecordingError(
-            "no row of numbers found", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
-            hint="Expected columns separated by comma, semicolon, tab or blanks, with at most a header above",
+            "contains no row of numbers", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
+            hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
     fitting = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
     fitting = [(line, cells) for line, cells in fitting if len(cells) == columns and share_of_values(cells, decimal) < 0.5]
@@ -231,7 +231,7 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
     if place and not header and reading.header is None and not by_numbers and len(rows[place - 1][1]) > 2:
         line, names = rows[place - 1]
         raise RecordingError(
-            f"the header has {len(names)} names, its rows have {columns} fields", line=line, code="header-misfit",
+            f"the header has {len(names)} names, but the rows have {columns} fields", line=line, code="header-misfit",
             hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
         )  # fmt: skip
     data = [cells for _, cells in rows[place:] if len(cells) == columns]
@@ -243,25 +243,28 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
 
 
 def _encoding(path: Path) -> str:
-    """By the byte-order mark, else UTF-8 if the start is, else Latin-1. Raises RecordingError for binary files."""
+    """Encoding, by the byte-order mark; else UTF-8 if the start is valid, else Latin-1. Raises RecordingError if binary."""
     with path.open("rb") as stream:
         start = stream.read(65536)
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if b"\0" in start.rstrip(b"\0"):
         raise RecordingError(
-            "is not a text file (it holds zero bytes)", file=path, code="binary", hint="The ending of its name says the format"
+            "is not a text file (it contains zero bytes)",
+            file=path,
+            code="binary",
+            hint="Give it the ending of its format",
         )
     try:
         start.decode("utf-8")
     except UnicodeDecodeError as error:
-        # A character cut at the end of the sample is no sign of another encoding.
+        # The end of the sample may split a valid character.
         return "latin-1" if error.start < len(start) - 4 else "utf-8-sig"
     return "utf-8-sig"
 
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
-    """Separator and decimal mark that turn most cells into numbers, of those that are not stated."""
+    """Separator and decimal mark that make most cells numbers; values stated in `reading` are kept."""
     best: tuple[float, str | None, str] = (-1.0, None, ".")
     for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
         rows = [split(line, separator) for line in lines]
@@ -269,17 +272,17 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]
         for decimal in (reading.decimal,) if reading.decimal else (".", ","):
             if decimal == separator and not reading.decimal:
                 continue
-            # A separator that ends each line makes a blank cell there, which is no sign against it.
+            # A separator at the end of each line makes a blank last cell, which must not lower the score.
             whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
             good = sum(share_of_values(row, decimal) for row in whole) / len(rows)
-            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # one column is the last resort
+            score = round(good - (0.4 if columns == 1 else 0.0), 3)  # a layout with one column is chosen only if no other fits
             if score > best[0]:
                 best = score, separator, decimal
     return best[1], best[2]
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    """Cells of a line above the numbers. Where blanks separate, a unit in brackets belongs to the word before it."""
+    """Cells of a line above the numbers. If blanks separate cells, a unit in brackets stays with the word before it."""
     if separator is None:
         line = re.sub(r"^\s*(#|%|//)\s*", r"\1", line)
         line = re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
@@ -287,7 +290,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _uncommented(cells: list[str]) -> list[str]:
-    """The cells of a header, which may stand in a comment: `# t, q1`, `%Time (s)`."""
+    """Cells of a header without a comment sign, as in `# t, q1` and `%Time (s)`."""
     return [cells[0].lstrip(" #%/"), *cells[1:]] if cells[0].startswith(COMMENTS) else cells
 
 
@@ -301,7 +304,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without repeats or blanks: the second q becomes q#2, a blank one column_4."""
+    """Unique names: the second q becomes q#2, and a blank fourth name column_4."""
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):

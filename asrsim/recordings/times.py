@@ -1,4 +1,4 @@
-"""The time of each table: which column it is, its unit, and the samples that are left out so that it rises. All is reported."""
+"""Finds the time column and time unit of each table, and removes samples whose time does not increase. All is reported."""
 
 from __future__ import annotations
 
@@ -21,42 +21,42 @@ from asrsim.samples import Array
 TIME_WORDS = {"time", "times", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date",
               "seconds", "sec", "secs", "millis", "micros", "nanos", "epoch", "unix", "utc", "header", "field", "rosbag",
               "zeit", "s", "ms", "us", "ns"}  # fmt: skip
-"""Words that name a time. A name with another word names none: `sample_time`, `time_constant`."""
+"""Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 _FRACTIONS = {"nanosec": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanoseconds": 1e-9, "usec": 1e-6, "usecs": 1e-6}
-"""Last word of a column beside whole seconds -> s of its unit."""
+"""Last word in the name of a column with fractions of a second -> size of its unit, s."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 EPOCH = 1e8
-"""s above which a time is a date (1973 and later)."""
+"""Times above this value are Unix times (1973 and later), s."""
 FASTEST, SLOWEST = 3e-5, 0.5
-"""s between two samples: outside of this range a stated unit is suspected, and no unit is assumed."""
+"""Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and no unit is assumed."""
 _DIGITS = 9
-"""Decimals of a second: stamps that differ by less are equal; slopes between them would leave the range of numbers."""
+"""Decimals of a second to which stamps are compared; slopes over shorter steps would overflow."""
 _SAME_CLOCK = 1.0
-"""s by which the stamps in headers may differ from the time of recording and still be of the same clock."""
+"""Largest difference between header stamps and times of recording on one clock, s."""
 _GAP = 1.7
-"""Steps in units of the usual step above which samples are missing."""
+"""Ratio to the usual time step above which a step contains missing samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """The time of a table."""
+    """Time of a table, and the columns that it was made of."""
 
     name: str
     seconds: Array
-    """(n,) s; NaN where there is none."""
+    """Times (n,), s; NaN where a row has none."""
     zero: int = 0
-    """Of dates and stamps: ns of the clock at which `seconds` is 0."""
+    """Clock reading at which `seconds` is 0, ns; 0 for times that are neither dates nor stamps."""
     used: frozenset[int] = frozenset()
-    """Indices of columns that are no signals."""
+    """Indices of the columns that are times, not signals."""
     described: str = ""
-    """Its column and unit, as a document states them."""
+    """Column and unit of the time, in the syntax of a reading document."""
 
 
 def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tuple[list[RawSeries], float | None]:
-    """All columns on clean times, and the Unix time in s of time 0 where the file has dates.
+    """All columns at strictly increasing times, and the Unix time of time 0 in s (None without dates).
 
-    Dates count from the earliest of the file. Raises RecordingError where no table has a time.
+    Dates count from the earliest date in the file. Raises RecordingError where no table has a time.
     """
     faults: list[Problem] = []
     found: list[tuple[RawTable, Clock, NDArray[np.bool_]]] = []
@@ -80,28 +80,28 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
             for i, column in enumerate(table.columns) if i not in clock.used
         ]  # fmt: skip
     if not series:
-        message = "has no column beside its time; expected a time and at least one signal"
+        message = "has only a time column; expected a time and at least one signal"
         hint = "For a signal without a time give the sampling rate with --rate"
         raise RecordingError(faults or Problem(message, code="one-column", hint=hint))
-    findings += [replace(one, message=f"is not read: {one.message}", code="unread") for one in faults]
+    findings += [replace(one, message=f"table is not read: {one.message}", code="unread") for one in faults]
     return series, first * 1e-9 if starts else None
 
 
 def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
-    """The time of messages: of their headers where it agrees with the time of recording, or where that is stated."""
+    """Time of messages: header stamps if the user chose them or they agree with the times of recording, which are used else."""
     received, stamped = np.asarray(table.received), table.stamped
     lag = np.inf if stamped is None else float(np.median(stamped - received)) * 1e-9
     by_header = reading.time.columns == ("header",) or (reading.time.columns != ("received",) and abs(lag) < _SAME_CLOCK)
     ns = stamped if by_header and stamped is not None else received
     if stamped is not None and not by_header and not reading.time.columns:
-        message = f"two time bases: header stamps are {abs(lag):.6g} s off the time of recording, which is used"
+        message = f"two time bases: header stamps differ by {abs(lag):.6g} s from the time of recording, which is used"
         findings.append(
             Problem(message, key=table.name, code="two-time-bases", hint="Use the stamps with `time: header` in its document")
         )
     if table.stamped is None:
         findings += [
-            Problem("is named as a time; the time of recording is used", key=column.name, code="two-time-bases",
-                    hint=f"Use it with --map '{column.name}=time [unit]'")
+            Problem("has the name of a time, but the time of recording is used", key=column.name, code="two-time-bases",
+                    hint=f"To use this column: --map '{column.name}=time [unit]'")
             for column in table.columns if is_named_time(column)
         ]  # fmt: skip
     zero = int(np.median(ns))
@@ -109,22 +109,22 @@ def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> 
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
-    """Whether a column is named as a time: by each of its words, or by one word with a unit of time."""
+    """Whether a name means a time: all of its words do, or it is a single word with a unit of time."""
     words = [word for word in tokens_of(name) if not word.isdecimal()]
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
-    # LabVIEW calls it X_Value.
+    # LabVIEW calls the time X_Value.
     return words == ["x", "value"] or (bool(words) and {*words} <= TIME_WORDS | {*_FRACTIONS} and words != ["field"])
 
 
 def is_named_time(column: RawColumn) -> bool:
-    """Whether a column is a time by its name, its unit or its cells, which are dates."""
+    """Whether a column is a time, by its name and unit, or because its cells are dates."""
     name, unit = split_header(column.name)
     return column.zero is not None or is_time(re.split(r"[./]", name)[-1] or name, find_unit(column.unit) or unit)
 
 
 def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
-    """The time of a table: that which is stated, else the first column that is named so."""
+    """Time of a table: the column that the user states, else the first column with the name of a time."""
     columns, stated = table.columns, reading.time.columns
     mapped = {find_raw(one.column, columns) for one in reading.maps}
     named = [i for i, column in enumerate(columns) if is_named_time(column) and i not in mapped]
@@ -135,21 +135,21 @@ def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> C
     places = []
     for name in stated:
         if (place := find_raw(name, columns)) is None:
-            raise RecordingError("there is no such column for the time", key=name, choices=tuple(names[:12]), code="no-time")
+            raise RecordingError("the file has no such time column", key=name, choices=tuple(names[:12]), code="no-time")
         places.append(place)
     if not places and not named:
         raise RecordingError(
-            f"no time column found among {listed(names, 20)}", code="no-time",
+            f"none of the columns is a time: {listed(names, 20)}", code="no-time",
             hint="Name the time with --map COLUMN=time [unit], or give the sampling rate with --rate",
         )  # fmt: skip
     places = places or _seconds_and_rest(columns, named)
     others = [i for i in named if i > max(places)]
     if others and not stated:
-        # Where signals stand between two times, as in `time, q1, time, q2`, each time belongs to those behind it.
+        # In a table such as `time, q1, time, q2`, each time belongs to the signals that follow it.
         apart = next((i for i in others if any(j not in named for j in range(places[0], i))), len(columns))
         left = [i for i in range(apart, len(columns)) if i not in named]
-        message = f"is a further time beside '{names[places[0]]}', which is used"
-        message += f"; the columns behind it are not read: {listed([names[i] for i in left], 8)}" if left else ""
+        message = f"is a second time column; '{names[places[0]]}' is used"
+        message += f"; the columns after it are not read: {listed([names[i] for i in left], 8)}" if left else ""
         hint = f"If it is the time of all columns: --map '{names[others[0]]}=time'"
         findings.append(Problem(message, key=names[others[0]], hint=hint, code="second-time"))
         named += left
@@ -161,7 +161,7 @@ def _last_word(column: RawColumn) -> str:
 
 
 def _seconds_and_rest(columns: Sequence[RawColumn], named: list[int]) -> list[int]:
-    """The first column that is named as a time, with those that complete it: nanoseconds, or the time of day of a date."""
+    """Indices of the first time column and the column added to it: nanoseconds, or the time of day of a date."""
     whole = [i for i in named if _last_word(columns[i]) in ("sec", "secs", "seconds")]
     parts = [i for i in named if _last_word(columns[i]) in _FRACTIONS]
     if whole and parts:
@@ -171,7 +171,7 @@ def _seconds_and_rest(columns: Sequence[RawColumn], named: list[int]) -> list[in
 
 
 def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: list[Problem]) -> Clock:
-    """The time of these columns in s."""
+    """Time in s made of the columns with the indices `places`."""
     columns = [table.columns[place] for place in places]
     first, name = columns[0], columns[0].name
     label = json.dumps(name if len(columns) == 1 else [column.name for column in columns], ensure_ascii=False)
@@ -180,9 +180,9 @@ def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: l
         for column in columns:
             size = _FRACTIONS.get(_last_word(column), 1.0)
             if column is not first and column.zero is None and size == 1.0:
-                message = "is added to the time, and its name has no unit such as nanosec"
+                message = "is added to the time, so its name must end with a unit such as nanosec"
                 raise RecordingError(message, code="unknown-unit", key=column.name)
-            # Whole seconds since 1970 leave few digits of a float for the fraction.
+            # The start is subtracted first: a Unix time in s leaves too few digits of a float for the fraction.
             whole = column.zero is None and size == 1.0 and np.isfinite(column.values[0])
             start = round(column.values[0]) if whole else 0
             zero += start * 10**9 + (column.zero or 0)
@@ -195,7 +195,7 @@ def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: l
     factor = reading.time.factor or (unit.factor if unit is not None and unit.si == "s" else None)
     if factor is None and first.unit:
         hint = f"State it: --map '{name}=time [ms]'"
-        raise RecordingError(f"the unit of this time is not known: {first.unit}", key=name, code="unknown-unit", hint=hint)
+        raise RecordingError(f"the unit of this time is unknown: {first.unit}", key=name, code="unknown-unit", hint=hint)
     if not np.isfinite(first.values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
     factor = _factor(first.values, factor, name=name, findings=findings, trusted=reading.time.unit is not None)
@@ -205,9 +205,9 @@ def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: l
 
 
 def _factor(values: Array, factor: float | None, *, name: str, findings: list[Problem], trusted: bool) -> float:
-    """s per unit of a time: as it is stated, else the one by which a sample takes at most 0.2 s, which is reported.
+    """Size of the time unit, s: as stated, else the largest of s, ms, us, ns with time steps up to 0.2 s, which is reported.
 
-    trusted: the user states the unit, which is not suspected. Raises RecordingError where no unit gives usual samples.
+    trusted: The user states the unit, which is not checked. Raises RecordingError where no unit gives plausible steps.
     """
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     step = float(np.median(steps[steps > 0])) if steps.any() else 0.0
@@ -215,29 +215,29 @@ def _factor(values: Array, factor: float | None, *, name: str, findings: list[Pr
     if factor is None:
         if usual is None:
             raise RecordingError(
-                f"its unit is not clear: its samples are {step:g} apart", key=name, code="time-unit",
+                f"the time unit is unclear: the samples are {step:g} apart", key=name, code="time-unit",
                 hint=f"State it: --map '{name}=time [ms]'; s, ms, us, ns, min, h and days are known",
             )  # fmt: skip
         if usual != "s":
-            message = f"time states no unit; read as {usual}, since its samples are {step:g} apart"
-            hint = f"Say otherwise with --map '{name}=time [s]', or --rate where it counts the rows"
+            message = f"the time states no unit; {usual} is assumed, since the samples are {step:g} apart"
+            hint = f"State another unit with --map '{name}=time [s]', or give --rate if the column counts rows"
             findings.append(Problem(message, key=name, hint=hint, code="time-unit-assumed"))
         return _SECONDS[usual]
     if step and not trusted and not FASTEST <= step * factor <= SLOWEST:
         other = usual or "s"
-        message = f"its samples are {step * factor:g} s apart by the unit that it states"
+        message = f"its samples are {step * factor:g} s apart in its stated unit"
         message += f"; in {other} they would be {step * _SECONDS[other]:g} s"
         findings.append(Problem(message, key=name, hint=f"If so: --map '{name}=time [{other}]'", code="suspected-time"))
     return factor
 
 
 def _since_first_date(values: Array, factor: float) -> tuple[Array, int]:
-    """Time in s, and the Unix time in ns of its zero: of dates the first, else 0."""
+    """Times in s, and the Unix time in ns of time 0; for Unix times the first is time 0, other times stay as they are."""
     size = float(np.nanpercentile(values, 50, method="nearest"))
     if size * factor <= EPOCH:
         return values * factor, 0
     zero = float(values[np.abs(values - size) * factor < EPOCH][0])
-    # A float of 1.7e9 s resolves 2.4e-7 s: rounded to what was written, a sample at 0.2 s is at 0.2 s again.
+    # A float of 1.7e9 s resolves 2.4e-7 s. Rounding restores the written digits: 0.2 s instead of 0.20000005 s.
     digits = int(np.floor(-np.log10(np.spacing(size) * factor)))
     return np.round((values - zero) * factor, digits), round(zero * factor * 1e9)
 
@@ -245,16 +245,17 @@ def _since_first_date(values: Array, factor: float) -> tuple[Array, int]:
 def clean_time(
     time: Array, lines: NDArray[np.int64] | None, *, name: str, findings: list[Problem]
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Which samples to keep: as many as rise strictly in time, the first of those with one stamp; the others are reported.
+    """Mask of the samples to keep: the longest series of strictly increasing times. Removed samples are reported.
 
-    Raises RecordingError where many are left out, or the time jumps far: two time bases, or two recordings in one file.
+    Of samples with equal stamps the first is kept. Raises RecordingError where many samples are removed or the time jumps far,
+    as with two time bases or two recordings in one file.
     """
     where = np.arange(1, len(time) + 1) if lines is None else lines
     noun = "sample" if lines is None else "line"
     keep = np.ones(len(time), dtype=bool)
 
     def leave_out(bad: NDArray[np.int64], what: str, code: str, most: float, why: str) -> None:
-        """Leaves samples out; raises RecordingError where they are more than a fraction of all."""
+        """Remove samples. Raises RecordingError where they exceed the fraction `most` of all samples."""
         if not len(bad):
             return
         keep[bad] = False
@@ -264,7 +265,7 @@ def clean_time(
             raise RecordingError(message, key=name, line=line, hint="Split the file, or give --rate", code=code)
         findings.append(Problem(f"{message}, left out: {noun} {listed(where[bad], 8)}", key=name, code=code, line=line))
 
-    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "times are no numbers", "bad-time", 1.0, "")
+    leave_out(np.flatnonzero(~(np.abs(time) < 1e30)), "times are not numbers", "bad-time", 1.0, "")
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
@@ -274,7 +275,7 @@ def clean_time(
         falling = np.delete(valid, rising(stamps[valid]))
         leave_out(falling, "time stamps that do not rise", "two-time-bases", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:
-        message = f"{int(keep.sum())} samples with a valid time that rises; at least 2 are needed"
+        message = f"{int(keep.sum())} samples have increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")
     t, steps = time[keep], np.diff(time[keep])
     worst = int(np.argmax(steps))
@@ -293,7 +294,7 @@ def clean_time(
 
 
 def rising(values: Array) -> list[int]:
-    """Indices of the longest part of the values (n,) that rises strictly; of equal values the first."""
+    """Indices of the longest strictly increasing subsequence of the values (n,)."""
     ends: list[float] = []
     places: list[int] = []
     before = np.full(len(values), -1)

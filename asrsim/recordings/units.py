@@ -1,4 +1,4 @@
-"""Units of columns: symbols in headers, their SI unit and factor. Every conversion is shown to the user."""
+"""Units of columns: finds unit symbols in headers, with their SI unit and conversion factor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.quantities import PRISMATIC_UNITS
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as written, its SI unit, and the factor to it."""
+    """Symbol of a unit, its SI unit, and the factor from this unit to the SI unit."""
 
     symbol: str
     si: str
@@ -69,33 +69,33 @@ _TABLE: tuple[tuple[str, float, str], ...] = (
     ("degC", 1.0, "°C degC"),
     ("1", 1.0, "1 -"),
     ("1", 1e-2, "% percent"),
-    # What a converter or a drive counts in has no SI unit until somebody says how much one count is.
+    # Counts of a converter or drive have no SI unit until the user states the size of a count.
     ("counts", 1.0, "counts count ticks pulses increments inc lsb adc raw"),
 )  # fmt: skip
 UNITS: dict[str, Unit] = {
     spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings.split()
 }
-"""Every spelling that is understood."""
+"""Spelling -> unit, for all known spellings."""
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _BRACKETED = re.compile(r"[\[(<{]\s*(?P<unit>[^\[\](){}<>]*?)\s*[\])>}]")
 _SLASH = re.compile(r"^(?P<name>.*?[^\s/])\s*/\s*(?P<unit>[^\s/]+(?:/s)?)$")
-"""`t / ms`, `tau1/mNm`."""
+"""Pattern of a name and a unit after a slash: `t / ms`, `tau1/mNm`."""
 _SPELT = ("position", "angle", "velocity", "reference", "deflection", "force", "torque", "voltage", "current", "time", "t")
-"""Words behind which one letter is a unit: `position_m`, but in `pos_m` or `theta_m` it may be the motor."""
+"""Words after which a single letter is a unit, as in `position_m`. In `pos_m` or `theta_m`, m may mean motor."""
 _NUMBERED = re.compile(r"_(?P<unit>m?deg|mrad|rad|rpm)(?=_?\d+$|\[\d+\]$)")
-"""A unit before the number of a joint: `q_deg_1`, `q_deg[0]`."""
+"""Pattern of a unit before the number of a joint: `q_deg_1`, `q_deg[0]`."""
 
 
 def find_unit(text: str) -> Unit | None:
-    """The unit of that spelling, or None."""
+    """Unit with this spelling; None if it is unknown."""
     plain = text.strip().strip("[](){}<>").replace(" ", "")
     for sign, usual in (("º", "°"), ("μ", "µ"), ("²", "^2")):
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    # newton-metre, N·m, lbf-ft: a force times a length, however they are joined
+    # newton-metre, N·m, lbf-ft: a force times a length, with any sign between them
     joined = re.sub("(?<=[A-Za-z])[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))
@@ -105,23 +105,23 @@ def find_unit(text: str) -> Unit | None:
 
 
 def parse_unit(text: str) -> Unit:
-    """The unit of that spelling; raises RecordingError naming the known ones."""
+    """Unit with this spelling. Raises RecordingError, which lists the known units."""
     unit = find_unit(text) or _multiple(text)
     if unit is None:
         hint = did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}"
-        raise RecordingError("is not a unit that is known here", value=text, hint=hint, code="unknown-unit")
+        raise RecordingError("is not a known unit", value=text, hint=hint, code="unknown-unit")
     return unit
 
 
 def _multiple(text: str) -> Unit | None:
-    """A number of units: `250us`, `0.1 deg`."""
+    """Multiple of a unit, such as `250us` and `0.1 deg`; None for other text."""
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\d\s/].*)", text)
     unit = find_unit(match[2]) if match else None
     return None if match is None or unit is None else Unit(text.strip(), unit.si, float(match[1]) * unit.factor)
 
 
 def split_header(header: str) -> tuple[str, Unit | None]:
-    """Name and unit of a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; None where it states no unit."""
+    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if not stated."""
     text = header.strip(' "')
     for inner in reversed([*_BRACKETED.finditer(text)]):
         name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
@@ -141,7 +141,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         name, tail = "_".join(tokens[:-count]), "_".join(tokens[-count:])
         unit, stem = find_unit(tail), re.split(r"[./]", re.sub(r"\d+$", "", tokens[-count - 1].lower()))[-1]
         if unit is None or unit.si in ("1", "counts") or (tail in ("min", "h") and stem not in ("t", "time")):
-            continue  # q_min is the least q, t_min a time in minutes
+            continue  # q_min is the smallest q, but t_min is a time in minutes
         if len(tail) > 1 or stem in _SPELT:
             return re.sub(r"(?<=.)_in$", "", name), unit
     if (numbered := _NUMBERED.search(text)) is not None:
@@ -150,7 +150,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 
 
 def fits(unit: str, quantity_unit: str) -> bool:
-    """Whether a column's SI unit can be a quantity's: equal, or its counterpart of a prismatic joint."""
+    """Whether a column's SI unit fits a quantity: it equals the quantity's unit, or the unit for a prismatic joint."""
     if quantity_unit == "":
         return unit in ("", "1", "V", "A", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
     return unit in ("", quantity_unit) or PRISMATIC_UNITS.get(quantity_unit) == unit

@@ -1,1 +1,1 @@
-"""Runs and their folders: simulate into a folder with log and summary, and repeat a run from its log."""
+"""Runs and their folders: simulates into a folder with log and summary, and repeats a run from its log."""

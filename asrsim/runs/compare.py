@@ -1,4 +1,4 @@
-"""Compares the samples of a repeated run with those of its log, bit for bit."""
+"""Compares the samples of a repeated run bit for bit with the samples in its log."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from asrsim.samples import Array, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A series that came out otherwise, at its first differing sample."""
+    """First difference between a logged and a repeated series."""
 
     kind: str
-    """time, value, body or contact."""
+    """Kind of series: time, value, body or contact."""
     name: str
-    """Quantity, body or pair of bodies."""
+    """Name of the quantity, body or pair of bodies."""
     joint: str | None
     time: float
-    """s."""
+    """Time of the first differing sample, s."""
     sample: int
-    """Index of the sample, from 0."""
+    """Index of the first differing sample, from 0."""
     logged: float
     repeated: float
     count: int
-    """Samples that differ."""
+    """Number of samples that differ."""
 
     def __str__(self) -> str:
         what = f"{self.name} of {self.joint}" if self.joint else self.name
@@ -38,7 +38,7 @@ class Difference:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; numbers that are not finite as text."""
+        """Fields as plain values for JSON; NaN and infinite numbers become text."""
         return {
             key: str(value) if isinstance(value, float) and not np.isfinite(value) else value
             for key, value in vars(self).items()
@@ -46,7 +46,7 @@ class Difference:
 
 
 class Comparer:
-    """A sink that holds samples against those of a log, in memory that does not grow."""
+    """Sink that compares samples with those of a log, in constant memory."""
 
     def __init__(self, reader: LogReader) -> None:
         self._chunks: Iterator[Samples] = reader.iter_samples()
@@ -54,17 +54,17 @@ class Comparer:
         self._row = 0
         self._found: dict[tuple[str, str, str | None], Difference] = {}
         self.samples = 0
-        """Samples compared."""
+        """Number of samples compared so far."""
         self.exhausted = False
-        """The log has no more."""
+        """True: all samples of the log were compared."""
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Differing series in the order in which they appear."""
+        """Differing series in the order of their first difference."""
         return tuple(sorted(self._found.values(), key=lambda one: one.sample))
 
     def write(self, samples: Samples) -> None:
-        """Hold a chunk of the repeated run against the log."""
+        """Compare a chunk of the repeated run with the log."""
         position = 0
         while position < len(samples.time):
             logged = self._ahead()
@@ -78,7 +78,7 @@ class Comparer:
             self.samples += count
 
     def rest(self) -> int:
-        """Number of samples of the log that were not compared; reads it to its end."""
+        """Number of samples at the end of the log that were not compared."""
         count = 0
         while (logged := self._ahead()) is not None:
             count += len(logged.time) - self._row

@@ -1,7 +1,7 @@
-"""Writes into the description of a run everything that its log needs to repeat it, bit for bit.
+"""Completes the description of a run, so that its log suffices to repeat the run bit for bit.
 
-A scenario and a robot that were changed after they were read (learned and planned references, other parameters, masses,
-friction) differ from the files that they name. What differs is written into the description.
+A scenario or robot may have changed after it was read (learned and planned references, parameters, masses, friction), and
+then differs from its file. These differences are written into the description.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 UNREPEATABLE = "unrepeatable"
-"""Metadata: what was changed about a run that no document can say."""
+"""Metadata key: names of the changes that no document can express."""
 LIVE = "live"
-"""Metadata: the run was stepped in real time; its log holds what was set from outside."""
+"""Metadata key: the run was live, and its log contains the commands from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
     "resolved", "lines", "joint_order", "namespace", "desired", "inverse_dynamics",
@@ -36,10 +36,15 @@ _NOT_OF_THE_RUN = {
 
 
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
-    """The description `info` of a run of `scenario`, with `robot` if one was given in place of the scenario's.
+    """Description of a run, with all changes of the scenario and robot since they were read.
 
-    References that the library computed become playbacks of an attached table; other changes go where a file says them.
+    Computed references become playbacks of an attached table. Other changes are written under their key in the scenario.
     The scenario's path becomes absolute, so that runs of different projects can be distinguished.
+
+    Args:
+        info: Description without the changes.
+        scenario: Scenario of the run.
+        robot: Robot in place of the scenario's robot, if given.
     """
     files: dict[str, bytes] = {}
     resolved = dict(scenario.resolved)
@@ -60,7 +65,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
                     lost.append(name)
         tables = ("references", "inverse_dynamics")
         if any(not _alike(getattr(scenario, name), getattr(as_read, name)) for name in tables):
-            # They stand beside the references, which were written anew or as they were read.
+            # The key of inverse dynamics is part of `references`, which may be rewritten above.
             written = {joint: dict(signals) for joint, signals in resolved.get("references", {}).items()}
             for signals in written.values():
                 signals.pop(INVERSE_DYNAMICS, None)
@@ -87,7 +92,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
 
 
 def _as_read(scenario: Scenario) -> Scenario | None:
-    """What the scenario's plain data give when they are read again; None where they cannot be read here."""
+    """Scenario as its plain data state it, without later changes; None where the data cannot be read."""
     from asrsim.scenario import scenario_from_data
 
     keys = {key: value for key, value in scenario.resolved.items() if key not in ("expect", "ilc")}
@@ -108,19 +113,19 @@ def _alike(one: Any, other: Any) -> bool:
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
         return len(one) == len(other) and all(_alike(a, b) for a, b in zip(one, other, strict=True))
     if isinstance(one, Signal) and not is_dataclass(one):
-        # A kind of the user's that cannot be compared: it came from a document.
+        # Users' signals without fields cannot be compared. They come from a document, so equal types mean equal signals.
         return type(one) is type(other)
     return bool(one == other)
 
 
 def _signal(signal: Signal, files: dict[str, bytes]) -> Any:
-    """A signal as a document says it. Raises TypeError for a kind that no document has."""
+    """Signal as plain data of a document. Raises TypeError for a kind that documents cannot contain."""
     if isinstance(signal, Sampled):
         name = f"computed_{len(files) + 1}.csv"
         files[name] = csv_text(("time", "value"), np.column_stack([signal.times, signal.samples])).encode()
         return {"playback": {"file": name, "column": "value"}}
     if not is_dataclass(signal) or not declared_keys(type(signal)):
-        raise TypeError(f"{type(signal).__name__} has no form in a document")
+        raise TypeError(f"a document cannot contain {type(signal).__name__}")
     names = {field.name for field in fields(signal) if field.init}
     items = {
         key.name: _value(getattr(signal, key.argument), files) for key in declared_keys(type(signal)) if key.argument in names
@@ -142,7 +147,7 @@ def _leaf(value: Any, files: dict[str, bytes]) -> Any:
         return value.tolist()
     if value is None or isinstance(value, str | int | float):
         return value
-    raise TypeError(f"{type(value).__name__} has no form in a document")
+    raise TypeError(f"a document cannot contain {type(value).__name__}")
 
 
 def _by_joint(modes: Any) -> dict[str, int]:
@@ -150,7 +155,7 @@ def _by_joint(modes: Any) -> dict[str, int]:
 
 
 def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
-    """Write a field's value under the key that it is declared with, in its group if it has one."""
+    """Write a field's value under its declared key, inside the key's group if it has one."""
     declared = next((field.metadata["key"].name for field in fields(Scenario) if field.name == name and field.metadata), "")
     group, dot, key = (declared or name).partition(".")
     if isinstance(value, Mapping):
@@ -163,14 +168,14 @@ def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, byt
 
 
 def _plain(one: Any) -> Any:
-    """An entry of a table whose entries are blocks, as a mapping of what it sets."""
+    """Entry of a table as plain data: a block becomes a mapping of its keys that are set."""
     if is_dataclass(one) and not isinstance(one, Signal | type):
         return {key: value for key, value in vars(one).items() if value is not None and value != {}}
     return one
 
 
 def _start(resolved: dict[str, Any], scenario: Scenario) -> None:
-    """The start, which one key says for five fields."""
+    """Write the initial state, five fields of the scenario, under the key `initial`."""
     if scenario.initial_equilibrium:
         resolved["initial"] = EQUILIBRIUM
         return

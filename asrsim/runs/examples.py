@@ -1,4 +1,4 @@
-"""The bundled examples: in the repository, or packed with the installed library."""
+"""Finds and copies the bundled examples, in a checkout or in the installed package."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from asrsim.errors import InputError, OutputError, listed
 from asrsim.outfile import make_folder, write_text
 
 PLACES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[2] / "examples")
-"""In an installed package; in a checkout."""
+"""Folder of the examples in an installed package, and in a checkout."""
 
 
 def examples_folder() -> Path:
-    """The folder with `scenarios` and `urdf`. Raises InputError if this installation has none."""
+    """Folder with `scenarios` and `urdf`. Raises InputError if the installation lacks the examples."""
     for target in PLACES:
         if (target / "scenarios").is_dir():
             return target
     raise InputError(
         "the example scenarios are missing from this installation",
-        hint="Install asrsim anew, or run from a checkout of its repository",
+        hint="Reinstall asrsim, or run it from a checkout of its repository",
         code="no-examples",
     )
 
 
 def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
-    """Copy all examples into `out`; gives the files written.
+    """Copy all examples into `out`. Returns the paths of the copies.
 
-    Raises OutputError, with nothing written, where files of other content are in the way (unless `overwrite`).
+    Raises OutputError and writes nothing if files with other content exist there, unless `overwrite`.
     """
     source = examples_folder()
     pairs = {
@@ -36,7 +36,9 @@ def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
     }
     differing = [target for path, target in pairs.items() if target.exists() and target.read_bytes() != path.read_bytes()]
     if differing and not overwrite:
-        raise OutputError(f"{listed(differing, 1)} differ from the example; use --overwrite to replace, or --out for elsewhere")
+        raise OutputError(
+            f"{listed(differing, 1)} differ from the example; use --overwrite to replace, or another folder with --out"
+        )
     for path, target in pairs.items():
         if not target.exists() or target in differing:
             make_folder(target.parent)

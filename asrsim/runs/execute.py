@@ -1,4 +1,4 @@
-"""One run into one folder: log, claims, summary. Neither prints nor draws."""
+"""Simulates a scenario into a folder: log, claims, summary. Neither prints nor plots."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
 
 PLUGINS = "plugins/"
-"""Folder among a log's attachments for users' actuator files."""
+"""Prefix of users' actuator files among the attachments of a log."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Executed:
-    """A run and what it wrote."""
+    """Result of a run and the files that it wrote."""
 
     run: Run
     summary: RunSummary
     folder: Path
     log: Path
     certificate: Certificate | None = None
-    """Numerical error, if it was requested and the run came to its end."""
+    """Estimated numerical error, if requested and the run is complete."""
     error: DivergenceError | None = None
-    """Why the run ended early, if it diverged."""
+    """Error that ended the run, if it diverged."""
 
 
 def execute(
@@ -62,18 +62,27 @@ def execute(
     stop: Callable[[], bool] | None = None,
     certifying: Callable[[str, float], None] | None = None,
 ) -> Executed:
-    """Simulate one variant into `folder`, which must be ours (:func:`asrsim.runs.lock.owned`): `log.mcap`; the summary is
-    written by :func:`write_summary`.
+    """Simulate one variant and write its log into `folder`. `write_summary` writes the summary.
 
-    A run that diverges or is stopped gives a closed log and a summary like any other; its status says so. What the folder
-    held of an earlier run goes only when this one's log is whole: until then that is written aside. keep: keep all samples in
-    `.run.samples` too; certify: run again with finer steps for the numerical error, which goes into log and summary;
-    cross_check: run again in another engine for the differences, which go into the summary (certify does so too, where there
-    is one); started: called with the run's description when it is built; progress, stop: see
-    :func:`asrsim.simulation.run.simulate`; certifying: progress of the further runs.
+    A run that diverges or is stopped also gives a complete log and a summary; its status differs. The log is first written
+    under another name, and replaces the files of an earlier run only when it is complete.
 
-    Raises InputError and SimulationError if it cannot be built, OutputError if it cannot be written; what the log holds by
-    then stays readable, unless there is an earlier one, which stays then.
+    Args:
+        scenario: The variant.
+        folder: Folder locked by this process (`asrsim.runs.lock.owned`).
+        robot: Robot in place of the scenario's robot.
+        overwrite: Replace the results of another run.
+        keep: Keep all samples in memory too, in `.run.samples`.
+        certify: Estimate the numerical error by runs with finer steps (and in another engine, if there is one).
+        cross_check: Run in another engine too, and write the differences to the summary.
+        started: Called with the description of the run when it is built.
+        progress: As in `asrsim.simulation.run.simulate`.
+        stop: As in `asrsim.simulation.run.simulate`.
+        certifying: Progress of the additional runs.
+
+    Raises:
+        InputError, SimulationError: The run cannot be built.
+        OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
     """
     if cross_check:
         require_other_engine(scenario)
@@ -112,24 +121,24 @@ def execute(
 
 
 def collector_of(scenario: Scenario, info: RunInfo) -> Collector:
-    """A sink for what summary and claims need. Raises ScenarioError for claims that no run can satisfy or fail."""
+    """Sink that collects the data for summary and claims. Raises ScenarioError for claims that cannot be evaluated."""
     check_claims(scenario.expect, info.joints, file=scenario.path)
     return Collector(info.joints, samples=scenario.steps + 1, needs=needs_of(scenario.expect, info.joints))
 
 
 def judged(scenario: Scenario, run: Run, collector: Collector, certificate: Certificate | None, *, samples: int) -> RunSummary:
-    """The summary of a run that has ended, with its claims and its numerical error. samples: how many were logged."""
+    """Summary of a finished run with its claims and numerical error. samples: Number of logged samples."""
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
         claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
-    # The run's scenario has the motion that a Cartesian task was planned to.
+    # `run.scenario` contains the joint motion that was planned for a Cartesian task.
     seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
     summary = make_summary(run, seen, samples=samples, claims=claims)
     return summary if certificate is None else replace(summary, certificate=certificate.as_dict())
 
 
 def write_summary(executed: Executed) -> Executed:
-    """Write `summary.json` beside the log; the summary then lists it. Raises OutputError."""
+    """Write `summary.json` beside the log, and add it to the summary's files. Raises OutputError."""
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
     save_summary(summary, path)
@@ -137,12 +146,12 @@ def write_summary(executed: Executed) -> Executed:
 
 
 def save_summary(summary: RunSummary, path: Path) -> None:
-    """A summary as a file. Raises OutputError."""
+    """Write a summary to a file. Raises OutputError."""
     write_text(path, json.dumps(summary.as_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n", "json")
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None, certificate: Certificate | None = None) -> dict[str, str]:
-    """What the log says of how the run ended. No wall-clock times: equal runs have equal logs."""
+    """Metadata of the log on the end of the run. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
     if error is not None:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}
@@ -158,7 +167,7 @@ def result_metadata(run: Run, error: DivergenceError | None = None, certificate:
 
 
 def with_plugins(scenario: Scenario, plugins: Sequence[Path]) -> Scenario:
-    """The scenario with users' actuator files among its attachments, so that its log can be run again."""
+    """Scenario with users' actuator files as attachments, so that its log can be repeated."""
     if not plugins:
         return scenario
     names: dict[str, Path] = {}

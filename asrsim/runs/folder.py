@@ -1,7 +1,7 @@
-"""The folder of a run: its files, and the rule that keeps what others wrote.
+"""Folder of a run: finds its files, and protects other files in it.
 
-What an earlier run of the same scenario file and variant left is replaced: that is what one does all day, and the caller says
-what was replaced. Only what its name and its mark (:mod:`asrsim.outfile`) prove to be a run's is ever taken away.
+The files of an earlier run of the same scenario file and variant are replaced, and the caller reports the replaced files. A
+file is removed only if its name and its mark (`asrsim.outfile`) show that a run wrote it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from asrsim.scenario.data import Scenario
 LOG = "log.mcap"
 SUMMARY = "summary.json"
 ASIDE = "log.mcap.part"
-"""The log of a run that has an earlier one to replace, until it ends."""
+"""Name of a log that will replace an earlier log, until the run ends."""
 
 _NAMES = {
     re.escape(LOG): "log",
@@ -31,7 +31,7 @@ _NAMES = {
     r"report\.html": "page",
     r"(joints|joints_\d+|energy|overview|objects)\.(png|pdf|svg)": "picture",
 }
-"""Names (regular expressions) of all that `asrsim run` writes -> kind of file."""
+"""Regular expression for the name of a file that `asrsim run` writes -> kind of file."""
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -40,12 +40,12 @@ def default_folder(scenario: Scenario) -> Path:
 
 
 def origin_of(scenario: Scenario) -> str:
-    """The scenario file that a run comes from, as its log keeps it: absolute; empty for one without a file."""
+    """Absolute path of the scenario file, as stored in the log; "" for a scenario without a file."""
     return str(scenario.path.resolve()) if scenario.path else ""
 
 
 def recorded_origin(path: Path) -> tuple[Any, Any] | None:
-    """Scenario file and variant that a summary, or another JSON file of ours, names; None where it names none."""
+    """Scenario file and variant stated in a summary or another JSON file of asrsim; None where they are missing."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         data = json.loads(path.read_text(encoding="utf-8"))
         return data["scenario_path"], data["variant"]
@@ -53,8 +53,10 @@ def recorded_origin(path: Path) -> tuple[Any, Any] | None:
 
 
 def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | None, unnamed: str) -> None:
-    """Raises OutputError unless a folder's results come from this scenario and variant; unnamed: what is said where they name
-    none."""
+    """Raise OutputError unless the results in a folder are of this scenario and variant.
+
+    origin: Scenario file and variant of the results; None: unknown. unnamed: Text for the message if the origin is unknown.
+    """
     own = origin_of(scenario), scenario.variant
     if origin == own:
         return
@@ -63,15 +65,15 @@ def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | Non
         path = origin[0] or "a scenario without file"
         other = path if origin[1] == own[1] else f"variant '{origin[1]}' of {path}"
     raise OutputError(
-        f"{folder}: holds the results of another run ({other}); nothing was written. "
-        "Choose another folder with --out, or replace them with --overwrite"
+        f"{folder}: contains the results of another run ({other}); nothing was written. "
+        "Choose another folder with --out, or replace the results with --overwrite"
     )
 
 
 def find_logs(place: Path) -> list[Path]:
-    """The log itself, or a folder's logs: its own, else those of its subfolders (variants), in the scenario's order.
+    """Logs at a path: the file itself, the log in the folder, or else the logs of its subfolders (variants), in scenario order.
 
-    Of several those that cannot be read are left out (:func:`unreadable_logs`). Raises InputError where there is none.
+    If there are several logs, unreadable logs are left out (see `unreadable_logs`). Raises InputError where there is no log.
     """
     if place.is_file():
         return [place]
@@ -79,13 +81,13 @@ def find_logs(place: Path) -> list[Path]:
     if not logs:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
-            message = "holds no log of a run (log.mcap), nor does a folder in it"
+            message = "contains no log (log.mcap), and neither do its subfolders"
             other = mistaken(place, "log")
             if other is not None and not any(place.glob(f"*/*/{LOG}")):
                 raise InputError([other])
-            # Of a study with logs, or of several scenarios.
+            # The folder may be that of a study, or of several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
-            hint = f"Folders further down have some: {listed(deeper, 3)}" if deeper else hint
+            hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
     bad = {problem.file for problem in unreadable_logs(place)}
     logs = [log for log in logs if log not in bad]
@@ -93,17 +95,19 @@ def find_logs(place: Path) -> list[Path]:
 
 
 def unreadable_logs(place: Path) -> list[Problem]:
-    """What is wrong with those of a folder's logs that cannot be read or hold no samples (a run was stopped before its first
-    sample was written), where others do."""
+    """Problems of the unreadable and empty logs in a folder; empty unless another log of the folder is readable.
+
+    A log is empty if its run was stopped before the first sample was written.
+    """
     from asrsim.log import open_log
 
     logs = [] if place.is_file() else _logs_in(place)
     problems: list[Problem] = []
     for log in logs if len(logs) > 1 else ():
         try:
-            # The times of the first chunk are enough.
+            # Reading the times of the first chunk is enough.
             if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
-                problems.append(Problem("left out: the log holds no samples", file=log, code="empty-log"))
+                problems.append(Problem("left out: the log contains no samples", file=log, code="empty-log"))
         except LogError as error:
             problems.append(Problem(f"left out: {error.problems[0].message}", file=log, code="unreadable-log"))
     return problems if len(problems) < len(logs) else []
@@ -115,14 +119,14 @@ def _logs_in(place: Path) -> list[Path]:
 
 
 def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
-    """Key that sorts logs as their scenario lists its variants; those that it does not list come last."""
+    """Sort key for logs: the order of variants in the scenario; other logs come last."""
     from asrsim.document.yaml_reader import parse_yaml
     from asrsim.log import open_log
 
     places: dict[Path, float] = {}
     for log in logs:
         places[log] = math.inf
-        # A log that cannot be read complains later, where it is read.
+        # An unreadable log is reported later, when it is read.
         with suppress(AsrsimError):
             info = open_log(log).info
             scenario = parse_yaml(info.scenario).plain()
@@ -133,18 +137,18 @@ def _order(logs: list[Path]) -> Callable[[Path], tuple[float, str]]:
 
 
 def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
-    """Every file that a run of the scenario reads by name."""
+    """All files that a run of the scenario reads."""
     recordings = (claim.against for claim in scenario.expect)
     files = (scenario.path, scenario.robot, *scenario.attachments.values(), *recordings)
     return tuple(file for file in files if file is not None)
 
 
 def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
-    """Look what the folder holds, and whether a run of this scenario may write there.
+    """Files of an earlier run in the folder, which `new_log` will remove.
 
-    inputs: what the command reads beside the scenario's files. Returns the files of an earlier run of the same scenario and
-    variant, with `overwrite` of any run: :func:`new_log` takes them away.
-    Raises OutputError if it holds something else under a name that we need, or a file that this run reads.
+    inputs: Files that the command reads in addition to those of the scenario.
+    Raises OutputError if the folder contains results of another scenario or variant (unless `overwrite`), a foreign file with
+    a name that the run needs, or an input file of this run under such a name.
     """
     there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
     files = {path: kind for path in there if (kind := _kind(path.name))}
@@ -157,20 +161,20 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Se
 
 
 def clear(files: Iterable[Path]) -> None:
-    """Take away an earlier run's files, so that none of them stands beside the new run's."""
+    """Remove the files of an earlier run, so that they are not mixed with those of the new run."""
     for path in files:
         remove_ours(path, _kind(path.name))
 
 
 @contextmanager
 def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
-    """Where to write a run's log; when the block ends without error it is `log.mcap`, and the earlier run's files are gone.
+    """Path for writing a run's log. When the block ends without error, the log becomes `log.mcap` and replaces earlier files.
 
-    Where there is an earlier log the new one is written aside until then; if the block raises, the earlier one stays.
+    If there is an earlier log, the path has another name until then. If the block raises, the earlier log is kept.
     Raises OutputError.
     """
     log, aside = folder / LOG, folder / ASIDE
-    # A killed run may have left its unfinished log.
+    # A killed run may have left an unfinished log.
     clear([aside])
     path = aside if log in earlier else log
     try:
@@ -192,7 +196,7 @@ def _kind(name: str) -> str:
 
 
 def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
-    """Scenario file and variant that the folder's files come from, and what to say where they do not tell."""
+    """Scenario file and variant of the results in the folder (None if unknown), and why they are unknown."""
     from asrsim.log import open_log
 
     if (folder / LOG).is_file() and (folder / LOG).stat().st_size:
@@ -201,4 +205,4 @@ def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
         except AsrsimError:
             return None, f"{LOG} cannot be read"
         return (info.scenario_path, info.variant), ""
-    return recorded_origin(folder / SUMMARY), f"neither {LOG} nor {SUMMARY} says which"
+    return recorded_origin(folder / SUMMARY), f"neither {LOG} nor {SUMMARY} names its scenario"

@@ -1,4 +1,4 @@
-"""A scenario from a recording, with the files that belong to it."""
+"""Makes a scenario from a recording, with the files that the scenario needs."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ FIT = ".fit.yaml"
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """What was made of a recording."""
+    """Files made from a recording, and remarks for the user."""
 
     files: tuple[Path, ...]
     recording: Recording
     remarks: tuple[str, ...]
-    """Assumptions, in words."""
+    """Assumptions made, as text."""
     fit: Path | None = None
-    """File for `asrsim identify`; None where nothing is compared."""
+    """File for `asrsim identify`; None where no recorded motion is compared."""
 
 
 def write_from_recording(
@@ -65,12 +65,14 @@ def write_from_recording(
     arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None,
 ) -> Written:
-    """Write a scenario that plays the recorded commands and compares with the recorded motion, and what it needs.
+    """Write a scenario that plays the recorded commands and compares the simulated with the recorded motion.
 
-    Beside it are written: the commands in SI as `<its name>_commands.csv`; `<its name>.fit.yaml` for `asrsim identify`; and
-    `lab.csv.yaml`, which states how the recording is read, where no document does so yet. mapping, rate: as for
-    :func:`asrsim.recordings.read_recording`; plugins: that the fit file names; the others as for
-    :func:`asrsim.scenario.starter.write_starter`. Without `mode`, given actuators are in that of the recorded command.
+    Further files beside the scenario: the commands in SI units (`NAME_commands.csv`), the file for `asrsim identify`
+    (`NAME.fit.yaml`), and a reading document (such as `lab.csv.yaml`) unless one exists.
+
+    `mapping` and `rate` are those of `asrsim.recordings.read_recording`. `plugins` are written into the fit file. Without
+    `mode`, actuators use the mode of the recorded command. The other arguments are those of
+    `asrsim.scenario.starter.write_starter`.
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
@@ -80,7 +82,7 @@ def write_from_recording(
     mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
     loaded, unknown = _mounted(loaded, recording, actuators or {}, mounted, mode)
     given = mapping
-    if any(map(is_document, mapping)):  # it is written down as items: the scenario stands alone
+    if any(map(is_document, mapping)):  # the document becomes items of `map`, so that the scenario does not need the document
         mapping = resolve_reading(mapping, experiment).items
     plan = make_plan(loaded, recording, step=STEP)
     folder, called = out.parent, relative_path(experiment, out.parent)
@@ -119,8 +121,7 @@ def write_from_recording(
 def _mounted(
     robot: Robot, recording: Recording, actuators: Mapping[str, str], joints: Sequence[str], mode: int | None
 ) -> tuple[Robot, dict[str, dict[str, float]]]:
-    """The robot with these actuators on `joints`, in the modes of their recorded commands, and guesses for
-    unknown parameters."""
+    """Robot with these actuators on `joints`, in the modes of the recorded commands, and estimates of unknown parameters."""
     robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
     modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, joints)
     unknown = open_parameters(robot, modes, joints)
@@ -128,7 +129,7 @@ def _mounted(
 
 
 def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[str]) -> dict[str, Mapping[str, float]]:
-    """Joint -> parameters with which its spring holds the arm where the recording's commands begin; of `joints` alone."""
+    """Parameters of the springs that hold the arm at the first recorded commands: joint -> parameters, for `joints` only."""
     from asrsim.kinematics.sizing import sizing
 
     proposal = sizing(scenario_of(text, robot, folder), robot).proposal if joints else {}

@@ -1,4 +1,4 @@
-"""A folder belongs to one run at a time: a lock of the operating system, which ends with its process, however that ends."""
+"""Locks a folder for one run. The operating system releases the lock when the process ends, even if it is killed."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ LOCK = ".asrsim.lock"
 
 @contextmanager
 def owned(folder: Path) -> Iterator[None]:
-    """Make the folder if need be and keep it for ourselves until the block ends.
+    """Create the folder if it is missing, and lock it until the block ends.
 
-    Raises OutputError if it cannot be made or written, or is in use: by another process, or elsewhere in this one.
+    Raises OutputError if the folder cannot be created or written, or if this or another process has locked it.
     """
     make_folder(folder)
     path = folder / LOCK
@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # While we still hold it: a process that waits for this lock sees that the file is gone, and makes a new one.
+            # Remove the file while it is locked: a waiting process then finds it removed, and creates a new one.
             with suppress(OSError):
                 path.unlink()
         os.close(file)
@@ -38,7 +38,7 @@ def owned(folder: Path) -> Iterator[None]:
 
 
 def _locked(path: Path) -> int:
-    """The lock file, opened and locked. Raises OutputError."""
+    """Descriptor of the opened and locked lock file. Raises OutputError."""
     while True:
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0), 0o666)
@@ -52,7 +52,7 @@ def _locked(path: Path) -> int:
             os.close(file)
             if error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
                 raise OutputError(f"{path.parent}: cannot be locked: {error.strerror or error}") from error
-            message = "another run is writing there; nothing was written. Wait for it, or choose another folder with --out"
+            message = "another run is writing to it; nothing was written. Wait for it, or choose another folder with --out"
             raise OutputError(f"{path.parent}: is in use: {message}") from error
         os.close(file)
 
@@ -65,12 +65,12 @@ def _lock(file: int) -> None:
     else:
         import fcntl
 
-        # Of the open file, not of the process: two threads exclude each other too.
+        # flock locks the open file, not the process, so that two threads exclude each other too.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _still_there(path: Path, file: int) -> bool:
-    """Whether the file that we locked is the one of that name, and was not taken away by its last owner meanwhile."""
+    """Whether the locked file still has this path, and was not removed by its previous owner before it was locked."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file))
     except FileNotFoundError:

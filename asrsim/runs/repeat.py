@@ -1,4 +1,4 @@
-"""A run repeated from its log alone, and compared with it bit for bit."""
+"""Repeats a run from its log alone, and compares the samples bit for bit."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ from asrsim.simulation.run import Run, simulate
 
 @dataclass(frozen=True, kw_only=True)
 class Repetition:
-    """What came of repeating a run."""
+    """Result of repeating a run."""
 
     path: Path
     variant: str
     logged_status: str
-    """Of the log: complete, interrupted, diverged, truncated, ..."""
+    """Status in the log: complete, interrupted, diverged, truncated, ..."""
     status: str
-    """Of the repeated run."""
+    """Status of the repeated run."""
     logged_samples: int
     samples: int
-    """Samples compared: what both have."""
+    """Number of samples compared."""
     missing: int
-    """Samples of the log that the repeated run did not reach."""
+    """Number of samples in the log that the repeated run did not reach."""
     differences: tuple[Difference, ...]
-    """In the order in which they appear."""
+    """Differing series, in the order of their first difference."""
     versions: Mapping[str, tuple[str, str]]
-    """Library -> (version that wrote the log, version here), where they differ."""
+    """Library -> (version that wrote the log, installed version), where they differ."""
     log: Path | None = None
-    """Log of the repeated run, if it was written."""
+    """Log of the repeated run; None if it was not written."""
 
     @property
     def identical(self) -> bool:
-        """Every logged sample came out again, bit for bit."""
+        """Whether every logged sample was repeated bit for bit."""
         return not self.differences and not self.missing and self.samples > 0
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Fields as plain values for JSON."""
         return {
             "ok": self.identical,
             "identical": self.identical,
@@ -81,30 +81,30 @@ def repeat(
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Repetition:
-    """Run again what a log describes, and compare every sample.
+    """Repeat the run of a log, and compare every sample.
 
-    Scenario, robot and attached files come from the log; nothing else is read but meshes, whose shapes a log does not hold.
-    The log of a run that was interrupted, killed or diverged is compared as far as it goes. Memory does not grow with it.
+    Scenario, robot and attached files are read from the log; only meshes are read from their files. The log of an interrupted,
+    killed or diverged run is compared up to its last sample. The memory is independent of the log's length.
 
     Args:
         path: The log.
-        out: Folder for the repeated run's log; None: it is not written.
+        out: Folder for the repeated run's log; None: no log is written.
         plugins: Python files with users' actuators, instead of those in the log.
-        trust_plugins: Run the Python files that the log carries.
+        trust_plugins: Run the Python files in the log.
         overwrite: Replace the results of another run in `out`.
-        progress: Told the simulated time.
-        stop: Asked now and then; True ends the comparison early.
+        progress: Called with the simulated time, s.
+        stop: Called now and then; the comparison ends early when it returns True.
 
     Raises:
-        LogError: The file is no log of asrsim, or is damaged.
-        ActuatorError: The log carries a user's actuator, and neither `plugins` nor `trust_plugins` is given.
+        LogError: The file is damaged or not a log of asrsim.
+        ActuatorError: The log contains a user's actuator, and neither `plugins` nor `trust_plugins` is given.
         InputError, SimulationError: The run cannot be built any more.
         OutputError: `out` cannot be written.
     """
     reader = open_log(path)
     folder = Path(out) if out is not None else None
     if UNREPEATABLE in reader.metadata:
-        message = f"the run cannot be repeated: no document says what was changed about it ({reader.metadata[UNREPEATABLE]})"
+        message = f"the run cannot be repeated: the log lacks changes of the run ({reader.metadata[UNREPEATABLE]})"
         raise LogError(message, file=reader.path, code="unrepeatable")
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
@@ -133,7 +133,7 @@ def repeat(
 
 
 def _as_the_original(info: RunInfo, logged: RunInfo) -> RunInfo:
-    """The repeated run's description, with the scenario of the original one instead of the copy that the log carried."""
+    """Description of the repeated run, with the scenario of the original run in place of the restored copy."""
     return replace(
         info,
         scenario=logged.scenario,
@@ -152,8 +152,8 @@ def _simulated(
     progress: Callable[[float], None] | None,
     stop: Callable[[], bool],
 ) -> tuple[Run, DivergenceError | None]:
-    """The run, and the error that ended it where it diverges, as the logged one may have done."""
-    # A live run lasts as long as its log, and repeats the commands recorded there.
+    """Repeated run, and the error that ended it if it diverged, as the logged run may have diverged too."""
+    # A live run lasts as long as its log, and receives the commands recorded in the log.
     live = LIVE in reader.metadata
     try:
         run = simulate(
@@ -168,7 +168,7 @@ def _simulated(
 
 
 def _repetition(reader: LogReader, run: Run, comparer: Comparer, log: Path | None) -> Repetition:
-    """What the comparison found; log: that of the repeated run, if one is written."""
+    """Result of the comparison. log: Log of the repeated run, if written."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
     here, there = run.info.metadata, reader.info.metadata
@@ -191,34 +191,34 @@ def _repetition(reader: LogReader, run: Run, comparer: Comparer, log: Path | Non
 
 
 def _whole_steps(reader: LogReader) -> float:
-    """s that a log lasts; its last chunk may hold a command that came after its last sample."""
+    """Duration of the log in whole steps, s; its last chunk may contain a command after the last sample."""
     step = reader.info.step
     return max(1, math.floor(reader.duration / step + 1e-6)) * step
 
 
 def _require_engine(reader: LogReader, name: str) -> None:
-    """A run is repeated in its own engine: another gives other bits. Raises LogError if that is not installed."""
+    """Raise LogError unless the engine of the run is installed; another engine would give other bits."""
     entry = ENGINES.get(name)
     if not entry.available:
         version = reader.info.metadata.get("engine_version", name)
         raise LogError(
-            f"the run was made with the engine '{name}' ({version}), and '{entry.module}' is not installed here",
+            f"the run used the engine '{name}' ({version}), but '{entry.module}' is not installed",
             file=reader.path,
-            hint="Install it, or run the scenario itself in another engine with asrsim run --engine NAME",
+            hint="Install it, or run the scenario in another engine with asrsim run --engine NAME",
             code="engine-missing",
         )
 
 
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
-    """Scenario and robot from a log's description; files that they need are laid into `folder`.
+    """Scenario and robot from the description in a log. Their files are written into `folder`.
 
-    Raises LogError if it has none, and InputError where they cannot be read any more.
+    Raises LogError if the log contains no scenario, and InputError if scenario or robot cannot be read any more.
     """
     if "scenario" not in info.resolved:
-        raise LogError("the log does not say how to repeat the run", code="no-scenario")
+        raise LogError("the log contains no scenario, so the run cannot be repeated", code="no-scenario")
     files: dict[str, Path] = {}
     for number, (name, data) in enumerate(sorted(info.attachments.items())):
-        # Names come from a file: only their last part, and each in its own folder.
+        # The names come from a hostile file: only their last part is used, each in a separate folder.
         own_folder = folder / "files" / str(number)
         own_folder.mkdir(parents=True)
         files[name] = own_folder / (PurePosixPath(name.replace("\\", "/")).name or "file")
@@ -226,9 +226,9 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
     robot = load_robot(urdf)
-    # Meshes are sought where they were when the log was written.
+    # Meshes are read from the folder that they had when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
-    # Claims do not change a run, and may name recordings that are not here.
+    # Claims do not change a run, and may refer to recordings that do not exist on this computer.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
@@ -254,8 +254,8 @@ def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path]
         return
     if not trust:
         names = ", ".join(name.removeprefix(PLUGINS) for name in carried)
-        message = f"the run needs actuators of the user's own, whose Python code the log carries ({names})"
-        hint = "Run that code with --trust-plugins if you trust the log's author, or name your own file with --plugin"
+        message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
+        hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
         raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
     for number, (name, data) in enumerate(carried.items()):
         path = folder / "plugins" / str(number) / (PurePosixPath(name).name or "plugin.py")

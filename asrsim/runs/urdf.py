@@ -1,4 +1,4 @@
-"""The URDF of a robot that was changed after it was read."""
+"""Writes the URDF of a robot that was changed after it was read."""
 
 from __future__ import annotations
 
@@ -17,18 +17,21 @@ _JOINT = {
     "upper": ("limit", "upper"), "effort": ("limit", "effort"), "velocity": ("limit", "velocity"),
     "damping": ("dynamics", "damping"), "friction": ("dynamics", "friction"),
 }  # fmt: skip
-"""Field of a joint -> element and attribute that say it."""
+"""Field of a joint -> (element, attribute) in URDF."""
 _LINK = {
     "mass": ("mass", "value"), "centre_of_mass": ("origin", "xyz"), "inertial_rpy": ("origin", "rpy"),
 }  # fmt: skip
-"""Field of a link -> element in its `<inertial>` and attribute."""
+"""Field of a link -> (element in `<inertial>`, attribute) in URDF."""
 
 Blocks = Mapping[str, tuple[int, Mapping[str, float]]]
 
 
 def urdf_as_run(robot: Robot) -> tuple[str, Blocks, list[str]]:
-    """Text that gives this robot when it is read; joints whose actuators the text does not say, with their mode and
-    parameters; and what cannot be said at all.
+    """URDF of the robot, changed actuators, and changes that URDF cannot express.
+
+    Returns:
+        The URDF text; joint -> (mode, parameters) for each actuator that differs from the text; and the names of the links
+        and joints with changes that the text cannot express.
     """
     read = _read(robot.text)
     joints = _changed(robot.joints, read.joints)
@@ -72,7 +75,7 @@ def _changed(now: Any, before: Any) -> dict[str, Any]:
 
 
 def _said(one: Joint | Link) -> list[Any]:
-    """What a document says of a joint or link, apart from where it says it."""
+    """Values of a joint or link for comparison, without its line numbers."""
     shapes = {"collisions", "visuals"}
     items = [getattr(one, field.name) for field in fields(one) if field.name != "line" and field.name not in shapes]
     return [*items, *(replace(shape, line=None) for name in shapes for shape in getattr(one, name, ()))]

@@ -1,4 +1,4 @@
-"""The scenario as pure data: YAML read, validated, and applied to its robot."""
+"""Scenarios as pure data: reads and validates YAML, and applies the scenario to its robot."""
 
 from __future__ import annotations
 

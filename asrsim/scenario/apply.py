@@ -1,4 +1,4 @@
-"""What a scenario changes on its robot: actuators, modes, parameters, namespace."""
+"""Applies a scenario to its robot: actuators, modes, parameters, namespace."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.scenario.data import Scenario
 
 
 def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
-    """The robot with the scenario's actuators, modes, parameters (origin `scenario`) and namespace in its actuator blocks.
+    """Robot with the scenario's actuators, modes, parameters (origin `scenario`) and namespace in its actuator blocks.
 
     Raises ScenarioError with every unknown joint, mode or parameter and every value out of range.
     """
@@ -23,7 +23,7 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
 
 
 def laid_on(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """The robot as the scenario changes it, as far as both can be read, and what is wrong with these changes."""
+    """Robot with the valid changes of the scenario, and the problems of the other changes."""
     given = scenario.actuators
     own = {joint: one.parameters for joint, one in given.items() if one.parameters}
     changed, problems = mounted(robot, {joint: (one.type, one.mode) for joint, one in given.items()}, own)

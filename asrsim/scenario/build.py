@@ -1,4 +1,4 @@
-"""From one variant's nodes to a :class:`Scenario`: keys read, and what several keys must agree on."""
+"""Builds a `Scenario` from the nodes of one variant: reads the keys, and checks conditions between several keys."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from asrsim.scenario.keys import SCENARIO
 from asrsim.signals.pieces import Constant
 
 MAX_STEPS = 10**10
-"""Of a run, with its substeps: 115 days at 1 ms."""
+"""Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
 _ROUNDING = 1e-9
-"""Relative error that a ratio of decimal numbers may have and still count as whole."""
+"""Largest relative error of a ratio that counts as a whole number, as decimal numbers are rounded."""
 
 
 def whole(ratio: float) -> int | None:
-    """The whole number that a ratio is but for rounding, or None."""
+    """Whole number that equals the ratio up to rounding; None if there is none."""
     nearest = round(ratio) if math.isfinite(ratio) else 0
     return nearest if nearest >= 1 and abs(ratio - nearest) <= _ROUNDING * nearest else None
 
@@ -32,7 +32,7 @@ def whole(ratio: float) -> int | None:
 def build_scenario(
     root: Node, reading: Reading, *, name: str, variant: str, path: Path | None = None, text: str = ""
 ) -> Scenario:
-    """The scenario of a mapping. Where `reading` has problems, it is without the keys at fault, which are its `unread`."""
+    """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
     keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
     keys["engine"] = keys["engine"] or default_engine()
     unread = {key for key, *_ in reading.unread}
@@ -58,7 +58,7 @@ def build_scenario(
 
 
 def _plain(data: Any) -> Any:
-    """JSON has no infinity: it is written as text, which the reader takes back."""
+    """Plain data for JSON, in which infinity becomes text; the reader accepts this text as a number."""
     if isinstance(data, float) and math.isinf(data):
         return "inf" if data > 0 else "-inf"
     return data
@@ -139,4 +139,4 @@ CROSS_CHECKS: tuple[tuple[tuple[str, ...], Callable[[Node, Mapping[str, Any], Re
     (("engine", "motion"), _check_motion),
     (("world", "task", "expect"), _check_objects),
 )
-"""(keys that must agree, check of them): keys that have a fault of their own are not compared."""
+"""(keys, check of a condition between these keys). A check is skipped if one of its keys is invalid."""

@@ -1,6 +1,6 @@
-"""Whether a scenario fits its robot: errors, and the warnings of :mod:`asrsim.scenario.doubts`.
+"""Checks whether a scenario fits its robot: errors, and the warnings of `asrsim.scenario.doubts`.
 
-To add an error, write a generator and list it in :data:`CHECKS`.
+To add an error, write a generator and list it in `CHECKS`.
 """
 
 from __future__ import annotations
@@ -23,16 +23,18 @@ from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
-"""Steps of a delay."""
+"""Largest number of steps in a delay."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
-"""Keys of the scenario that hold numbers, and no signals."""
+"""Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
-"""Modes whose references are positions: the only ones that a Cartesian path can drive."""
+"""Modes whose references are positions, which a Cartesian path requires."""
 
 
 def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot, list[Problem]]:
-    """The scenario's robot as its file has it, read unless given, and warnings. Raises RobotError with everything that is wrong
-    with the file, and ScenarioError with everything of the scenario that does not fit it: one error where both are at fault.
+    """Robot of the scenario (without the scenario's changes), and warnings.
+
+    Raises RobotError with all problems of the robot's file, or ScenarioError with all problems of the scenario. If both have
+    problems, one error contains all of them.
     """
     if robot is None:
         robot = robot_of(scenario)
@@ -43,25 +45,26 @@ def checked_robot(scenario: Scenario, robot: Robot | None = None) -> tuple[Robot
 
 
 def robot_of(scenario: Scenario) -> Robot:
-    """The robot that the scenario names, with its file's faults. Raises RobotError where there is none in it."""
+    """Robot in the file that the scenario names, with the problems of the file. Raises RobotError if the file has no robot."""
     return read_robot(scenario.robot, xacro_arguments=scenario.xacro_arguments, package_paths=scenario.package_paths)
 
 
 def check_against_robot(
     scenario: Scenario, robot: Robot | None, *, propose: bool = False
 ) -> tuple[list[Problem], list[Problem]]:
-    """(errors, warnings): the robot file's own faults; names that the robot does not have, values that it cannot take,
-    references that are missing. What depends on a value that has a fault itself, in either file, is not checked.
+    """(errors, warnings) of the robot's file and of the scenario: unknown names, invalid values, missing references.
 
-    `robot` is the file's, None where it cannot be read; the scenario's modes and parameters are applied here. propose:
-    parameters that hold an arm that falls, which takes a while.
+    Checks that depend on an invalid value are skipped.
+
+    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read. propose: Propose
+    parameters that hold an arm which would fall, which takes some time.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
         return own if robot is None else [*robot.faults, nothing_moves(robot), *own], []
     changed, faults = laid_on(scenario, robot)
     errors = [*robot.faults, *faults]
-    # Actuators whose mode is known.
+    # Only actuators with a known mode can be checked.
     driven = replace(changed, actuators=tuple(block for block in changed.actuators if block.joint not in changed.unread))
     unread = {key for key, *_ in scenario.unread}
     for needed, check in CHECKS:
@@ -76,12 +79,12 @@ def check_against_robot(
 
 
 def nothing_moves(robot: Robot) -> Problem:
-    """The error of a robot without a joint that moves."""
-    return Problem("the robot has no moving joint: there is nothing to simulate", file=robot.path, code="no-joint")
+    """Error for a robot without a moving joint."""
+    return Problem("the robot has no moving joint, so there is nothing to simulate", file=robot.path, code="no-joint")
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """The toolbox's order of a step has the toolbox's motors: voltages and currents are none of its references."""
+    """Errors in toolbox stepping: modes that the toolbox does not have, such as voltage and current references."""
     for block in robot.actuators if released_order(scenario.stepping) else ():
         mode = MODES[block.mode]
         if mode.command != "torque":
@@ -90,22 +93,22 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Modes that no path can drive, and poses that the run ends before."""
+    """Errors of the Cartesian task: modes without position references, and poses after the end of the run."""
     if scenario.task is None:
         return
     for block in robot.actuators:
         if block.mode not in PLANNED_MODES:
-            message = f"a Cartesian task drives positions, which mode {block.mode} does not take"
+            message = f"a Cartesian task needs position references, which mode {block.mode} does not take"
             choices = tuple(map(str, PLANNED_MODES))
             yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
     for index, pose in enumerate(scenario.task.poses):
-        # The rounding of a duration that is counted in steps is no overrun.
+        # The duration is a whole number of steps; its rounding error is allowed.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
-                f"comes after the run's end at {scenario.duration:g} s",
+                f"is later than the end of the run at {scenario.duration:g} s",
                 key=f"task.poses.{index}.time",
                 value=pose.time,
-                hint=f"Let the run last at least {pose.time:g} s (duration), or move the pose before its end",
+                hint=f"Set the duration to at least {pose.time:g} s, or the pose to an earlier time",
                 code="pose-after-end",
             )
 
@@ -151,26 +154,26 @@ def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """A floating body without mass: an engine holds it still, or makes up a mass. What fixed joints hold to it counts."""
+    """Error of a floating robot whose root has no mass, for which engines fix the root or invent a mass. Fixed links count."""
     if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
         return
     body = merge_fixed(robot).robot.root
     if not (body.mass and body.inertia and any(body.inertia)):
-        message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in what is fixed to it"
+        message = f"a floating robot needs mass and inertia in its root link '{body.name}', or in links fixed to it"
         yield Problem(message, key="base.fixed", value=False, code="massless-base")
 
 
 def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
-    """References of its mode, whether or not they do something."""
+    """All references of the block's mode, including those without effect on its actuator."""
     return MODES[block.mode].references_of(ACTUATORS.get(block.actuator).motors)
 
 
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References that the mode of no actuator has, or not that of the joint's."""
+    """Errors: references that the joint's mode, or the mode of every joint, does not have."""
     known = tuple(sorted({name for block in robot.actuators for name in _all_references(block)}))
     for name in scenario.references.get("*", {}) if not robot.unread else ():
         if name not in known:
-            message = "no actuator of the robot has this reference in its mode"
+            message = "no actuator of the robot has a mode with this reference"
             hint = did_you_mean(name, known)
             yield Problem(message, key=f"references.*.{name}", choices=known, hint=hint, code="unknown-reference")
     for block in robot.actuators:
@@ -183,16 +186,16 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Delays of sensors and commands that need more memory than there is."""
+    """Errors: delays of sensors and commands that would need too much memory."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for name, effects in table.items():
             if effects.delay > MOST_DELAY * scenario.step:
-                message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, all of which would be kept"
+                message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, the limit"
                 yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
 
 
 def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Ranges of references that no joint has, or that the joint in question does not have."""
+    """Errors: ranges of references that the joint does not have."""
     blocks = {block.joint: reference_names(block) for block in robot.actuators}
     for joint, ranges in scenario.reference_ranges.items():
         if joint in robot.unread or (joint == "*" and robot.unread):
@@ -202,28 +205,28 @@ def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         for name in ranges:
             if name not in choices:
                 key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
-                message = "there is no such reference in the mode"
+                message = "the mode has no such reference"
                 yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
 
 
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References of adjusters beyond the end of their lever."""
+    """Errors: references of an adjuster (AwAS-II) beyond the end of its lever."""
     for block in robot.actuators:
         names = MODES[block.mode].references
         signal = scenario.references_of(block.joint).get(names[-1])
         length = block.values().get("lever_length")
-        # In the released order an adjuster has a motor, whose torque the reference of mode 4 is.
+        # In toolbox stepping an adjuster has a motor, and the reference of mode 4 is its torque.
         torque = block.mode == 4 and released_order(scenario.stepping)
         if signal is None or length is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
             continue
         try:
             time, sigma = over_run(scenario, signal)
-        except Exception:  # a user's own signal may raise anything; signal_faults reports it
+        except Exception:  # a user's signal may raise any error; signal_faults reports it
             continue
         largest = float(sigma.max())
         if np.isfinite(sigma).all() and largest >= length:
             message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
-            hint, key = "There the stiffness is infinite: stay below L", reference_key(scenario, block, names[1])
+            hint, key = "The stiffness is infinite there: choose a reference below L", reference_key(scenario, block, names[1])
             yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
 
 
@@ -241,4 +244,4 @@ CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Proble
     ((), _unknown_references),
     (("duration", "step", "stepping"), _long_sigma),
 )
-"""(keys on which it depends, check): errors, on the robot as the scenario changes it."""
+"""(keys that the check depends on, check). A check yields errors of the robot with the scenario's changes."""

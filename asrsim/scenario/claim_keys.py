@@ -1,4 +1,4 @@
-"""Keys of claims about the run, and the data that they become."""
+"""Keys of claims about a run, and the data class for a claim."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 
 
 class AnyData(Kind[Any]):
-    """Plain data that another module validates."""
+    """Kind of value: plain data that another module validates."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
         return node.plain()
@@ -34,22 +34,22 @@ class AnyData(Kind[Any]):
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """A claim about a run, as data: `quantity` of `joint` under `measure` compares with `value`."""
+    """Claim about a run: the measure of a joint's quantity compares with a value."""
 
-    joint: str | None = declare(Optional(Text(noun="name of a joint")), default=None, doc="the joint; this or `body`")
+    joint: str | None = declare(Optional(Text(noun="name of a joint")), default=None, doc="the joint (or give `body`)")
     body: str | None = declare(Optional(Text(noun="name of an object")), default=None, doc="an object of the world")
-    quantity: str = declare(Text(noun="name of a quantity"), doc="what is measured, such as link_position")
-    measure: str = declare(Text(noun="name of a measure"), doc="how, such as steady_state, overshoot, maximum, rmse")
-    comparison: str = declare(Choice(COMPARISONS), default="==", doc="how it compares; `==` within the tolerance")
+    quantity: str = declare(Text(noun="name of a quantity"), doc="the quantity, such as link_position")
+    measure: str = declare(Text(noun="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
+    comparison: str = declare(Choice(COMPARISONS), default="==", doc="the comparison; `==` within the tolerance")
     value: float = declare(NUMBER, unit="measure's", doc="the number to compare with")
-    tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="how far `==` may be off")
+    tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
     variant: str | None = declare(
-        Optional(Text(noun="name of a variant")), default=None, doc="the variant of which it is claimed", shown="all"
+        Optional(Text(noun="name of a variant")), default=None, doc="the variant of the claim", shown="all"
     )
     engine: str | None = declare(
         Optional(Choice(engines)),
         default=None,
-        doc="the engine with which it is claimed; each may have an accuracy of its own",
+        doc="the engine of the claim, as engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(
@@ -67,13 +67,13 @@ class Expectation:
         from asrsim.quantities import DERIVED, QUANTITIES
 
         if (self.joint is None) == (self.body is None):
-            raise ScenarioError("needs the key joint, or body", key="", code="expect")
+            raise ScenarioError("needs the key joint or body", key="", code="expect")
         known = (*QUANTITIES, *DERIVED)
         for key, name in (("quantity", self.quantity), ("reference", self.reference)):
             if self.joint is not None and name is not None and name not in known:
                 raise ScenarioError("no such quantity", key=key, choices=known, meant=name, code="unknown-quantity")
         if self.reference is not None and (self.body is not None or self.against is not None):
-            raise ScenarioError("goes with a joint, and without `against`", key="reference", code="expect")
+            raise ScenarioError("needs the key joint, and excludes the key `against`", key="reference", code="expect")
 
 
 CLAIMS = ListOf(of=block_of(Expectation, "claim", line_argument="line"))

@@ -1,4 +1,4 @@
-"""The scenario as pure data: one variant, resolved and valid, each field with the key that it is read from."""
+"""Data class of a scenario: one resolved and valid variant. Each field declares the key that it is read from."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ _COUNT = Optional(Integer(minimum=1), word="auto")
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One variant of a scenario, resolved: what one run needs. Tables are by joint, or `"*"` for all."""
+    """One resolved variant of a scenario, with all that a run needs. Keys of tables are joints, or `"*"` for all joints."""
 
     name: str = declare(
-        Optional(FolderName()), default=None, doc="of the scenario", shown="the file's name", field_default=REQUIRED
+        Optional(FolderName()), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED
     )
     variant: str = declare(
         Optional(FolderName()),
@@ -83,15 +83,15 @@ class Scenario:
         doc="folders of `package://` names",
     )
     base_position: Vector = declare(
-        POSITION, key="base.position", default=ORIGIN, unit="m", doc="of the robot's root in the world"
+        POSITION, key="base.position", default=ORIGIN, unit="m", doc="position of the robot's root in the world"
     )
     base_rpy: Vector = declare(RPY, key="base.rpy", default=ORIGIN, unit="rad", doc="orientation of the robot's root")
     fixed_base: bool = declare(Boolean(), key="base.fixed", default=True, doc="false: the robot floats")
-    gravity: Vector = declare(POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="in the world's frame")
+    gravity: Vector = declare(POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="gravity in the world's frame")
     actuators: Mapping[str, GivenActuator] = declare(
         ACTUATORS_BY_JOINT,
         default={},
-        doc="actuators for joints of a robot file that has none there, or others",
+        doc="actuators of joints, in place of those in the robot file",
         shown="the robot file's",
     )
     modes: Mapping[str, int] = declare(
@@ -100,7 +100,7 @@ class Scenario:
     parameters: Mapping[str, Mapping[str, float]] = declare(
         MapOf(of=PARAMETERS),
         default={},
-        doc="actuator parameters that replace the URDF's, by our name or the toolbox's tag",
+        doc="actuator parameters that replace the URDF's, by asrsim's name or the toolbox's tag",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -113,15 +113,15 @@ class Scenario:
         shown="0",
     )
     initial_velocities: Mapping[str, float] = field(default_factory=dict)
-    """Of links, rad/s."""
+    """Initial velocities of links, rad/s."""
     initial_motor_positions: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Of each motor, rad; without one, motors stand where their link's position puts them."""
+    """Initial positions of the motors, rad; by default they follow from the link's position, with undeflected springs."""
     initial_motor_velocities: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    """Of each motor, rad/s; without one, motors rest."""
+    """Initial velocities of the motors, rad/s; 0 by default."""
     initial_equilibrium: bool = False
-    """The run starts at static equilibrium: springs loaded, motors where the first references and presets put them."""
+    """True: the run starts at static equilibrium, with loaded springs and motors at the first references and presets."""
     duration: float = declare(POSITIVE, unit="s", doc="simulated time, a whole number of steps", field_default=1.0)
-    step: float = declare(POSITIVE, default=1e-3, unit="s", doc="of the simulation")
+    step: float = declare(POSITIVE, default=1e-3, unit="s", doc="time step of the simulation")
     log_every: int = declare(
         Optional(POSITIVE),
         key="log_rate",
@@ -129,19 +129,19 @@ class Scenario:
         unit="Hz",
         field_default=1,
         shown="every step",
-        doc="samples logged a second; 1/step must be a multiple",
+        doc="logged samples per second; 1/step must be a multiple",
     )
-    """Steps between logged samples."""
+    """Number of steps between logged samples."""
     log_layout: str = declare(
         Choice(("full", "compact")),
         key="log",
         default="full",
-        doc="full: the toolbox's topics; compact: one message a joint and `/joint_states`",
+        doc="full: the toolbox's topics; compact: one message for each joint and `/joint_states`",
     )
     tf_rate: float = declare(
-        NOT_NEGATIVE, default=30.0, unit="Hz", doc="of the links' frames on `/tf` in the log, at most; 0: none"
+        NOT_NEGATIVE, default=30.0, unit="Hz", doc="largest rate of the links' frames on `/tf` in the log; 0: no frames"
     )
-    seed: int = declare(Integer(minimum=0), default=0, doc="of all noise")
+    seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
         Optional(Choice(engines), word="auto"),
         default=None,
@@ -154,8 +154,8 @@ class Scenario:
         default="leapfrog",
         doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
     )
-    substeps: int | None = declare(_COUNT, default=None, doc="world steps a step", shown="auto")
-    motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps a world step", shown="auto")
+    substeps: int | None = declare(_COUNT, default=None, doc="world steps in each step", shown="auto")
+    motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps in each world step", shown="auto")
     substep_cap: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
     compiled: bool | None = declare(Optional(Boolean(), word="auto"), default=None, doc="the compiled loop", shown="auto")
     velocity_cutoff: bool | None = declare(
@@ -172,7 +172,7 @@ class Scenario:
         shown="locked",
         doc="bench: `locked`, or a signal (or `locked`) a joint; a CSV by `playback`",
     )
-    """Prescribed link positions; joints without one are locked."""
+    """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
         Optional(ManagerFile(noun="manager YAML")),
         key="manager",
@@ -181,9 +181,9 @@ class Scenario:
         field_default=(),
         doc="the toolbox's manager file: order of the joints in robot-level arrays, and namespace",
     )
-    """Order of the robot-level arrays; empty: order of the URDF."""
+    """Order of the joints in arrays for the whole robot; empty: order of the URDF."""
     namespace: str | None = None
-    """Replaces the blocks' namespace (manager YAML)."""
+    """Namespace from the manager file, which replaces that of the actuator blocks."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
         REFERENCES,
         spread=True,
@@ -192,7 +192,7 @@ class Scenario:
         "`inverse_dynamics: true` makes the first a desired motion of the link, whose input is computed",
     )
     inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
-    """Joint or `"*"` -> whether its first reference is a desired motion of the link, whose input is computed."""
+    """Joint or `"*"` -> whether its first reference is a desired link motion, for which the input is computed."""
     desired: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,
         default={},
@@ -208,40 +208,40 @@ class Scenario:
         shown="live: the robot's limits",
     )
     external_torques: Mapping[str, Signal] = declare(
-        SIGNALS_BY_JOINT, default={}, unit="N m", doc="on the links, about the joints"
+        SIGNALS_BY_JOINT, default={}, unit="N m", doc="external torques on the links, about the joints"
     )
     wrenches: tuple[Wrench, ...] = declare(WRENCHES, default=(), doc="forces and torques on links")
     command_effects: Mapping[str, Effects] = declare(
-        EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="on the references"
+        EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="imperfections of the references"
     )
     sensor_effects: Mapping[str, Effects] = declare(
-        EFFECTS_BY_JOINT, key="effects.sensors", default={}, doc="on what the PID controllers read"
+        EFFECTS_BY_JOINT, key="effects.sensors", default={}, doc="imperfections of the sensors that the PID controllers read"
     )
     link_damping: Mapping[str, LinkDamping] = declare(
         DAMPING_BY_JOINT, default={}, doc="link damping that changes with the stiffness"
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
-    task: CartesianTask | None = declare(Optional(TASK), default=None, doc="a Cartesian path, made into references")
+    task: CartesianTask | None = declare(Optional(TASK), default=None, doc="a Cartesian path for computed references")
     learning: Learning | None = declare(LEARNING, key="ilc", default=None, doc="iterative learning control, for `asrsim ilc`")
     expect: tuple[Expectation, ...] = declare(CLAIMS, default=(), doc="claims that the run must meet")
     path: Path | None = None
     text: str = field(default="", repr=False)
-    """The file as read, all variants."""
+    """Text of the file, with all variants."""
     attachments: Mapping[str, Path] = field(default_factory=dict)
-    """Files that the scenario names (playbacks, manager YAML), to be attached to the log."""
+    """Short name -> file that the scenario names (playbacks, manager file); the log attaches these files."""
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    """This variant as plain JSON values with overrides applied: parsing it again gives this scenario."""
+    """This variant with overrides as plain JSON values; parsing them gives this scenario."""
     unread: tuple[KeyPath, ...] = ()
-    """Paths of the keys that have a fault, of a scenario that :func:`read_scenarios` gives beside its problems."""
+    """Paths of the invalid keys that `read_scenarios` left out."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
-    """Dotted key -> line in `path`, for messages of later checks."""
+    """Dotted key -> line in the file, for messages of later checks."""
 
     def references_of(self, joint: str) -> dict[str, Signal]:
-        """Reference by name of one joint: those given for all, and its own, which win."""
+        """Name -> reference of a joint. Entries for the joint take precedence over entries for all joints."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
 
     def placed(self, problem: Problem) -> Problem:
-        """The problem with file and line of its key, or of the nearest key above it, unless it has a file."""
+        """Problem with the file and line of its key, or of the nearest parent key, unless it already states a file."""
         if problem.file is not None:
             return problem
         key = problem.key or ""
@@ -251,16 +251,16 @@ class Scenario:
 
     @property
     def steps(self) -> int:
-        """Steps of the simulation in the whole run."""
+        """Number of steps in the run."""
         return round(self.duration / self.step)
 
     def step_times(self) -> Array:
-        """(n,) s: the start, and the end of every step."""
+        """Times (n,) of the start and of the end of every step, s."""
         return np.round(np.arange(self.steps + 1) * self.step, 12)
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:
-        """Key of the scenario -> desired link positions to be learned, by joint."""
+        """Key of the scenario -> trajectories to learn: joint -> desired link position."""
         if self.learning is None:
             return {}
         return {"ilc.trajectory": self.learning.trajectory}
@@ -275,5 +275,5 @@ def for_joint(table: Mapping[str, T], joint: str, default: T) -> T: ...
 
 
 def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T | None:
-    """The entry of a joint in a per-joint table: its own, else that of `"*"`, else `default`."""
+    """Entry of a joint in a table: the entry with its name, else the entry `"*"`, else `default`."""
     return table.get(joint, table.get("*", default))

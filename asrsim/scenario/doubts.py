@@ -1,6 +1,6 @@
-"""Warnings about a scenario that can run: values that are probably mistakes, and keys that have no effect.
+"""Warnings for a valid scenario: values that are probably mistakes, and keys without effect.
 
-To add a warning, write a generator and list it in :data:`DOUBTS`.
+To add a warning, write a generator and list it in `DOUBTS`.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from asrsim.signals.base import Signal
 from asrsim.signals.combine import Sum
 
 STRONGEST = 30.0
-"""m/s^2; Jupiter's gravity is 24.8."""
+"""Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
 LATEST = 1.0
-"""s of delay."""
+"""Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
-"""s: of a motor's electronics, and longer than that of any robot's controller."""
+"""Range of plausible time steps, s: from motor electronics to slow robot controllers."""
 SUNK = 0.1
-"""Fraction of an object's height that may begin below the ground."""
+"""Largest fraction of an object's height that may start below the ground."""
 ROUNDING = 1e-9
-"""Fraction of a limit by which a number may exceed it."""
+"""Relative rounding error by which a value may exceed a limit."""
 
 
 def doubts(scenario: Scenario, robot: Robot, changed: Robot) -> Iterator[Problem]:
-    """Warnings about a scenario on its robot, as the file has it and as the scenario changes it."""
+    """Warnings about a scenario. robot: without the scenario's changes; changed: with them."""
     for check in DOUBTS:
         yield from check(scenario, changed)
     earlier = {
@@ -77,7 +77,7 @@ def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Delays in ms."""
+    """Warnings: delays that are probably in ms."""
     for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
         for joint, effects in table.items():
             if effects.delay > LATEST or effects.delay >= scenario.duration:
@@ -93,12 +93,12 @@ def _objects_in_the_ground(scenario: Scenario, _robot: Robot) -> Iterator[Proble
             reach = _reach_down(one)
             below = world.ground_height - (one.position[2] - reach)
             if below > SUNK * 2.0 * reach:
-                message = f"begins {below:.3g} m deep in the ground, which throws it out"
+                message = f"starts {below:.3g} m below the ground, which will throw it out"
                 yield Problem(message, key=f"world.objects.{one.name}.position", value=_shown(one.position), code="in-ground")
 
 
 def _reach_down(one: WorldObject) -> float:
-    """m from the centre to the lowest point."""
+    """Distance from the centre to the lowest point, m."""
     down = np.abs(rotation_matrix(one.rpy)[2])
     if one.shape == "box":
         return float(0.5 * down @ np.array(one.size))
@@ -116,14 +116,14 @@ def _shown(numbers: tuple[float, ...]) -> str:
 
 
 def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Joints that start at 0, since nothing else is stated, where their limits exclude it."""
+    """Warnings: joints that start at 0 by default, but whose limits exclude 0."""
     if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
         return
     for joint in robot.moving_joints:
         low, high = joint.stops
         if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
             message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
-            hint = f"Say under `initial` where it starts, such as {low if low > 0.0 else high:g}"
+            hint = f"Set its start under `initial`, for example to {low if low > 0.0 else high:g}"
             yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
 
@@ -131,25 +131,25 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Signals, or terms of a sum, that rest for the whole run and change after its end."""
+    """Warnings: signals, or terms of a sum, that are constant during the run and change only after its end."""
     end = scenario.duration
     for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
         least, largest = extremes(scenario, signal)
         if largest > least or signal.jumps(0.0, end).size:
             continue
         try:
-            # Changes later than a hundred times the run are no slip of a digit.
+            # A change later than a hundred times the run is intended, not a typing error.
             later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
             changed = np.flatnonzero(signal.values(later) != least)
         except Exception:
-            continue  # what a signal is after the run's end is no fault of the run
+            continue  # errors after the end of the run do not concern the run
         if changed.size:
-            message = f"rests for the whole run of {end:g} s and changes only after its end"
+            message = f"is constant during the whole run of {end:g} s and changes only after its end"
             yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
 
 
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
-    """A signal, or the terms of a sum."""
+    """(key, signal), or (key, term) for each term of a sum."""
     if not isinstance(signal, Sum):
         yield key, signal
         return
@@ -158,7 +158,7 @@ def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References beyond the limits of joints, motors and springs."""
+    """Warnings: references beyond the limits of joints, motors and springs."""
     for block in robot.actuators:
         mode, actuator, joint = MODES[block.mode], ACTUATORS.get(block.actuator), robot.joint(block.joint)
         given, values = scenario.references_of(block.joint), block.values()
@@ -178,7 +178,7 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             bounds = extremes(scenario, given[name]) if name in given else (0.0, 0.0)
             if limit and max(map(abs, bounds)) > limit * (1.0 + ROUNDING):
                 shown = " to ".join(dict.fromkeys(f"{bound:g}" for bound in bounds))
-                message, key = f"is cut at {what}, {limit:g} N m", reference_key(scenario, block, name)
+                message, key = f"is clipped to {what}, {limit:g} N m", reference_key(scenario, block, name)
                 yield Problem(message, key=key, value=f"{shown} N m", code="reference-limits")
         preset, limit = given.get("stiffness_preset"), values.get("max_deflection", math.inf)
         if preset is not None and actuator.motors > 1 and not actuator.adjuster:
@@ -207,22 +207,22 @@ def _outside(robot: Robot, key: str, name: str, least: float, largest: float) ->
 
 
 def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """References that have no effect, and those that are missing."""
+    """Warnings: references without effect, and missing references."""
     common = scenario.references.get("*", {})
     for block in robot.actuators:
         names, own = reference_names(block), scenario.references.get(block.joint, {})
         unused = set(MODES[block.mode].references_of(ACTUATORS.get(block.actuator).motors)).difference(names)
         for name in unused.intersection(own):
-            message = f"an actuator of type {block.actuator} has no second reference: it has no effect"
+            message = f"has no effect: an actuator of type {block.actuator} has no second reference"
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
             if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
-                message = f"joint '{block.joint}' has no {name}: it rests at its start"
+                message = f"joint '{block.joint}' has no {name}, so this reference stays at its start"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """Whether a Cartesian task, or learning, makes the joint's reference."""
+    """Whether a Cartesian task or learning computes the joint's reference."""
     if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
@@ -241,12 +241,12 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"link_damping.{name}", value=damping.ratio, code="ratio-without-inertia")
     for index, claim in enumerate(scenario.expect):
         if claim.tolerance and claim.comparison != "==":
-            message = f"has no effect beside {claim.comparison}: it belongs to =="
+            message = f"has no effect with {claim.comparison}: it applies to == only"
             yield Problem(message, key=f"expect.{index}.tolerance", value=claim.tolerance, code="unused-tolerance")
     for name, effects in scenario.sensor_effects.items():
         modes = {block.mode for block in robot.actuators if name in ("*", block.joint)}
         if effects.active and modes and not any(MODES[mode].controller for mode in modes):
-            message = f"no controller reads this sensor in mode {', '.join(map(str, sorted(modes)))}: it has no effect"
+            message = f"has no effect: no controller reads this sensor in mode {', '.join(map(str, sorted(modes)))}"
             yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
     for block in robot.actuators if released_order(scenario.stepping) else ():
         given = [
@@ -255,7 +255,7 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             if one.optional and block.parameters[one.name].value != one.default
         ]
         if given:
-            message = f"the toolbox's order of a step does not know {', '.join(given)} of '{block.joint}'"
+            message = f"toolbox stepping ignores {', '.join(given)} of '{block.joint}'"
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-model")
 
 

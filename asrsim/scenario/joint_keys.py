@@ -1,4 +1,4 @@
-"""Keys of what belongs to a joint: actuator, start, imperfections of commands and sensors, damping, prescribed motion."""
+"""Keys of joints: actuator, start, imperfections of commands and sensors, damping, prescribed motion."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Effects:
 
     @property
     def active(self) -> bool:
-        """Whether anything differs from the ideal."""
+        """Whether any imperfection is set."""
         return bool(self.delay or self.rate or self.quantum or self.noise)
 
 
@@ -59,21 +59,21 @@ class Effects:
 class LinkDamping:
     """Link damping as a function of the stiffness: c(k) = constant + ratio * 2 sqrt(inertia * k), off by default."""
 
-    constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="on top of the URDF's damping")
+    constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="damping in addition to the URDF's")
     ratio: float = declare(NOT_NEGATIVE, default=0.0, unit="1", doc="damping ratio at `inertia` and the present stiffness")
     inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia at which `ratio` is meant")
 
 
 @dataclass(frozen=True, kw_only=True)
 class GivenActuator:
-    """An actuator that the scenario puts on a joint, in the place of the robot file's if there is one."""
+    """Actuator that the scenario puts on a joint, in place of the actuator in the robot file, if any."""
 
     type: str = declare(
         Choice(lambda: ACTUATORS, "name of an actuator", missing="One of your own is in a file that --plugin FILE names"),
-        doc="which actuator; `asrsim actuators` lists them",
+        doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")
-    parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by our name or the toolbox's tag; others as usual")
+    parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by name or the toolbox's tag; others by default")
 
 
 ACTUATORS_BY_JOINT = MapOf(of=block_of(GivenActuator, "actuator", main="type"), bare=True)
@@ -82,12 +82,12 @@ DAMPING_BY_JOINT = MapOf(of=block_of(LinkDamping, "damping law"))
 
 
 class Range(ListOf[float]):
-    """Two numbers, the smaller first."""
+    """Kind of value: two numbers, the smaller one first."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> tuple[float, ...]:
         found = super().read(node, path, reading)
         if found[0] > found[1]:
-            raise reading.fault(node, path, "the least value is larger than the largest", code="range")
+            raise reading.fault(node, path, "the first value must not exceed the second", code="range")
         return found
 
 
@@ -115,7 +115,7 @@ EQUILIBRIUM = "equilibrium"
 
 
 class StartTables(Either):
-    """The start, as the scenario's four tables and its flag."""
+    """Kind of value: the start of the joints, read into four tables and a flag of the scenario."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Mapping[str, Any]:
         states = super().read(node, path, reading)
@@ -133,11 +133,11 @@ class StartTables(Either):
 INITIAL = StartTables(((lambda node: node.value == EQUILIBRIUM, Choice((EQUILIBRIUM,))), (lambda _: True, MapOf(of=START))))
 
 INVERSE_DYNAMICS = "inverse_dynamics"
-"""Word under a joint's references that makes its first one a desired motion of the link."""
+"""Key under a joint's references that makes the first reference a desired motion of the link."""
 
 
 class JointReferences(MapOf[Any]):
-    """Signals by name, and whether the first is a desired motion: a :class:`bool` under :data:`INVERSE_DYNAMICS`."""
+    """Kind of value: a joint's references by name, and a bool under `INVERSE_DYNAMICS`."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
         if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
@@ -152,7 +152,7 @@ class JointReferences(MapOf[Any]):
 
 
 class ReferenceTables(MapOf[Any]):
-    """Every joint's :class:`JointReferences`, as the scenario's two tables: signals, and whose first is a desired motion."""
+    """Kind of value: references of all joints, read into two tables of the scenario: signals, and flags of inverse dynamics."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
         given = super().read(node, path, reading)

@@ -1,4 +1,4 @@
-"""The keys of a scenario file: those that :class:`Scenario` declares, and its variants."""
+"""Keys of a scenario file: those that `Scenario` declares, and `variants`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.scenario.kinds import Keys
 
 
 def _group(name: str, doc: str, main: str = "", **options: Any) -> Key:
-    """A key whose own keys are fields of the scenario."""
+    """Key with a mapping whose keys are fields of the scenario."""
     block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main, partial=True)
     return Key(name=name, kind=block, doc=doc, spread=True, **options)
 
@@ -25,12 +25,12 @@ KEYS: tuple[Key, ...] = declared_keys(
         _group("effects", "delay, hold, quantisation and noise of commands and sensors", default={}),
     ),
 )
-"""Every key of a variant, in the order of the documentation."""
+"""All keys of a variant, in the order of the documentation."""
 
 SCENARIO: Block[Keys] = Block(
     keys=KEYS, build=dict, noun="scenario", may_be_empty=False, partial=True, read_before=("variants",)
 )
-"""One variant."""
+"""Block of one variant."""
 
 VARIANT: Block[Keys] = Block(
     keys=tuple(

@@ -1,4 +1,4 @@
-"""Keys of `ilc:`, iterative learning control, and the data that they become."""
+"""Keys of `ilc`, iterative learning control, and their data classes."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ FirstGuess = Literal["zero", "reference", "inverse_dynamics"]
 
 @dataclass(frozen=True, kw_only=True)
 class Filter:
-    """A zero-phase filter on what is learned."""
+    """Zero-phase filter for the learned input."""
 
     cutoff: float = declare(POSITIVE, unit="Hz", doc="frequency above which nothing is learned")
-    order: int = declare(Integer(minimum=1, maximum=8), default=2, doc="of the Butterworth filter")
+    order: int = declare(Integer(minimum=1, maximum=8), default=2, doc="order of the Butterworth filter")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Learning:
-    """What is to be learned, and how."""
+    """Settings of iterative learning control: trajectory, law, stopping criteria."""
 
     trajectory: Mapping[str, Signal] = declare(SIGNALS_BY_JOINT, unit="rad", doc="desired link positions")
     law: LawName = declare(
@@ -35,7 +35,7 @@ class Learning:
     )  # fmt: skip
     gain: float = declare(POSITIVE, default=0.5, unit="1", doc="K of K exp(-n / gain_decay), the weight of the last error")
     gain_decay: float | None = declare(
-        Optional(POSITIVE, word="none"), default=10.0, unit="iterations", doc="how fast the gain falls; `none`: it stays"
+        Optional(POSITIVE, word="none"), default=10.0, unit="iterations", doc="decay of the gain; `none`: it is constant"
     )
     joint_gains: Mapping[str, float] = declare(
         MapOf(of=POSITIVE, star=False), default={}, unit="1", doc="gains that replace `gain`"

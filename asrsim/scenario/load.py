@@ -1,4 +1,4 @@
-"""Scenarios from files, plain data or keywords."""
+"""Loads scenarios from files, plain data or keywords."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ DEFAULT = "default"
 
 
 def only_variant(loaded: Sequence[Scenario]) -> Scenario:
-    """The only variant; raises ScenarioError if there are several."""
+    """The single variant of a scenario. Raises ScenarioError if there are several."""
     if len(loaded) != 1:
         names = tuple(one.variant for one in loaded)
-        hint = "Choose one with variant=... (--variant), or run them all with asrsim.run_variants (asrsim run)"
+        hint = "Choose one with variant=... (--variant), or run all with asrsim.run_variants (asrsim run)"
         message = "the scenario has several variants"
         raise ScenarioError(message, file=loaded[0].path, choices=names, hint=hint, code="variant")
     return loaded[0]
@@ -33,7 +33,7 @@ def only_variant(loaded: Sequence[Scenario]) -> Scenario:
 def load_scenario(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[Scenario, ...]:
-    """Every variant of a scenario file, in file order, or the chosen one.
+    """All variants of a scenario file in file order, or the chosen variant.
 
     A file without variants has one, called `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot. Raises ScenarioError with
@@ -48,16 +48,16 @@ def load_scenario(
 def read_scenarios(
     path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:
-    """As :func:`load_scenario`, but with every problem of the file beside the scenarios, which go without the keys at fault.
+    """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file.
 
-    Raises ScenarioError where the file is no mapping, or has no such variant.
+    Raises ScenarioError where the file is not a mapping, or lacks the variant.
     """
     if not isinstance(path, str | Path):
-        hint = "Of what load_scenario gives, which is one for each variant, choose one"
-        raise ScenarioError("is neither a scenario nor the path of one", value=type(path).__name__, hint=hint, code="usage")
+        hint = "load_scenario returns a scenario for each variant: choose one"
+        raise ScenarioError("must be a scenario or the path of a scenario", value=type(path).__name__, hint=hint, code="usage")
     path = Path(path)
     if not str(path.absolute()).isprintable() and "\\udc" in ascii(str(path.absolute())):
-        message = "the name of the file, or of a folder above it, is no UTF-8"
+        message = "the path of the file must be UTF-8"
         raise ScenarioError(message, file=path, hint="Rename it: logs and summaries name the file", code="encoding")
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
@@ -94,10 +94,10 @@ def scenario_from_data(
     overrides: Overrides = (),
     robot: str | Path | None = None,
 ) -> Scenario:
-    """One scenario from plain data: the keys of a scenario file without `variants`; inverse of `Scenario.resolved`.
+    """Scenario from plain data: the keys of a scenario file without `variants`, as in `Scenario.resolved`.
 
-    Files are first sought in `files` (name in the data -> path; `Scenario.attachments` fits), then from `base_dir`
-    (default: the working folder). `robot` replaces the data's robot. Raises ScenarioError with every problem.
+    Files are found in `files` (name in the data -> path, as in `Scenario.attachments`), or else in `base_dir` (default: the
+    working folder). `robot` replaces the robot of the data. Raises ScenarioError with every problem.
     """
     items = dict(data)
     if robot is not None:
@@ -112,15 +112,15 @@ def scenario_from_data(
 
 
 def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **keys: Any) -> Scenario:
-    """A scenario from keywords, named and shaped as in a scenario file: `make_scenario("arm.urdf", duration=2.0, ...)`.
+    """Scenario from keywords, which are the keys of a scenario file: `make_scenario("arm.urdf", duration=2.0, ...)`.
 
-    Paths count from `base_dir`, by default the working folder. Raises ScenarioError with every problem.
+    Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
     return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
 
 
 def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
-    """Every variant, merged with what all variants share, and what is wrong with the variants and with claims about them."""
+    """Variants merged with the common keys, and problems of the variants and of the claims about variants."""
     assert isinstance(root.value, dict)
     items = dict(root.value)
     node = items.pop("variants", None)
@@ -134,16 +134,16 @@ def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
         problems.append(_problem("must be a mapping from names to the keys that differ", node, "variants"))
         merged[DEFAULT] = common
     elif "variant" in items:
-        problems.append(_problem("a file with variants names them there", items["variant"], "variant"))
+        problems.append(_problem("is not allowed in a file with the key 'variants'", items["variant"], "variant"))
     for name, over in node.value.items() if node is not None and isinstance(node.value, dict) else ():
         keys = over.value if isinstance(over.value, dict) else {}
         problems += [
-            _problem("cannot stand in a variant", keys[key], f"variants.{name}.{key}")
+            _problem("is not allowed in a variant", keys[key], f"variants.{name}.{key}")
             for key in ("variants", "variant", "name")
             if key in keys
         ]
         if not names_a_folder(name):
-            problems.append(_problem("is no name: it names a folder too", over, f"variants.{name}"))
+            problems.append(_problem("must be valid as the name of a folder", over, f"variants.{name}"))
         if over.value is not None and not isinstance(over.value, dict):
             problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
         merged[name] = SCENARIO.merge(common, over) if keys else common
@@ -161,5 +161,5 @@ def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) 
 
 
 def _distinct(problems: Iterable[Problem]) -> list[Problem]:
-    """Each problem once: variants share most of theirs."""
+    """Problems without repetitions, as variants share most problems."""
     return list({str(problem): problem for problem in problems}.values())

@@ -1,4 +1,4 @@
-"""The toolbox's manager file: order of the joints, and namespace."""
+"""Reads the toolbox's manager file: order of the joints, and namespace."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError
 
 MAX_DEPTH = 4
-"""Levels of a manager file at which its joints are looked for."""
+"""Deepest level of a manager file that is searched for the list of joints."""
 
 
 class ManagerFile(File):
-    """A manager file, read into the scenario's order of joints and namespace; topic names and sample time change no simulation.
+    """Kind of value: a manager file, from which order of joints and namespace are read. Other keys have no effect.
 
-    Its parameters may stand under a node's name (`/**: ros__parameters:`).
+    The parameters may be under the name of a node (`/**: ros__parameters:`).
     """
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
@@ -33,14 +33,14 @@ class ManagerFile(File):
             raise reading.fault(names, path, "the manager file has no list 'joints_name'", code="manager", show=False)
         twice = [joint for joint in joints if joints.count(joint) > 1]
         if twice:
-            message = f"joint '{twice[0]}' stands twice under 'joints_name'"
+            message = f"'joints_name' lists joint '{twice[0]}' twice"
             raise reading.fault(names, path, message, code="manager", show=False)
         space = table["namespace"].value if "namespace" in table else None
         return {"joint_order": joints, "namespace": str(space or "").strip().strip("/") or None}
 
 
 def _find(node: Node, depth: int) -> dict[str, Node] | None:
-    """The mapping that has the joints."""
+    """Mapping that contains the list of joints; None if it is missing."""
     if not isinstance(node.value, dict) or depth == 0:
         return None
     if "joints_name" in node.value:

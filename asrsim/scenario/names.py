@@ -1,4 +1,4 @@
-"""Names of joints and links in a scenario: their places, and entries for all joints (`*`) that have no effect."""
+"""Checks names of joints and links in a scenario, and finds entries for all joints (`*`) without effect."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import SCENARIO
 
 MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges", "expect")
-"""Keys about all moving joints; others are about joints with an actuator."""
+"""Keys that apply to all moving joints; other keys apply to joints with an actuator."""
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
-"""Keys whose joints are checked where they are applied to the robot."""
+"""Keys whose joints are checked when the scenario is applied to the robot."""
 BY_NAME = ("references", "parameters")
-"""Tables in which the entry for all joints holds for what a joint's own entry does not set."""
+"""Tables in which the entry for all joints completes the entry of a joint."""
 
 
 def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: joints and links that the robot does not have, or that have no actuator where one is needed."""
+    """Errors: joints and links that the robot lacks, and joints without a required actuator."""
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
@@ -40,9 +40,9 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _names(kind: Kind[Any], data: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], str, str]]:
-    """(path, name, joint or link) of every name in plain data of a kind."""
+    """(path, name, `joint` or `link`) of every name of a joint or link in plain data of a kind."""
     if isinstance(kind, Text) and kind.noun in ("name of a joint", "name of a link") and isinstance(data, str | int):
-        # Entries of lists have no line of their own.
+        # Only keys of mappings have lines; entries of lists are reported at their list.
         yield path if not path[-1].isdecimal() else path[:-1], str(data), kind.noun.rpartition(" ")[2]
     if isinstance(kind, MapOf) and kind.noun == "joint" and isinstance(data, Mapping):
         yield from (((*path, name), name, "joint") for name in data)
@@ -61,9 +61,9 @@ def _names(kind: Kind[Any], data: Any, path: tuple[str, ...]) -> Iterator[tuple[
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
-    """Whether a path of keys leads through an entry for all joints that has no effect, since every joint has its own.
+    """Whether a path of keys contains an entry for all joints without effect, because every joint has an entry.
 
-    robot: with the scenario's modes.
+    robot: Robot with the scenario's modes.
     """
     if "*" not in parts:
         return False
@@ -83,7 +83,7 @@ def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
 
 
 def shadowed_entries(scenario: Scenario, robot: Robot) -> Iterator[str]:
-    """Keys of such entries in the scenario."""
+    """Keys of the entries for all joints without effect."""
     for path, name, _ in dict.fromkeys(_names(SCENARIO, scenario.resolved, ())):
         if name == "*" and path[0] not in ("actuators", "expect", "ilc", "task"):
             inner = [(*path, name) for name in _table(scenario, path)] if path[0] in BY_NAME else [path]

@@ -1,4 +1,4 @@
-"""`key=value` from the command line, applied to a scenario's nodes."""
+"""Applies `key=value` from the command line to the nodes of a scenario."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ _PART = re.compile(r'"([^"]*)"|([^."]+)')
 
 
 def split_path(text: str) -> tuple[str, ...]:
-    """Parts of a dotted path; parts that contain dots are in double quotes. Raises ScenarioError."""
+    """Parts of a dotted path. Parts with dots are in double quotes. Raises ScenarioError."""
     parts: list[str] = []
     position = 0
     while position <= len(text):
         found = _PART.match(text, position)
         if not found or (found.end() < len(text) and text[found.end()] != "."):
-            raise ScenarioError("is no dotted key", key=text, code="override")
+            raise ScenarioError("is not a dotted key", key=text, code="override")
         parts.append(found[1] if found[1] is not None else found[2])
         position = found.end() + 1
     return tuple(parts)
 
 
 Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
-"""`key=value` texts, or dotted keys with plain values."""
+"""Texts `key=value`, or a mapping from dotted keys to plain values."""
 
 
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
-    """The document with every override set, in order; a value of nothing takes the key away. Raises ScenarioError."""
+    """Document with all overrides set in order. A null value removes the key. Raises ScenarioError."""
     if isinstance(overrides, Mapping):
         for name, value in overrides.items():
             key = str(name).strip()
@@ -47,22 +47,22 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
 
 
 def override_texts(overrides: Overrides) -> tuple[str, ...]:
-    """The `key=value` texts of overrides. Raises ScenarioError where they are neither a mapping nor texts."""
+    """Overrides as texts `key=value`. Raises ScenarioError where they are neither a mapping nor texts."""
     if isinstance(overrides, Mapping):
         return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
     texts = (overrides,) if isinstance(overrides, str) else overrides
     if not (isinstance(texts, Sequence) and all(isinstance(text, str) for text in texts)):
         hint = "Give {'duration': 2}, or ['duration=2']"
-        raise ScenarioError("overrides are a mapping, or key=value texts", value=overrides, hint=hint, code="override")
+        raise ScenarioError("overrides must be a mapping or key=value texts", value=overrides, hint=hint, code="override")
     return tuple(texts)
 
 
 def apply_override(root: Node, override: str) -> Node:
-    """The document with `a.b.0.c=value` set; an empty value takes the key away. Raises ScenarioError."""
+    """Document with `a.b.0.c=value` set. An empty value removes the key. Raises ScenarioError."""
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
-        raise ScenarioError("is no key=value", value=override, hint=hint, code="override")
+        raise ScenarioError("is not key=value", value=override, hint=hint, code="override")
     _check_key(key.strip())
     try:
         value = parse_yaml(text, error=ScenarioError)
@@ -74,12 +74,12 @@ def apply_override(root: Node, override: str) -> Node:
 
 def _check_key(key: str) -> None:
     if key.partition(".")[0] == "variants":
-        hint = "What is set holds for every variant that runs; --variant chooses one"
+        hint = "An override applies to every variant that runs; choose one with --variant"
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
     path = split_path(key)
     if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
-        # What sweeps and fits call a joint's parameter.
-        raise ScenarioError("is no key of a scenario", key=key, code="override",
+        # Sweeps and fits use JOINT.PARAMETER for a joint's parameter.
+        raise ScenarioError("is not a key of a scenario", key=key, code="override",
                             hint=f"A joint's parameter is parameters.{key}, its reference references.{key}")  # fmt: skip
 
 
@@ -88,13 +88,13 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[
         return value
     head, rest = path[0], path[1:]
     if node.value is None and head.isdecimal():
-        # An entry of a list that the file leaves to its default, such as gravity.2.
+        # The list, such as that of gravity.2, may be missing in the file: its default is used.
         declared = key_at(SCENARIO, above)
         if declared is not None and isinstance(declared.default, tuple):
             node = node_from_data(list(declared.default))
     if isinstance(node.value, list):
         if not head.isdecimal() or int(head) >= len(node.value):
-            message = f"'{head}' is no index of a list of {len(node.value)} entries (they count from 0)"
+            message = f"'{head}' is not an index of a list of {len(node.value)} entries (counted from 0)"
             raise ScenarioError(message, key=key, code="override")
         items = list(node.value)
         items[int(head)] = _set(items[int(head)], rest, value, key, (*above, head))

@@ -1,4 +1,4 @@
-"""JSON Schema of scenarios, from the declarations that also validate them. Editors complete scenarios by it."""
+"""JSON Schema of scenarios, made of the declarations that validate scenarios. Editors use it to complete keys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FILE_NAME = "scenario.schema.json"
 
 
 def json_schema() -> dict[str, Any]:
-    """The schema as plain data (draft 2020-12). `duration` may also be given in every variant, so only `robot` is required."""
+    """Schema as plain data (draft 2020-12). Only `robot` is required, as `duration` may be in every variant instead."""
     schema = SCENARIO.schema()
     properties = {key.name: key.schema() for key in KEYS}
     variants = {**VARIANTS.schema(), "additionalProperties": {"anyOf": [change_schema(SCENARIO.schema()), {"type": "null"}]}}
@@ -30,7 +30,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def change_schema(schema: dict[str, Any], *, keep_required: bool = False) -> dict[str, Any]:
-    """The schema of what a variant changes: mappings need not be complete, and null takes a key away; lists stay whole."""
+    """Schema of the changes in a variant: mappings may be incomplete, null removes a key, and lists must be complete."""
     if "$ref" in schema:
         return {**schema, "$ref": "#/$defs/signal_change"}
     changed = {key: value for key, value in schema.items() if key != "required" or keep_required}
@@ -50,7 +50,7 @@ def _or_null(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The text of docs/scenario.schema.json."""
+    """Text of docs/scenario.schema.json."""
     import json
 
     return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"

@@ -1,4 +1,4 @@
-"""The signals of a scenario: their keys, their values over the run, and signals that cannot be followed."""
+"""Checks the signals of a scenario, and evaluates them over the run."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
 
 POINTS = 2000
-"""Points of the run at which a signal is evaluated."""
+"""Number of times during the run at which a signal is evaluated."""
 FARTHEST = 1e6
-"""rad or m: a wanted position beyond it has lost the digits in which a motion differs from rest."""
+"""Largest desired position, rad or m; rounding of larger values hides motions."""
 MOST_JUMPS = 100
-"""Largest number of jumps a step."""
+"""Largest number of jumps per step."""
 
 
 def signals_of(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
-    """Every signal of the scenario, with its key."""
+    """(key, signal) for every signal of the scenario."""
     tables: dict[str, Mapping[str, Signal]] = {f"references.{joint}": own for joint, own in scenario.references.items()}
     tables |= {"external_torques": scenario.external_torques, **wanted_positions(scenario)}
     for section, table in tables.items():
@@ -35,41 +35,41 @@ def signals_of(scenario: Scenario) -> Iterator[tuple[str, Signal]]:
 
 
 def wanted_positions(scenario: Scenario) -> dict[str, Mapping[str, Signal]]:
-    """Link positions that are wanted or prescribed, by section and joint."""
+    """Desired and prescribed link positions: key of the scenario -> joint -> signal."""
     return {"desired": scenario.desired, "motion": scenario.motion, **scenario.trajectories}
 
 
 def over_run(scenario: Scenario, signal: Signal) -> tuple[Array, Array]:
-    """Times of the run in order, the signal's jumps among them, and its values."""
+    """Ascending times of the run, including the signal's jumps, and the signal's values at these times."""
     end = scenario.duration
     time = np.sort(np.concatenate([np.linspace(0.0, end, POINTS + 1), signal.jumps(0.0, end)]))
     return time, signal.values(time)
 
 
 def extremes(scenario: Scenario, signal: Signal) -> tuple[float, float]:
-    """The least and the largest value over the run."""
+    """Smallest and largest value of a signal during the run."""
     _, values = over_run(scenario, signal)
     return float(values.min()), float(values.max())
 
 
 def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
-    """Key of a joint's reference in the scenario."""
+    """Dotted key of a joint's reference in the scenario."""
     return f"references.{block.joint if name in scenario.references.get(block.joint, {}) else '*'}.{name}"
 
 
 def signal_faults(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: signals that raise, that are not finite or absurdly large, or that jump too often for any run to follow."""
+    """Errors: signals that raise errors, are not finite, are too large, or jump too often."""
     steps = scenario.duration / scenario.step
     wanted = wanted_positions(scenario)
     for key, signal in signals_of(scenario):
         bound, where = LARGEST, "which no robot has"
         if key.rpartition(".")[0] in wanted:
-            bound, where = FARTHEST, "where no joint goes"
+            bound, where = FARTHEST, "which no joint reaches"
         try:
             with np.errstate(all="ignore"):
                 time, values = over_run(scenario, signal)
                 bad = np.flatnonzero(~np.isfinite(values))
-        except Exception as error:  # a user's own signal may raise anything
+        except Exception as error:  # a user's signal may raise any error
             yield Problem(f"the signal fails: {type(error).__name__}: {error}", key=key, code="signal")
             continue
         jumps = len(time) - POINTS - 1

@@ -1,4 +1,4 @@
-"""Keys of a Cartesian task, and the data that they become."""
+"""Keys of a Cartesian task, and their data classes."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, Vector
 
 @dataclass(frozen=True, kw_only=True)
 class CartesianPose:
-    """A waypoint of a Cartesian task."""
+    """Waypoint of a Cartesian task."""
 
-    time: float = declare(NOT_NEGATIVE, unit="s", doc="when it is reached")
-    position: Vector = declare(POSITION, unit="m", doc="in the world's frame")
+    time: float = declare(NOT_NEGATIVE, unit="s", doc="time at which the pose is reached")
+    position: Vector = declare(POSITION, unit="m", doc="position in the world's frame")
     rpy: Vector | None = declare(Optional(RPY), default=None, unit="rad", doc="orientation", shown="free")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CartesianTask:
-    """A path of a link's point, turned into equilibrium references by closed-loop inverse kinematics."""
+    """Path of a point on a link, from which closed-loop inverse kinematics computes equilibrium references."""
 
     link: str = declare(Text(noun="name of a link"), doc="the link that moves along the path")
     poses: tuple[CartesianPose, ...] = declare(
@@ -35,8 +35,8 @@ class CartesianTask:
         ListOf(of=Text(noun="name of a joint")), default=(), doc="joints that move",
         shown="all actuated ones between base and link",
     )  # fmt: skip
-    gain: float = declare(POSITIVE, default=10.0, unit="1/s", doc="of the closed loop")
-    damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="of the damped least squares")
+    gain: float = declare(POSITIVE, default=10.0, unit="1/s", doc="gain of the closed loop")
+    damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="damping of the least squares")
     interpolation: str = declare(Choice(("minimum_jerk", "linear")), default="minimum_jerk", doc="between the poses")
     gravity_compensation: bool = declare(
         Boolean(), default=False, doc="add the springs' deflection under gravity to the equilibrium"
@@ -47,7 +47,7 @@ class CartesianTask:
         doc="stiffness preset of the joints, where `references` give none",
     )  # fmt: skip
     tolerance: float = declare(
-        POSITIVE, default=1e-3, unit="m", doc="by which the path may be missed before it counts as unreachable"
+        POSITIVE, default=1e-3, unit="m", doc="largest distance from the path; beyond, the path is unreachable"
     )
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Keys of what surrounds the robot, and the data that they become: wrenches, objects, ground."""
+"""Keys of the robot's surroundings, and their data classes: wrenches, objects, ground."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Axes = tuple[Signal | None, Signal | None, Signal | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Wrench:
-    """A force and torque on a link by signals."""
+    """Force and torque on a link, given by signals."""
 
-    link: str = declare(Text(noun="name of a link"), doc="the link it acts on")
+    link: str = declare(Text(noun="name of a link"), doc="the link on which the wrench acts")
     force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal an axis, `null` for none", shown="none")
     torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal an axis, `null` for none", shown="none")
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
@@ -43,7 +43,7 @@ _SIZE = Either(((is_scalar, POSITIVE), (is_list, ListOf(of=POSITIVE, minimum=1))
 
 @dataclass(frozen=True, kw_only=True)
 class WorldObject:
-    """A body beside the robot."""
+    """Object in the robot's surroundings."""
 
     name: str
     shape: str = declare(Choice(tuple(_SIZES)), doc="its shape")
@@ -60,7 +60,7 @@ class WorldObject:
     friction: float = declare(
         NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"
     )
-    position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="of its centre")
+    position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
     colour: tuple[float, float, float, float] = declare(
         ListOf(of=SHARE, length=4, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
@@ -69,7 +69,7 @@ class WorldObject:
 
 
 def _object(**arguments: Any) -> WorldObject:
-    """A world object whose shape and size agree; its name is filled in by the world."""
+    """World object, after checking that shape and size agree. The world sets its name later."""
     if arguments.pop("restitution"):
         raise ScenarioError(
             "no engine bounces objects as it asks: PyBullet's bounce depends on the step (restitution 1, dropped from 0.5 m: "
@@ -106,7 +106,7 @@ _GROUND: Block[Keys] = Block(
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """The robot's surroundings."""
+    """Surroundings of the robot: ground and objects."""
 
     ground: bool = declare(
         Either(((is_mapping, _GROUND), (is_scalar, Boolean()))), default=False,
@@ -114,23 +114,23 @@ class World:
     )  # fmt: skip
     ground_friction: float = 1.0
     ground_height: float = 0.0
-    """z of the ground's surface, m."""
+    """Height z of the ground's surface, m."""
     objects: tuple[WorldObject, ...] = declare(_OBJECTS, default={}, doc="bodies beside the robot", field_default=tuple)
 
     @property
     def empty(self) -> bool:
-        """Nothing to collide with."""
+        """Whether there is nothing to collide with."""
         return not self.ground and not self.objects
 
 
 RESERVED = ("ground", "robot", TIP, TIP_GOAL)
-"""Names that logs have for what is no object."""
+"""Names that objects must not have, as logs use them for other bodies."""
 
 
 def _world(ground: bool | dict[str, Any], objects: dict[str, WorldObject]) -> World:
     for name in RESERVED:
         if name in objects:
-            message = f"an object cannot be called '{name}': logs name something else so"
+            message = f"an object cannot have the name '{name}', which logs use for another body"
             raise ScenarioError(message, key=f"objects.{name}", code="name")
     named = tuple(replace(item, name=name) for name, item in objects.items())
     if isinstance(ground, bool):

@@ -1,4 +1,4 @@
-"""What a signal is: a scalar function of time that knows its jumps."""
+"""Base class of signals: scalar functions of time that list their jumps."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from asrsim.samples import Array
 
 
 class Signal(ABC):
-    """A scalar function of simulated time. Immutable; evaluated in bulk before and between chunks of the run."""
+    """Scalar function of simulated time. Signals are immutable, and are evaluated for many times at once."""
 
     kind: ClassVar[str]
-    """Registry name: the key in a scenario."""
+    """Name in the registry, which is the signal's key in a scenario."""
 
     @abstractmethod
     def values(self, time: Array) -> Array:
-        """Values at `time` (n,) in s, continuous from the right at jumps; (n,) in the unit of what it drives."""
+        """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump, the value after it counts."""
 
     def jumps(self, start: float, end: float) -> Array:
-        """Times in [start, end] at which the value jumps, ascending; a jump from rest at the very start counts too."""
+        """Times in [start, end] at which the value jumps, ascending, s. A jump exactly at `start` is included."""
         return np.empty(0)

@@ -1,4 +1,4 @@
-"""Signals made of signals: sum, delay, scale."""
+"""Signals that combine other signals: sum, delay, scale."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from asrsim.signals.parse import SIGNAL
 
 @dataclass(frozen=True, kw_only=True)
 class Sum(Signal):
-    """The sum of signals."""
+    """Sum of several signals."""
 
     kind: ClassVar[str] = "sum"
     main_field: ClassVar[str] = "terms"
 
-    terms: tuple[Signal, ...] = declare(ListOf(of=SIGNAL, minimum=1), doc="the signals; the list may stand for itself")
+    terms: tuple[Signal, ...] = declare(ListOf(of=SIGNAL, minimum=1), doc="the signals; `sum: [...]` sets them too")
 
     def values(self, time: Array) -> Array:
         total = np.zeros(np.shape(time))
@@ -37,7 +37,7 @@ class Sum(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Scale(Signal):
-    """A signal times a factor, such as 0.017453292519943295 for one in degrees."""
+    """Signal times a factor, such as 0.017453292519943295 for a signal in degrees."""
 
     kind: ClassVar[str] = "scale"
 
@@ -53,7 +53,7 @@ class Scale(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Delay(Signal):
-    """A signal later in time, jumps included."""
+    """Signal delayed in time, including its jumps."""
 
     kind: ClassVar[str] = "delay"
 
@@ -67,7 +67,7 @@ class Delay(Signal):
         time = np.asarray(time, dtype=np.float64)
         inner = time - self.by
         if inner.size:
-            # Rounding must not put a sample on the other side of a jump than `jumps` says.
+            # Rounding must not move a sample across a jump: `values` and `jumps` must agree.
             jumps = self.of.jumps(float(inner.min()) - 1e-6, float(inner.max()) + 1e-6)
             seen = np.searchsorted(jumps + self.by, time, side="right")
             found = np.searchsorted(jumps, inner, side="right")

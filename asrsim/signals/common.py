@@ -1,4 +1,4 @@
-"""What signal kinds share: declared fields, the rest before the start, values between samples."""
+"""Functions that several kinds of signals use: declared fields, time since the start, interpolation."""
 
 from __future__ import annotations
 
@@ -12,48 +12,48 @@ from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 VALUE = "value"
-"""Unit of what the signal drives: rad for a position, N m for a torque."""
+"""Placeholder for the unit of the driven quantity: rad for a position, N m for a torque."""
 
 INTERPOLATIONS = ("linear", "hold")
 SLACK = 1e-9
-"""s by which a held sample may come before its time."""
+"""Time by which a new sample may apply early in zero-order hold, s."""
 
 
 def driven(doc: str, *, default: Any = REQUIRED, key: str = "") -> Any:
-    """A field in the unit of what the signal drives."""
+    """Field of a signal in the unit of the driven quantity."""
     return declare(NUMBER, doc=doc, unit=VALUE, default=default, key=key)
 
 
-def start_time(doc: str = "time of its beginning; before, the signal rests at its first value") -> Any:
-    """The field `start`."""
+def start_time(doc: str = "time of the start; before it, the signal has its first value") -> Any:
+    """Field `start` of a signal."""
     return declare(NUMBER, doc=doc, unit="s", default=0.0)
 
 
 def since(time: Array, start: float) -> Array:
-    """Seconds since `start`, 0 before it."""
+    """Time since `start`, s; 0 before it."""
     return np.maximum(np.asarray(time, dtype=np.float64) - start, 0.0)
 
 
 def require(condition: bool, message: str, *, key: str) -> None:
-    """Raise ScenarioError about a field unless the condition holds."""
+    """Raise ScenarioError for a field unless the condition is true."""
     if not condition:
         raise ScenarioError(message, key=key, code="signal")
 
 
 def between(times: Array, start: float, end: float) -> Array:
-    """Those of ascending `times` that lie in [start, end]."""
+    """Times that lie in [start, end], from ascending `times`."""
     return times[(times >= start) & (times <= end)]
 
 
 def interpolate(time: Array, times: Array, values: Array, interpolation: str) -> Array:
-    """Values at `time`; `times` ascend; the ends hold."""
+    """Values at `time`, from samples at ascending `times`; constant beyond the ends."""
     if interpolation == "hold":
-        # Rounding of a clock must not put a step off by one sample: 100.2 - 100 is 2.8e-15 more than 0.2.
+        # Rounding must not delay a step by one sample: 100.2 - 100 is 2.8e-15 larger than 0.2.
         index = np.searchsorted(times, time + SLACK, side="right") - 1
         return np.asarray(values[np.clip(index, 0, None)], dtype=np.float64)
     return np.asarray(np.interp(time, times, values), dtype=np.float64)
 
 
 def hold_jumps(times: Array, values: Array, start: float, end: float) -> Array:
-    """Times in [start, end] at which a held series changes its value."""
+    """Times in [start, end] at which a series in zero-order hold changes its value."""
     return between(times[1:][np.diff(values) != 0.0], start, end)

@@ -1,4 +1,4 @@
-"""A recorded series as a curve: smooth between its samples, but for its jumps."""
+"""Smooth curve through a recorded series, with jumps where the series jumps."""
 
 from __future__ import annotations
 
@@ -12,42 +12,43 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 
 JUMP = 8.0
-"""A change of a series that is so many times those beside it is a jump."""
+"""Ratio of a step of the series to its neighbouring steps from which the step is a jump."""
 TORN, BESIDE = 4.0, 6
-"""Times the bends of a motion, in so many samples on each side, that a jump in it is at least."""
+"""Smallest ratio of a jump in a smooth motion to the third differences around it, and number of samples on each side that
+are compared."""
 LARGE, MANY = 0.05, 40
-"""Share of a series' range from which on a jump is large, and number of these beyond which they are stairs."""
+"""Fraction of the series' range from which a jump is large, and largest number of large jumps; more jumps are stairs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Cubics between samples: splines, or each sample held until the next. It jumps where the series does."""
+    """Curve made of a cubic polynomial for each interval between samples, with jumps where the series jumps."""
 
     time: Array
-    """(n,) s, where pieces begin; the last value holds."""
+    """Start times of the pieces (n,), s; the curve is constant after the last one."""
     cubics: Array
-    """(n, 4) coefficients of each piece, from the constant on."""
+    """Polynomial coefficients of the pieces (n, 4), the constant first."""
     large: NDArray[np.intp]
-    """(m,) indices of the pieces that begin with a large jump; none where they are many: stairs are small."""
+    """Indices (m,) of the pieces that begin with a large jump; empty if the series is stairs."""
 
     @property
     def jumps(self) -> Array:
-        """(m,) times of large jumps, s."""
+        """Times of the large jumps (m,), s."""
         return np.asarray(self.time[self.large])
 
     @cached_property
     def sizes(self) -> Array:
-        """(m,) of large jumps."""
+        """Sizes of the large jumps (m,)."""
         before = self.large - 1
         return np.asarray(self.cubics[self.large, 0] - _value(self.cubics[before], self.time[self.large] - self.time[before]))
 
     def values(self, time: Array) -> Array:
-        """At `time` (k,) s; the ends hold, and at a jump the new value does."""
+        """Values (k,) at the times (k,) in s; constant beyond the ends. At a jump, the value after it counts."""
         place, after = self._pieces_of(time)
         return _value(self.cubics[place], np.maximum(after, 0.0))
 
     def integral(self, time: Array) -> Array:
-        """From the first sample to `time` (k,) s; the ends hold."""
+        """Integrals (k,) from the first sample to the times (k,) in s; the curve is constant beyond the ends."""
         place, after = self._pieces_of(time)
         before = after < 0.0
         return np.asarray(self._areas[place] + np.where(before, after * self.cubics[0, 0], _area(self.cubics[place], after)))
@@ -62,7 +63,7 @@ class Curve:
 
 
 def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
-    """Of samples (n,) at ascending times. hold: each until the next."""
+    """Curve through samples (n,) at ascending times (n,) in s. hold: zero-order hold in place of splines."""
     jumping = np.diff(values) != 0.0 if hold else is_jump(values)
     cubics = np.zeros((len(time), 4))
     cubics[:, 0] = values
@@ -70,7 +71,7 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
     for first, last in pairwise(edges) if not hold else ():
         _join(time[first:last], cubics[first:last])
         if last < len(time) and last - first > 1:
-            # What is known of the way to the jump is how it began.
+            # Extrapolate the previous piece up to the jump.
             _, b, c, d = cubics[last - 2]
             width = time[last - 1] - time[last - 2]
             cubics[last - 1] = values[last - 1], b + width * (2.0 * c + 3.0 * d * width), c + 3.0 * d * width, 0.0
@@ -80,17 +81,21 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
 
 
 def is_jump(values: Array) -> NDArray[np.bool_]:
-    """(n - 1,) whether a series (n,) jumps after a sample: by far more than it changes beside, or than it bends beside."""
+    """Whether the series (n,) jumps between two samples, (n - 1,): its step is much larger than the neighbouring steps, or its
+    third differences are those of a jump."""
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
-    # At the ends two of the same side: one alone may be that of a summit.
+    # At the ends, compare with two steps on the same side, as a single step may be near zero at an extremum.
     before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
     beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
     return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))
 
 
 def _torn(values: Array, least: float) -> NDArray[np.bool_]:
-    """(n - 1,) whether third differences are those of a jump in a smooth motion: 1, -2, 1 times its size, small beside."""
+    """Whether a smooth motion jumps between two samples, (n - 1,).
+
+    A jump changes three successive third differences by 1, -2 and 1 times its size, and leaves the others small.
+    """
     n = len(values)
     torn = np.zeros(max(n - 1, 0), bool)
     if n < 6:
@@ -108,7 +113,7 @@ def _torn(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def _join(time: Array, cubics: Array) -> None:
-    """Fill in pieces (n, 4) between the constants of samples: lines would cut off summits."""
+    """Fill in the coefficients (n, 4) of a spline through the samples, which keeps extrema that lines would cut off."""
     from scipy.interpolate import CubicSpline
 
     if len(time) > 3:
@@ -123,6 +128,6 @@ def _value(cubics: Array, width: Array) -> Array:
 
 
 def _area(cubics: Array, width: Array) -> Array:
-    """Integrals of cubics (..., 4) over widths (...)."""
+    """Integrals of the cubics (..., 4) from 0 to the widths (...)."""
     a, b, c, d = np.moveaxis(cubics, -1, 0)
     return np.asarray(width * (a + width * (b / 2.0 + width * (c / 3.0 + width * d / 4.0))))

@@ -1,4 +1,4 @@
-"""From a scenario's value to a signal: a number, or a mapping whose only key is the kind."""
+"""Reads signals of a scenario: a number, or a mapping whose only key is the kind of signal."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _OTHER_WORDS = {
     **dict.fromkeys(("spline", "trajectory", "points", "path"), "waypoints"), "quintic": "minimum_jerk", "line": "ramp",
     **dict.fromkeys(("csv", "file", "recording", "replay"), "playback"), "gain": "scale", "offset": "sum",
 }  # fmt: skip
-"""What others call these signals."""
+"""Other name of a signal -> its kind."""
 
 
 class SignalKind(Kind[Signal]):
-    """A signal as a document writes it."""
+    """Kind of value: a signal in a document."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Signal:
         from asrsim.signals import SIGNALS
@@ -35,14 +35,18 @@ class SignalKind(Kind[Signal]):
             raise reading.fault(node, path, f"must be a signal: {FORM}", choices=SIGNALS.names(), code="signal")
         if len(value) != 1:
             raise reading.fault(
-                node, path, f"a signal has one key, its kind, but here are {len(value)}", choices=SIGNALS.names(), code="signal"
+                node,
+                path,
+                f"must have one key, the kind of signal, not {len(value)}",
+                choices=SIGNALS.names(),
+                code="signal",
             )
         kind, body = next(iter(value.items()))
         if kind not in SIGNALS:
             raise reading.fault(
                 node,
                 (*path, kind),
-                f"no signal is called '{kind}'",
+                f"'{kind}' is not a kind of signal",
                 line=node.key_line(kind),
                 choices=SIGNALS.names(),
                 meant=_OTHER_WORDS.get(kind.lower(), kind),
@@ -60,7 +64,7 @@ class SignalKind(Kind[Signal]):
         return "signal"
 
     def merge(self, base: Node, over: Node) -> Node:
-        """Keys of one kind are merged; another kind replaces the signal."""
+        """Signal of `base` with the keys of `over`, if both have the same kind; otherwise `over`."""
         from asrsim.signals import SIGNALS
 
         if isinstance(base.value, dict) and isinstance(over.value, dict) and len(base.value) == 1:
@@ -75,14 +79,14 @@ SIGNAL = SignalKind()
 
 
 def block_of(cls: type[Signal]) -> Block[Signal]:
-    """The declared keys of a kind of signal."""
+    """Block with the declared keys of a kind of signal."""
     doc = (cls.__doc__ or "").strip().splitlines()
     main = getattr(cls, "main_field", "")
     return Block(keys=declared_keys(cls), build=cls, noun=f"mapping of {cls.kind}", doc=doc[0] if doc else "", main=main)
 
 
 def signal_schema() -> Schema:
-    """JSON Schema of a signal, to stand at `#/$defs/signal`."""
+    """JSON Schema of a signal, for `#/$defs/signal`."""
     from asrsim.signals import SIGNALS
 
     shapes: list[Schema] = [{"type": "number", "description": "a constant"}]
@@ -93,10 +97,9 @@ def signal_schema() -> Schema:
 
 
 def parse_signal(data: object, *, base: Path | None = None) -> Signal:
-    """A signal from plain data: a number, or a mapping with one key, the kind.
+    """Signal made of plain data: a number, or a mapping whose only key is the kind of signal.
 
-    `base` is the folder in which files of playbacks are sought (default: the working folder). Raises ScenarioError
-    with every problem.
+    base: Folder of the files of playbacks; None: the working folder. Raises ScenarioError with every problem.
     """
     reading = Reading(base=base or Path())
     found = attempt(SIGNAL, node_from_data(data), (), reading)

@@ -1,4 +1,4 @@
-"""Signals of pieces: constant, step, ramp, minimum jerk, waypoints and pulse train."""
+"""Piecewise signals: constant, step, ramp, minimum jerk, waypoints and pulse train."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, i
 
 @dataclass(frozen=True, kw_only=True)
 class Constant(Signal):
-    """The same value at all times; a bare number in a scenario means this."""
+    """Constant value. A plain number in a scenario is short for this signal."""
 
     kind: ClassVar[str] = "constant"
     main_field: ClassVar[str] = "value"
@@ -32,7 +32,7 @@ class Constant(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Step(Signal):
-    """A jump from one value to another; at the time of the jump the new value holds already."""
+    """Jump from one value to another. At the time of the jump, the signal has the new value."""
 
     kind: ClassVar[str] = "step"
 
@@ -49,7 +49,7 @@ class Step(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Ramp(Signal):
-    """A straight line from one value to another, then rest."""
+    """Straight line from one value to another, constant before and after it."""
 
     kind: ClassVar[str] = "ramp"
 
@@ -66,7 +66,7 @@ class Ramp(Signal):
         return self.initial * (1.0 - share) + self.final * share
 
     def _way(self, s: Array) -> Array:
-        """Share of the way at a share `s` of the time."""
+        """Fraction of the change in value at the fraction `s` of the duration."""
         return s
 
 
@@ -87,7 +87,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoints(Signal):
-    """A curve through points; it rests at the first before them and at the last after them."""
+    """Curve through points, constant before the first point and after the last point."""
 
     kind: ClassVar[str] = "waypoints"
     main_field: ClassVar[str] = "points"
@@ -127,12 +127,12 @@ class Waypoints(Signal):
 
 
 MOST = 10**6
-"""Pulses that are still worked out at once."""
+"""Largest number of pulses in one evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PulseTrain(Signal):
-    """Rectangular pulses: `high` for `width`, then `low` until the period is over, again and again."""
+    """Periodic rectangular pulses: `high` for `width`, then `low` until the end of the period."""
 
     kind: ClassVar[str] = "pulse_train"
 
@@ -148,7 +148,7 @@ class PulseTrain(Signal):
         require(0.0 < self.width < self.period, f"must lie between 0 and the period of {self.period:g} s", key="width")
 
     def _edges(self, start: float, end: float) -> tuple[Array, Array]:
-        """Times of rising and falling edges of the pulses that touch [start, end], from one formula for all uses."""
+        """Times of the rising and falling edges of the pulses that overlap [start, end], s."""
         first = max(0, math.floor((start - self.start) / self.period) - 1)
         last = math.floor((end - self.start) / self.period) + 1
         if self.count is not None:

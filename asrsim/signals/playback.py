@@ -18,45 +18,45 @@ from asrsim.signals.curve import Curve, curve_through
 from asrsim.signals.recorded import read_column
 
 STAMP_LIMIT = 1e6
-"""s: first times beyond it are taken for stamps of a clock, and start at 0."""
+"""First time above which a recording's times are clock stamps, which are shifted to start at 0, s."""
 
 _RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
 
 def since(times: Array, zero: float, start: float = 0.0) -> Array:
-    """Times (n,) in s from `zero`, which becomes `start`, rounded to what the clock resolves: 100.2 is 0.2 s after 100."""
+    """Times (n,) in s, shifted from `zero` to `start` and rounded to the resolution of the clock: 100.2 - 100 becomes 0.2."""
     digits = min(9, int(np.floor(-np.log10(np.spacing(max(float(np.max(np.abs(times))), abs(start), 1e-3))))))
     return np.asarray(np.round(times - zero, digits) + start, dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Playback(Signal):
-    """A recorded series; before its first and after its last sample the end values hold."""
+    """Recorded series, constant before the first sample and after the last sample."""
 
     kind: ClassVar[str] = "playback"
 
-    file: Path = declare(_RECORDING, doc="a recording of any format; a document beside it says how it is read")
+    file: Path = declare(_RECORDING, doc="a recording of any format; a reading document beside it applies")
     column: str = declare(
         Text(noun="name of a column"),
-        doc="the column, with or without its unit, or its number from 1; of bags and MCAP files topic and field, such as "
-        "`/motor/target` of a number, `/states/position[2]` or `/joint_states/position[joint1]`",
+        doc="header of the column, with or without unit, or its number from 1; for bags and MCAP files topic and field, "
+        "such as `/motor/target` (a number), `/states/position[2]` or `/joint_states/position[joint1]`",
     )
     time: str | None = declare(
         Optional(Text(noun="name of a column, or `header`")),
-        doc="tables: the time's column (default: the one that is named so); bags: `header` for the messages' own stamps",
+        doc="tables: the time column (default: the column with the name of a time); bags: `header` for the stamps in messages",
         default=None,
     )
     start: float | None = declare(
         Optional(NUMBER),
-        doc="simulated time of the first sample; default: the recording's own times, stamps of a clock beginning at 0",
+        doc="simulated time of the first sample; default: the times of the recording; clock stamps start at 0",
         unit="s",
         default=None,
     )
-    scale: float = declare(NUMBER, doc="factor on the values, on top of units that the header names", default=1.0)
-    offset: float = driven("added after scaling", default=0.0)
+    scale: float = declare(NUMBER, doc="factor on the values, in addition to the unit in the header", default=1.0)
+    offset: float = driven("offset added after scaling", default=0.0)
     interpolation: str = declare(
         Choice((*INTERPOLATIONS, "smooth")),
-        doc="between samples: a line, the earlier sample's value, or a smooth curve that jumps where the recording does",
+        doc="between samples: a line, the earlier sample's value, or a smooth curve that jumps where the recording jumps",
         default="linear",
     )
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
@@ -74,7 +74,7 @@ class Playback(Signal):
 
     @property
     def samples(self) -> tuple[Array, Array]:
-        """Times in s and values of the recording as played back, (n,) each."""
+        """Times in s and values of the playback, (n,) each."""
         return self._series
 
     @cached_property

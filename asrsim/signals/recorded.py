@@ -1,4 +1,4 @@
-"""One series of a recorded file for playback: read as any recording, but nothing missing is passed over."""
+"""Reads a series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
 
 from __future__ import annotations
 
@@ -17,15 +17,20 @@ if TYPE_CHECKING:
     from asrsim.recordings.reading import Reading
 
 MAX_PROBLEMS = 10
-"""Rows of one kind of fault that are named."""
+"""Largest number of rows that are listed for one kind of fault."""
 
 
 def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array, Array]:
-    """Times in s (ascending) and values (SI where header or document state the unit) of a column.
+    """Ascending times in s and values of a column, in SI units where the header or a document states the unit.
 
-    column: its name with or without its unit, or its number from 1; of messages `/topic/field`. time_column: the same, or
-    `header` for the messages' own stamps. Raises RecordingError naming file, line and column of everything that is wrong: no
-    such column (the ones that there are), cells that are empty or no numbers, rows of another length, times that do not ascend.
+    Args:
+        path: The recording.
+        column: Header of the column with or without unit, or its number from 1; for messages `/topic/field`.
+        time_column: Time column in the same form, or `header` for the stamps in messages; None: by its name.
+
+    Raises:
+        RecordingError: The column is missing, cells are empty or not numbers, rows have another length, or times do not
+            ascend. Each problem states file, line and column.
     """
     from asrsim.recordings.data import RawSeries
     from asrsim.recordings.names import find_raw
@@ -37,16 +42,16 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
         raise _no_column(path, [one for each in content.tables for one in each.columns], column, "column")
     values = table.columns[find_raw(column, table.columns) or 0]
     seconds, clock = _times(path, table, time_column, reading)
-    problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # rows left out
+    problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # skipped rows
     for one in ([clock] if clock is not None and clock is not values else []) + [values]:
         problems += _gaps(path, table, one)
     kept = np.isfinite(seconds)
-    if table.received is not None:  # of messages with one stamp the last counts, as for a receiver that is read afterwards
+    if table.received is not None:  # of messages with equal stamps the last counts, as for a receiver that is polled
         kept[:-1] &= np.diff(seconds) != 0.0
     finite = np.flatnonzero(kept)
     for bad in np.flatnonzero(np.diff(seconds[finite]) <= 0.0)[:MAX_PROBLEMS]:
         before, after = finite[bad], finite[bad + 1]
-        message = f"time {seconds[after]:.9g} does not ascend: {seconds[before]:.9g} stands before it"
+        message = f"time {seconds[after]:.9g} follows {seconds[before]:.9g}, but times must ascend"
         name = table.name or None if clock is None else clock.name
         problems.append(Problem(message, file=path, line=_line(table, after), key=name, code="csv-time"))
     if problems:
@@ -58,7 +63,7 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
 
 
 def series_names(path: Path) -> tuple[str, ...]:
-    """Headers of all columns without their units. Raises RecordingError for a file that is no table, or no header of one."""
+    """Headers of all columns without units. Raises RecordingError for a file without a table."""
     from asrsim.recordings.units import split_header
 
     content, _ = _read(path, *_newest(path))
@@ -66,14 +71,14 @@ def series_names(path: Path) -> tuple[str, ...]:
 
 
 def _newest(path: Path) -> tuple[int, int]:
-    """Times of change of the file and of the document beside it, which keep the cache honest."""
+    """Modification times of the file and of the document beside it, ns: keys of the cache, so that changes are noticed."""
     from asrsim.recordings.reading import reading_file
 
     beside = reading_file(path)
     return path.stat().st_mtime_ns if path.exists() else 0, beside.stat().st_mtime_ns if beside else 0
 
 
-# A scenario plays several columns of one file, one after the other.
+# Cached, as a scenario often plays several columns of one file.
 @lru_cache(maxsize=2)
 def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
     from asrsim.recordings.formats import content_of
@@ -84,7 +89,7 @@ def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
 
 
 def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) -> tuple[Array, RawColumn | None]:
-    """Times in s and their column: that which is wanted, else the document's, else the one that is named so."""
+    """Times in s and their column: the wanted column, else the document's, else the first column with the name of a time."""
     from asrsim.recordings.names import find_raw, stated_unit
     from asrsim.recordings.times import is_named_time
 
@@ -94,7 +99,7 @@ def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) ->
     if table.received is not None and stated in (None, "header", "received"):
         stamps = table.stamped if stated == "header" else table.received
         if stamps is None:
-            message = f"{table.name}: its messages have no header with a stamp"
+            message = f"{table.name}: the messages have no stamp in a header"
             raise RecordingError(message, file=path, key="time", code="no-time")
         return np.asarray(stamps * 1e-9, dtype=np.float64), None
     if stated is not None:
@@ -106,7 +111,7 @@ def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) ->
         clock = named[0]
     else:
         names = tuple(column.name for column in table.columns)
-        hint = "Name the time's column with the key 'time'"
+        hint = "Name the time column with the key 'time'"
         raise RecordingError("no column is called time or t", file=path, choices=names, hint=hint, code="no-column")
     unit = None if clock.zero is not None else stated_unit(clock.name, clock.unit)
     factor = reading.time.factor if wanted is None and reading.time.factor is not None else 1.0 if unit is None else unit.factor
@@ -117,7 +122,7 @@ def _no_column(path: Path, columns: Sequence[RawColumn], wanted: str, key: str) 
     from asrsim.recordings.units import split_header
 
     names = tuple(split_header(column.name)[0] for column in columns)
-    message = f"there is no column '{wanted}' of numbers"
+    message = f"there is no numeric column '{wanted}'"
     return RecordingError(message, file=path, key=key, choices=names, meant=wanted, code="no-column")
 
 
@@ -128,7 +133,7 @@ def _line(table: RawTable, row: int) -> int | None:
 def _gaps(path: Path, table: RawTable, column: RawColumn) -> list[Problem]:
     bad = np.flatnonzero(~np.isfinite(column.values))
     problems = [
-        Problem("the cell is empty or no finite number", file=path, line=_line(table, row), key=column.name, code="csv-cell")
+        Problem("the cell must contain a finite number", file=path, line=_line(table, row), key=column.name, code="csv-cell")
         for row in bad[:MAX_PROBLEMS]
     ]
     if bad.size > MAX_PROBLEMS:

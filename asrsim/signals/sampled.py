@@ -1,4 +1,4 @@
-"""Samples of a signal that the library computed: planned references, learned inputs. Scenarios use `playback` instead."""
+"""Signal made of computed samples: planned references, learned inputs. Scenarios use `playback` instead."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from asrsim.signals.base import Signal
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Signal):
-    """Straight lines between samples; the ends hold. Not in the registry: it has no form in a document."""
+    """Linear interpolation between samples, constant beyond the ends. Documents cannot contain this signal."""
 
     kind: ClassVar[str] = "sampled"
 
     times: Array
-    """(n,) s, ascending."""
+    """Ascending times (n,), s."""
     samples: Array
-    """(n,) in the unit of what it drives."""
+    """Values (n,) in the unit of the driven quantity."""
 
     def __post_init__(self) -> None:
-        # No negative zero: a playback of the same numbers, which adds an offset, has none either.
+        # Adding 0.0 removes negative zeros, as in a playback of these numbers, which adds an offset.
         object.__setattr__(self, "samples", np.asarray(self.samples, dtype=np.float64) + 0.0)
 
     def values(self, time: Array) -> Array:

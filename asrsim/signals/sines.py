@@ -23,9 +23,9 @@ class Sinusoid(Signal):
     kind: ClassVar[str] = "sinusoid"
 
     amplitude: float = driven("half of the peak-to-peak value")
-    frequency: float | None = declare(Optional(POSITIVE), doc="frequency; this or angular_frequency", unit="Hz", default=None)
+    frequency: float | None = declare(Optional(POSITIVE), doc="frequency (or angular_frequency)", unit="Hz", default=None)
     angular_frequency: float | None = declare(
-        Optional(POSITIVE), doc="angular frequency; this or frequency", unit="rad/s", default=None
+        Optional(POSITIVE), doc="angular frequency (or frequency)", unit="rad/s", default=None
     )
     phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
     offset: float = driven("added to it", default=0.0)
@@ -34,7 +34,7 @@ class Sinusoid(Signal):
     def __post_init__(self) -> None:
         given = [self.frequency, self.angular_frequency].count(None)
         require(given != 2, "needs the key frequency (Hz) or angular_frequency (rad/s)", key="")
-        require(given != 0, "has both frequency and angular_frequency: give one", key="angular_frequency")
+        require(given != 0, "excludes the key frequency: give one of both", key="angular_frequency")
 
     @property
     def omega(self) -> float:
@@ -49,7 +49,7 @@ class Sinusoid(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Chirp(Signal):
-    """Sine sweep between two frequencies, linear or logarithmic in time; it rests at its last value after the end."""
+    """Sine sweep between two frequencies, linear or logarithmic in time, constant after the end."""
 
     kind: ClassVar[str] = "chirp"
 
@@ -58,7 +58,9 @@ class Chirp(Signal):
     end_frequency: float = declare(POSITIVE, doc="frequency at the end", unit="Hz", key="to")
     duration: float = declare(POSITIVE, doc="length of the sweep", unit="s")
     law: str = declare(
-        Choice(("linear", "logarithmic")), doc="how the frequency grows: by equal steps, or by equal factors", default="linear"
+        Choice(("linear", "logarithmic")),
+        doc="growth of the frequency: by equal differences (linear) or by equal factors (logarithmic)",
+        default="linear",
     )
     phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
     offset: float = driven("added to it", default=0.0)
@@ -93,16 +95,16 @@ class Multisine(Signal):
 
     frequencies: tuple[float, ...] = declare(ListOf(of=POSITIVE, minimum=1), doc="the frequencies", unit="Hz")
     amplitudes: float | tuple[float, ...] = declare(
-        _AMPLITUDES, doc="amplitude of all, or of each", unit=VALUE, key="amplitude"
+        _AMPLITUDES, doc="one amplitude for all frequencies, or a list", unit=VALUE, key="amplitude"
     )
     phases: str | tuple[float, ...] = declare(
         _PHASES,
-        doc="phases: schroeder's (low peaks, Schroeder 1970), random by the seed, zero, or a list",
+        doc="phases: schroeder (small peaks, Schroeder 1970), random (by the seed), zero, or a list",
         unit="rad",
         default="schroeder",
         key="phase",
     )
-    seed: int = declare(Integer(minimum=0), doc="of random phases", default=0)
+    seed: int = declare(Integer(minimum=0), doc="seed of the random phases", default=0)
     offset: float = driven("added to it", default=0.0)
     start: float = start_time()
 
@@ -114,7 +116,7 @@ class Multisine(Signal):
                 require(len(values) == count, f"has {len(values)} entries for {count} frequencies", key=key)
 
     def phase_values(self) -> Array:
-        """(number of frequencies,) rad."""
+        """Phases (number of frequencies,), rad."""
         count = len(self.frequencies)
         if isinstance(self.phases, tuple):
             return np.array(self.phases)

@@ -22,13 +22,13 @@ from asrsim.simulation.joint import advance, remember_springs
 from asrsim.simulation.laws import plain_law
 from asrsim.simulation.layout import (
     DRIVE_TORQUE,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     JOINT_STEP,
     KICK_POSITION,
-    LAGGING,
     LOAD,
     MEAN_VELOCITY,
     MOTOR_POSITION,
-    OWN,
     P_LEVEL,
     PER_MOTOR,
     POSITION,
@@ -42,14 +42,14 @@ OUTPUTS = (
     "position", "velocity", "reference_1", "reference_2", "link_torque", "elastic_torque_1", "elastic_torque_2", "stiffness",
     "motor_1_position", "motor_1_velocity", "motor_1_effort", "motor_2_position", "motor_2_velocity", "motor_2_effort",
 )  # fmt: skip
-"""Columns that a joint gets, in this order; SI. `motor_i_effort`, the word of the toolbox's messages, is `motor_i_torque`
-elsewhere. Without a spring (modes 0, 1) torques and stiffness are NaN and motors 0; in the released order ideal motors (modes
-2, 3) are 0 too; in the others what an actuator with one motor and no adjuster does not have is NaN."""
+"""Output columns of a joint, in SI units. `motor_i_effort` is the toolbox's name for `motor_i_torque`. In modes without a
+spring (0, 1), torques and stiffness are NaN and motor values 0. In the released order, values of ideal motors (modes 2, 3) are
+0 too; in other steppings, values that an actuator with one motor and no adjuster lacks are NaN."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What is prescribed to one joint, each (n,): rad, rad/s, references in the mode's units."""
+    """Prescribed motion and references of one joint, each (n,): rad, rad/s, references in the units of the mode."""
 
     position: Array
     velocity: Array
@@ -65,12 +65,13 @@ def run_bench(
     stepping: str = "leapfrog",
     first_step: float | None = None,
 ) -> dict[str, dict[str, Array]]:
-    """Outputs by joint and column of :data:`OUTPUTS`, each (n,). time: (n,) s, ascending.
+    """Joint -> column of `OUTPUTS` -> values (n,). time: (n,) s, ascending.
 
     first_step: length of the first row's step in s; None: as long as the second, and in leapfrog none: the motors rest there.
     """
     steps = step_lengths(time, first_step)
-    # At the first row's time the motors rest; where velocities live at half steps, half a step brings them there.
+    # The motors rest at the time of the first row. In staggered steppings, a half step brings velocities to the first half
+    # step.
     resting = first_step is None and STEPPINGS.get(stepping).staggered
     initial = {name: float(motion.position[0]) for name, motion in motions.items()} if stepping != "toolbox" else {}
     drives = make_drives(robot, STEPPINGS.get(stepping), initial_positions=initial, link_damping={})
@@ -80,7 +81,7 @@ def run_bench(
 
 
 def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
-    """Length of each row's step in s, as the times were meant: 0.001 and not 0.0010000000000000009."""
+    """Length of each row's step in s, without the rounding errors of the times: 0.001 instead of 0.0010000000000000009."""
     if len(time) < 2:
         return [first_step if first_step is not None else (float(time[0]) or 1e-3)]
     steps = np.diff(time)
@@ -94,7 +95,7 @@ def step_lengths(time: Array, first_step: float | None = None) -> list[float]:
 
 
 def _simplest(step: float, rounding: float) -> float:
-    """The shortest decimal within `rounding` of `step`."""
+    """The decimal number with the fewest digits within `rounding` of `step`."""
     for digits in range(1, 17):
         candidate = float(f"{step:.{digits}g}")
         if abs(candidate - step) <= rounding:
@@ -119,12 +120,12 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
     goals = drive.goals(references).T.tolist()
     rows = []
     for row, (step, q, v, r_1, r_2) in enumerate(zip(steps, *(column.tolist() for column in columns), strict=True)):
-        s[POSITION], s[LAGGING] = q, v
+        s[POSITION], s[ENGINE_VELOCITY] = q, v
         u = [0.0, *goals[row]]
         z = (step, 1.0, 0.0, drive.stepping.first_drift, drive.stepping.implicitness, 0.0, 0.0)
-        before = [s[OWN + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
+        before = [s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] for i in range(2)]
         if resting and row == 0:
-            # What is shown is the state at rest; half a step brings the motors' velocities to where they live.
+            # The first row shows the state at rest; a half step then brings the motors' velocities to the first half step.
             advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, False)
             torque, shown = s[TORQUE], list(s)
             advance(s, p, k, z, u, 0.5 * step, 0, False)
@@ -143,16 +144,16 @@ def _run_joint(drive: SteppedJoint, steps: Sequence[float], motion: Motion, *, r
 
 
 def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence[float]) -> tuple[float, ...]:
-    """Torques, stiffness and motors of one row, as the released code publishes them where it does."""
+    """Torques, stiffness and motor values of one row, in the released order as the released code publishes them."""
     actuator, mode = drive.actuator, drive.mode
     if actuator is None or mode is None or not mode.spring:
         return (math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    torque_1, torque_2 = (s[OWN + i * PER_MOTOR + LOAD] for i in range(2))
+    torque_1, torque_2 = (s[FIRST_MOTOR + i * PER_MOTOR + LOAD] for i in range(2))
     x, v_x, drive_x, y, v_y, drive_y = (
-        s[OWN + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
+        s[FIRST_MOTOR + i * PER_MOTOR + column] for i in range(2) for column in (KICK_POSITION, MEAN_VELOCITY, DRIVE_TORQUE)
     )
     released = drive.stepping.released
-    # In mode 4 the released code has stiffness and torques at the motors' old positions.
+    # In mode 4 the released code computes stiffness and torques at the motors' positions before the step.
     motors = before if released and mode.number == 4 else (x, y)
     law: Any = actuator.stiffness
     stiffness = law(q, *motors, drive.elastic)

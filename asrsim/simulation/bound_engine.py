@@ -1,4 +1,4 @@
-"""An engine as the kernel calls it: in plain Python, from compiled code, or as a C function."""
+"""Adapters through which the kernel calls an engine: in Python, from compiled code, or as a C function."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ NO_RECORD = Record(0, None)
 
 
 class BoundEngine:
-    """An engine as the kernel calls it: its step in plain Python, with one world's state in the engine at a time."""
+    """Adapter for a kernel that runs in Python. The engine contains the state of one world at a time."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self._exchange = np.zeros((len(engine.joints), 5))
         self._world: int | None = None
-        """Whose state the engine has."""
+        """Number of the world whose state the engine contains; None if it is no world's."""
         self.watch: Callable[[], None] | None = None
-        """Called before each step."""
+        """Function that is called before each step of the engine."""
 
     @property
     def step(self) -> Any:
@@ -33,11 +33,11 @@ class BoundEngine:
         return self._step
 
     def borrow(self, wrenches: Array) -> tuple[Array, Any]:
-        """The exchange (joints, 5) and a record for one call of the kernel; wrenches: (w, 6) an example."""
+        """The exchange array (joints, 5) and a record for one call of the kernel. wrenches: an example array (w, 6)."""
         return self._exchange, NO_RECORD
 
     def give_back(self, record: Any) -> None:
-        """The call is over. Raises what the engine raised where nothing could be raised."""
+        """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
     def _step(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
         if self.watch is not None:
@@ -45,12 +45,12 @@ class BoundEngine:
         self.engine.step(self._exchange, wrenches, fraction)
 
     def leave(self, states: Any, world: int | None) -> None:
-        """The engine's state is about to become that of another world, or a fresh one."""
+        """Save the engine's state, which is about to be replaced by the state of another world or by a new one."""
         if self._world is not None and self._world != world:
             states[self._world] = self.engine.state
 
     def entered(self, states: Any, world: int) -> None:
-        """The engine has that world's state."""
+        """Note that the engine now contains the state of this world."""
         self._world = world
 
     def enter(self, states: Any, world: int) -> None:
@@ -61,16 +61,16 @@ class BoundEngine:
             self._world = world
 
     def state(self, states: Any, world: int) -> Any:
-        """A copy of the engine's state in that world."""
+        """A copy of the engine's state for a world."""
         return self.engine.state if self._world == world else states[world]
 
 
 class CalledEngine(BoundEngine):
-    """Its step in Python, called from compiled code."""
+    """Adapter for a compiled kernel and an engine whose step runs in Python."""
 
     def __init__(self, engine: Engine) -> None:
         super().__init__(engine)
-        own = ref(self)  # no circle, which would hold the engine until Python collects those
+        own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
 
         def called(record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
             engine = own()
@@ -82,7 +82,7 @@ class CalledEngine(BoundEngine):
         self._raised: BaseException | None = None
 
     def borrow(self, wrenches: Array) -> tuple[Array, Any]:
-        """As of its base."""
+        """Exchange array and record for one call of the kernel; see `BoundEngine.borrow`."""
         self._wrenches = wrenches
         return self._exchange, NO_RECORD
 
@@ -92,7 +92,7 @@ class CalledEngine(BoundEngine):
         return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def _called(self, wrenches: int, fraction: float) -> None:
-        # No exception may cross compiled code: the world stops instead.
+        # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
                 row = self._wrenches
@@ -112,7 +112,7 @@ class CalledEngine(BoundEngine):
 
 
 class NativeEngine(BoundEngine):
-    """Its step as a C function, for the states of many worlds."""
+    """Adapter for a compiled kernel and an engine whose step is a C function, for the states of many worlds."""
 
     def __init__(self, engine: Engine, native: Native) -> None:
         self.engine = engine
@@ -120,7 +120,7 @@ class NativeEngine(BoundEngine):
         self._address = native.address
         self._make_record = native.make_record
         self._records: list[Record] = []
-        """That no thread uses now."""
+        """Records that no thread uses at present."""
 
     @property
     def step(self) -> Any:
@@ -128,7 +128,7 @@ class NativeEngine(BoundEngine):
         return self._address
 
     def borrow(self, wrenches: Array) -> tuple[Array, Any]:
-        """Of its own for each call: threads may call at once."""
+        """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
         record = self._records.pop() if self._records else self._make_record()
         return np.zeros((self._joints, 5)), record
 
@@ -137,10 +137,10 @@ class NativeEngine(BoundEngine):
         self._records.append(record)
 
     def leave(self, states: Any, world: int | None) -> None:
-        """All states stand in the array."""
+        """Do nothing: the array always contains the states of all worlds."""
 
     def entered(self, states: Any, world: int) -> None:
-        """The engine has a state that the array has not yet."""
+        """Copy the engine's new state to the array."""
         states[world] = self.engine.state
 
     def enter(self, states: Any, world: int) -> None:
@@ -148,12 +148,13 @@ class NativeEngine(BoundEngine):
         self.engine.state = states[world]
 
     def state(self, states: Any, world: int) -> Any:
-        """A copy."""
+        """A copy of the engine's state for a world."""
         return states[world].copy()
 
 
 def bind_engine(engine: Engine, *, compiled: bool, watch: Callable[[], None] | None = None) -> BoundEngine:
-    """The engine for plain or compiled runs; watch: called before each step, which then goes through Python."""
+    """The adapter for an engine. compiled: whether the kernel is compiled. watch: function that is called before each step of
+    the engine, which then runs in Python."""
     native = engine.native if compiled else None
     if native is not None and watch is None:
         return NativeEngine(engine, native)

@@ -1,4 +1,4 @@
-"""The numerical error of a run: the run again with the step halved, twice, and Richardson's estimate from the differences."""
+"""Numerical error of a run, estimated by Richardson extrapolation from runs with a half and a quarter of the step."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from asrsim.simulation.steppings import STEPPINGS
 
 COMPARED = ("link_position", "link_torque")
 BLOCK = 65_536
-"""Samples that are compared at once."""
+"""Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
-"""By how much the measured order may fall short of the scheme's before it is said."""
+"""Largest difference between the order of the scheme and the measured order that is not reported."""
 RESOLVED = 1e-12
-"""rad and N m: differences at rounding level have no order."""
+"""rad and N m: differences below this value are rounding errors and give no order of convergence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +29,10 @@ class JointError:
     """Estimated numerical error of one joint over the run."""
 
     position_max: float
-    """rad (m)."""
+    """Largest error of the position in rad (m)."""
     position_rms: float
     torque_max: float
-    """N m (N)."""
+    """Largest error of the torque in N m (N)."""
     torque_rms: float
     order: float
     """Measured order of convergence of the position; NaN where the error is at rounding level."""
@@ -40,12 +40,12 @@ class JointError:
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """How wrong a run is, numerically."""
+    """Estimated numerical error of a run."""
 
     stepping: str
     scheme_order: int
     step: float
-    """s, the substep of the run that is certified."""
+    """Substep in s of the run whose error is estimated."""
     joints: dict[str, JointError]
     warnings: tuple[str, ...]
 
@@ -65,10 +65,11 @@ def certify(
     progress: Callable[[str, float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Certificate | None:
-    """Estimate the numerical error of `run` by runs at a half and a quarter of its step; one that kept no samples runs again.
+    """Estimate of the numerical error of `run`, from runs at a half and a quarter of its step. A run without samples is
+    repeated.
 
-    robot: as read from its file, to read it only once. progress: told what goes on and the simulated time. stop: asked now and
-    then; if it says True there is no certificate. Raises SimulationError if a finer run fails.
+    robot: the robot as read from its file. progress: function that receives a text and the simulated time. stop: function that
+    is called regularly; if it returns True, the result is None. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
     motions = [motion([run.samples])] if run.samples is not None else []
@@ -85,7 +86,7 @@ def certify(
     for j, joint in enumerate(run.info.joints):
         order = _order(float(first[1, 0, j]), float(second[1, 0, j]))
         used = max(order, 0.5) if order < stepping.order - ORDER_TOLERANCE else stepping.order
-        # Richardson: of the difference to the run of a quarter step, whose own error is 4^-order of the coarse one's.
+        # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
         scale = 1.0 / (1.0 - 4.0**-used)
         position_max, torque_max, position_rms, torque_rms = (scale * whole[:, :, j]).ravel().tolist()
         joints[joint.name] = JointError(
@@ -114,18 +115,18 @@ def _finer(scenario: Scenario, run: Run, finer: int) -> Scenario:
 
 
 def _order(first: float, second: float) -> float:
-    """Measured order of convergence, from what halving the step changes, and halving it again; NaN at rounding level."""
+    """Measured order of convergence, from the differences that halving the step once and twice makes; NaN at rounding level."""
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
 def motion(chunks: Iterable[Samples]) -> Array:
-    """What is compared of a run's samples, (samples, quantities, joints)."""
+    """Compared quantities of a run's samples, (samples, quantities, joints)."""
     return np.concatenate([np.stack([chunk.values[name] for name in COMPARED], axis=1) for chunk in chunks])
 
 
 def differences(first: Array, second: Array) -> Array:
-    """Largest differences of two motions and the roots of their mean squares, (2, quantities, joints), as far as both go; NaN
-    where nothing is compared."""
+    """Largest and root-mean-square differences of two motions, (2, quantities, joints), over their common length; NaN for
+    quantities that a joint does not have."""
     largest = np.full(first.shape[1:], np.nan)
     squares, seen = np.zeros((2, *first.shape[1:]))
     for begin in range(0, min(len(first), len(second)), BLOCK):

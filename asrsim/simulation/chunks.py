@@ -1,29 +1,30 @@
-"""Where a run's chunks end: between them samples are handed on, energy is checked, and progress is told."""
+"""Division of a run into chunks: after each chunk, samples go to the sinks, energy is checked and progress is reported."""
 
 from __future__ import annotations
 
 from asrsim.errors import InputError
 
 LONGEST = 16_384
-"""Substeps of a chunk, at most."""
+"""Largest number of substeps in a chunk."""
 LONGEST_NUMBERS = 20_480
-"""The same times joints: what still goes through the processor's cache."""
+"""Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
 SHORTEST = 1024
-"""Substeps that are kept before they are handed on, at least; chunks grow from there."""
+"""Number of substeps in the first chunks; later chunks are longer."""
 
 
 def longest_chunk(joints: int, asked: int | None = None) -> int:
-    """Substeps of a chunk of a robot with so many joints, at most, unless others are asked for; raises InputError for none."""
+    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides it. Raises InputError if it is
+    0."""
     if asked is not None and not asked >= 1:
-        raise InputError("must have a substep at least", key="chunk", value=asked, code="chunk")
+        raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
     return asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))
 
 
 def chunk_at(substep: int, longest: int) -> tuple[int, int]:
-    """Substeps at which the chunk begins and ends in which `substep` is.
+    """First and last substep of the chunk that contains `substep`.
 
-    Chunks end at fixed substeps, first soon, then seldom: a divergence early in the run is found early, and results do not
-    depend on how time is cut.
+    Chunks end at fixed substeps, so that results do not depend on the grouping of calls. The first chunks are short, so that
+    an early divergence is found early.
     """
     begin, length = 0, SHORTEST
     while length <= substep and length < longest:

@@ -1,4 +1,4 @@
-"""Worlds of one robot: all that decides how their runs go on, in arrays, and the loop over them, plain or compiled."""
+"""State of N simulated worlds of one robot in arrays, and the loop that steps the worlds in Python or compiled."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.rows import Shape, positions_of, shape_of, start_of, tables
 
 SECONDS_SAVED = 6e-6
-"""What compiled code saves for a joint and motor substep, s: measured 4 to 30; what matters is the order of magnitude."""
+"""s: time that compiled code saves per joint and motor substep (measured: 4 to 30 microseconds)."""
 SECONDS_TO_LOAD = 0.6
-"""Import of Numba and loading the kernel, s; an installation's first compilation costs 8 s more, once."""
+"""s: time to import Numba and load the compiled kernel. The first compilation after an installation takes 8 s more."""
 SECONDS_WHEN_LOADED = 0.05
-"""The same where Numba is imported already."""
+"""s: time to load the compiled kernel if Numba is already imported."""
 
 
-def pays(joints: int, substeps: int) -> bool:
-    """Compiled code wins back its start; `substeps`: of the motors, in all runs together."""
+def is_worth_compiling(joints: int, substeps: int) -> bool:
+    """Whether compiled code saves more time than loading it takes. substeps: number of motor substeps in all runs together."""
     start = SECONDS_WHEN_LOADED if "numba" in sys.modules else SECONDS_TO_LOAD
     return joints * substeps * SECONDS_SAVED > start
 
 
 class Core:
-    """N worlds of one robot. They share an engine; a world whose links have other inertias has one of its own."""
+    """N worlds of one robot. They share an engine; a world whose links have other inertias has a separate engine."""
 
     def __init__(
         self,
@@ -48,8 +48,8 @@ class Core:
         compiled: bool = False,
         watch: Callable[[], None] | None = None,
     ) -> None:
-        """watch: called before each step of the engine, which has the state then. Raises SimulationError where compiled code
-        is asked for and cannot be had."""
+        """watch: function that is called before each step of the engine. Raises SimulationError if compiled code is requested
+        and not available."""
         self.compiled, self._watch = compiled, watch
         drives, stepping = prepared.drives, prepared.stepping
         self._sensors, self.stepping = prepared.sensors, stepping
@@ -66,7 +66,7 @@ class Core:
         }
         kinds, constants = tables(drives, prepared.sensors, self.shape, **self._options)
         self._kinds: Any = kinds if compiled else kinds.tolist()
-        """K; in plain Python a list, with functions as addresses."""
+        """Table K; for the Python loop a list, in which the addresses are functions."""
         self._owners: list[Any] = []
         self._bind_laws(drives)
         if compiled:
@@ -74,26 +74,26 @@ class Core:
 
             self._run = compiled_run()
         self.S = np.zeros((worlds, len(drives), self.shape.state))
-        """(worlds, joints, columns): see :mod:`asrsim.simulation.layout`."""
+        """(worlds, joints, columns): state; see `asrsim.simulation.layout`."""
         self.P = np.repeat(constants[None], worlds, axis=0)
-        """(worlds, joints, columns)."""
+        """(worlds, joints, columns): parameters; see `asrsim.simulation.layout`."""
         self.done = np.zeros(worlds, dtype=np.int64)
-        """(worlds,) substeps."""
+        """(worlds,): number of substeps done."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        """(worlds, 2) health, and a joint."""
+        """(worlds, 2): state of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`), and the joint at fault."""
         self._engines = [self._bound(engine, prepared)] * worlds
         self.X: Any = [None] * worlds
-        """States of the engine: an array (worlds, numbers) where it has native code, else whatever it has."""
+        """States of the engine: an array (worlds, values) if the engine has a compiled step, else a list of state objects."""
         if isinstance(self._engines[0], NativeEngine):
             self.X = np.zeros((worlds, self._engines[0].size))
 
     @property
     def native(self) -> bool:
-        """Whether the whole loop is machine code."""
+        """Whether the whole loop is machine code, including the engine's step."""
         return isinstance(self._engines[0], NativeEngine)
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
-        """Its native code is that of a run that has started."""
+        """Adapter for the engine, after the engine has started a run: only then it offers its compiled step."""
         self._start_engine(engine, prepared.initial_positions, prepared.initial_velocities)
         return bind_engine(engine, compiled=self.compiled, watch=self._watch)
 
@@ -116,7 +116,7 @@ class Core:
                 k[JOINT_STEP] = self._joint_step(self.stepping.joint_step)
 
     def _law_of(self, actuator: Any, motors: int) -> Any:
-        """Its address."""
+        """Address of the actuator's laws."""
         if not self.compiled:
             return plain_law(actuator, motors)
         from asrsim.simulation.native import compiled_law
@@ -139,7 +139,7 @@ class Core:
         return callback.address
 
     def take_over(self, world: int, prepared: Prepared, engine: Engine) -> None:
-        """Let a world have other numbers, and maybe another engine; it has to be started anew."""
+        """Give a world other parameters, and possibly another engine. The world must then be started again."""
         _, self.P[world] = tables(prepared.drives, prepared.sensors, self.shape, **self._options)
         if engine is not self._engines[world].engine:
             self._engines[world] = self._bound(engine, prepared)
@@ -160,12 +160,12 @@ class Core:
         bound.entered(self.X, world)
 
     def state(self, world: int) -> tuple[int, Array, Array, Any]:
-        """A copy of all that decides how a world goes on."""
+        """A copy of the complete state of a world."""
         engine = self._engines[world].state(self.X, world)
         return int(self.done[world]), self.S[world].copy(), self.P[world].copy(), engine
 
     def put(self, world: int, state: tuple[int, Array, Array, Any]) -> None:
-        """Continue from a state, to the bit."""
+        """Set the complete state of a world, which then continues with identical bits."""
         self.done[world], self.S[world], self.P[world], engine = state
         self.fault[world] = HEALTHY
         bound = self._engines[world]
@@ -174,57 +174,58 @@ class Core:
         bound.entered(self.X, world)
 
     def engine_of(self, world: int) -> Engine:
-        """The engine of a world, in whatever state."""
+        """The engine of a world; its state may be that of another world."""
         return self._engines[world].engine
 
     def look(self, world: int) -> Engine:
-        """The engine, with the world's state in it."""
+        """The engine of a world, set to the state of this world."""
         self._engines[world].enter(self.X, world)
         return self._engines[world].engine
 
     # -- running ----------------------------------------------------------------------------------------------------
 
-    def run(self, which: NDArray[np.int64], given: Given, out: Array, *options: Any) -> None:
-        """Advance worlds by the rows that are given; options: every, watched, columns; see
+    def taken(self, given: Given) -> Given:
+        """The inputs as :meth:`run` takes them: in plain Python, lists."""
+        if self.compiled:
+            return given
+        lists: Any = [table if table is given.wrenches else table.tolist() for table in given]
+        return Given(*lists)
+
+    def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        """Advance worlds by rows of what is given; options: first, count, every, watched, columns, out, rows, references; see
         :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine raises."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
-            self._call(bounds[0], which, given, out, *options)
+            self._call(bounds[0], which, given, *options)
             return
         run = self._call if self.compiled else self._plain
         for place, bound in enumerate(bounds):
-            run(bound, which[place : place + 1], given, out[place : place + 1], *options)
+            run(bound, which[place : place + 1], given, *options)
 
-    def _call(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
-    ) -> None:  # fmt: skip
+    def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
         exchange, record = bound.borrow(given.wrenches[0, 0])
         self._run(
-            which, given.inputs.shape[1], every, int(watched), self.done, self.fault, self.S, self.P, self._kinds, self._z,
-            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, columns, out,
+            which, *options[:4], self.done, self.fault, self.S, self.P, self._kinds, self._z,
+            self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, *options[4:],
         )  # fmt: skip
         bound.give_back(record)
 
-    def _plain(
-        self, bound: BoundEngine, which: NDArray[np.int64], given: Given, out: Array, every: int, watched: bool,
-        columns: NDArray[np.int64],
-    ) -> None:  # fmt: skip
-        ((world, own),) = which.tolist()
+    def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, *options: Any) -> None:
+        ((world, *places),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
         exchange, _ = bound.borrow(given.wrenches[0, 0])
-        done, fault = self.done[world : world + 1], self.fault[world : world + 1]
-        inputs, wrenches, cuts, *pieces = given
+        own = slice(world, world + 1)
+        columns, out, rows, references = options[4:]
         try:
             plain: Any = kernel.run
             plain(
-                [(0, 0)], inputs.shape[1], every, int(watched), done, fault, [state], [self.P[world].tolist()], self._kinds,
-                self._z.tolist(), [None], [inputs[own].tolist()], [wrenches[own]], [cuts[own].tolist()],
-                *(table.tolist() for table in pieces), exchange.data, bound.step, 0, columns.tolist(), out.data,
+                [(0, *places)], *options[:4], self.done[own], self.fault[own], [state], [self.P[world].tolist()], self._kinds,
+                self._z.tolist(), [None], *given, exchange.data, bound.step, 0, columns.tolist(), out.data, rows[own].data,
+                references[own].data,
             )  # fmt: skip
         finally:
             self.S[world] = state
@@ -236,11 +237,13 @@ def make_core(
 ) -> tuple[Core, str]:  # fmt: skip
     """The core, and why it is the plain one where compiled code would pay; empty where it would not.
 
-    compiled: whether it is; None: the scenario's choice, else where it pays in a run of so many substeps. Raises
-    SimulationError where it cannot be had and is asked for. worlds, watch: as of :class:`Core`.
+    compiled: whether it is; None: the scenario's choice, else where it is_worth_compiling in a run of so many substeps. Raises
+    SimulationError where it cannot be had and is asked for. worlds, watch: as of `Core`.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
-    if wanted or (wanted is None and pays(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)):
+    if wanted or (
+        wanted is None and is_worth_compiling(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)
+    ):
         try:
             if not available():
                 raise SimulationError("Numba is not installed")

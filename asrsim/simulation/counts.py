@@ -1,4 +1,4 @@
-"""How often a run met the limits of its joints."""
+"""Number of substeps in which the limits of the joints acted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.simulation.layout import (
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Limits that a run met, per joint: numbers of substeps, (n,)."""
+    """Number of substeps, (n,) one per joint, in which each limit acted during a run."""
 
     effort: Array
     """Torque clipped at the URDF's effort limit."""
@@ -41,7 +41,7 @@ class Counts:
 
 
 def counts_of(state: Array, substeps: int) -> Counts:
-    """From a world's state (joints, columns) after so many substeps."""
+    """Counts from the state (joints, columns) of a world after the given number of substeps."""
     columns = {
         "effort": EFFORT_COUNT, "velocity": VELOCITY_COUNT, "saturation": SATURATION_COUNT, "motor_stop": MOTOR_STOP_COUNT,
         "motor_speed": MOTOR_SPEED_COUNT, "deflection": DEFLECTION_COUNT, "stop": STOP_COUNT,

@@ -1,4 +1,4 @@
-"""The model of a run held against another engine's: the run again in that engine, and the difference of each joint."""
+"""Cross-check of a run with another engine: the run is repeated in that engine, and the motion of each joint is compared."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
 LIMIT = 1e-8
-"""rad (m): engines that agree are nearer on motion without contacts (measured: 1e-12 as a rule)."""
+"""rad (m): largest difference at which engines agree on motion without contacts (differences of about 1e-12 were measured)."""
 NUDGE = 1e-12
-"""rad (m) by which the start is moved to see how much the motion multiplies differences."""
+"""rad (m): change of the start positions by which the sensitivity of the motion is measured."""
 SENSITIVE = 100.0
-"""Engines may differ by so many times what the nudge leads to: they round in every step, not in the first only."""
+"""Factor on the effect of `NUDGE` up to which engines may differ: they round in every step, not only at the start."""
 
 
 def other_engine(engine: str) -> str | None:
-    """The first installed engine with dynamics beside `engine`; None: there is none, or `engine` has no dynamics itself."""
+    """Name of the first installed engine with dynamics other than `engine`; None if there is none, or `engine` has no
+    dynamics."""
     from asrsim.engines import ENGINES
 
     if ENGINES.get(engine).prescribed:
@@ -38,11 +39,11 @@ def other_engine(engine: str) -> str | None:
 
 
 def require_other_engine(scenario: Scenario) -> None:
-    """Raises SimulationError where a cross-check cannot be."""
+    """Raise SimulationError if no cross-check of the scenario is possible."""
     if other_engine(scenario.engine) is None:
         raise SimulationError(
-            f"there is no engine to hold '{scenario.engine}' against: a cross-check needs two installed engines whose links "
-            "have dynamics, as bullet (package pybullet) and mujoco (package mujoco-core)"
+            f"there is no other engine to compare '{scenario.engine}' with: a cross-check needs two installed engines with "
+            "dynamics, such as bullet (package pybullet) and mujoco (package mujoco-core)"
         )
 
 
@@ -54,13 +55,13 @@ def cross_check(
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, Any]:
-    """Run again what gave `info` and `chunks`, in another engine, and compare.
+    """Repeat a run in another engine and compare the motions.
 
-    chunks: the run's samples in their order, with the quantities of :data:`COMPARED`, asked for once; robot: as read from its
-    file, to read it only once; progress: told which engine and its simulated time. Returns plain values for JSON: the two
-    engines and the versions of their libraries, whether bodies may touch, differences by joint (rad, m; N m, N; None of a joint
-    that nothing drives), `finding`: what must not be, empty where the engines agree, or need not; `note`: what to know about
-    the differences. Raises SimulationError where there is no other engine.
+    info, chunks: description and samples of the run, with the quantities of `COMPARED`; chunks is iterated once. robot: the
+    robot as read from its file. progress: function that receives the name of the engine and its simulated time. Returns plain
+    values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences of each joint
+    (rad, m; N m, N; None for a joint without drive); `finding`: description of a fault, empty if the engines agree or may
+    differ; `note`: explanation of the differences. Raises SimulationError if there is no other engine.
     """
     require_other_engine(scenario)
     other = other_engine(scenario.engine) or ""
@@ -103,7 +104,7 @@ def _verdict(
     difference: float,
     progress: Callable[[str, float], None] | None,
 ) -> tuple[str, str]:
-    """Finding and note on a difference: a fault, unless the motion multiplies any difference as much."""
+    """Finding and note on a difference. The difference is a fault, unless the motion amplifies small changes as much."""
     sensitivity = _sensitivity(scenario, robot, progress)
     if difference <= SENSITIVE * sensitivity:
         return "", (
@@ -118,12 +119,13 @@ def _verdict(
 
 
 def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[str, float], None] | None) -> float:
-    """rad by which the run differs from itself if all joints start :data:`NUDGE` off; infinite if only one of them ends."""
+    """Difference in rad between the run and a run whose joints start with an offset of `NUDGE`; infinite if only one of them
+    reaches the end."""
     from asrsim.scenario import checked_robot
 
     known = robot if robot is not None else checked_robot(scenario)[0]
     starts = {joint.name: for_joint(scenario.initial_positions, joint.name, 0.0) for joint in known.moving_joints}
-    # Inwards from a stop; what starts beyond one, since nothing is said of it, stays there.
+    # The offset points away from stops. A joint that starts beyond a stop keeps its start.
     nudged = {
         joint.name: starts[joint.name] + (NUDGE if starts[joint.name] + NUDGE <= joint.stops[1] else -NUDGE)
         for joint in known.moving_joints
@@ -137,7 +139,7 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
 
 
 def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:
-    """A further run, if need be until it diverges."""
+    """A further run of the scenario; if it diverges, the part before the divergence."""
     try:
         return simulate(scenario, robot, names=COMPARED, progress=progress)
     except DivergenceError as error:

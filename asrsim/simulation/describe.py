@@ -1,4 +1,4 @@
-"""The description of a run that goes with its log: enough to repeat it."""
+"""Description of a run for its log, sufficient to repeat the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from asrsim.simulation.substeps import Resolution
 def describe(
     scenario: Scenario, robot: Robot, drives: Sequence[SteppedJoint], stepping: Stepping, resolution: Resolution, engine: str
 ) -> RunInfo:
-    """The run's description, for its log; engine: its library and version."""
+    """Description of the run for its log. engine: library and version of the engine."""
     from asrsim import __version__
     from asrsim.versions import version
 
@@ -75,7 +75,8 @@ WORLD, MAP = "world", "map"
 
 
 def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
-    """Every link's frame in its parent's; the root's in the world where it is fixed there (else it is one of the bodies)."""
+    """Frame of each link in its parent; of a fixed root link, in the world. A floating root link is among the bodies
+    instead."""
     frames = [
         Frame(
             parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
@@ -85,7 +86,7 @@ def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
     ]  # fmt: skip
     if scenario.fixed_base:
         root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
-        # Many robots call their root link as viewers call the world; there it stands, unless the scenario moves it.
+        # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless moved.
         if root != WORLD or any((*position, *rpy)):
             frames.append(
                 Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))

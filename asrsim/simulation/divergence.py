@@ -1,6 +1,6 @@
-"""Divergence by physics: numbers that are not finite, and energy from nowhere.
+"""Detection of divergence: values that are not finite, and violations of the energy balance.
 
-A check for NaN alone misses a spring that is not resolved: it saturates and settles far off, finite and wrong.
+A check for NaN alone would miss a spring that the step does not resolve: it saturates at a finite but wrong state.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from collections.abc import Sequence
 from asrsim.engines.base import Model
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
-from asrsim.simulation.layout import EXCESS, GIVEN, LAGGING, POSITION, RESIDUAL, TURNOVER
+from asrsim.simulation.layout import ENGINE_VELOCITY, EXCESS, NET_LINK_WORK, POSITION, RESIDUAL, TURNOVER
 from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3
-"""J below which energy is not checked."""
+"""J: energies below this value are not checked."""
 
 
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
-    """The error with likely cause and cure."""
+    """DivergenceError with the likely cause and a remedy. what: description of the fault."""
     cause = (
         f"omega h is {omega_h:.2g} for the stiffest spring: too large a step is likely. Lower the step or raise substeps"
         if omega_h > COARSE
@@ -30,10 +30,10 @@ def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceErr
 
 
 class EnergyGuard:
-    """Watches energy that comes from nowhere, or goes there: in the links, and in what drives each of them.
+    """Checks the energy balances of the links and of each actuator.
 
-    A leapfrog that does not resolve a spring keeps the links' own balance of work to the bit: it is the spring whose energy
-    and work part ways. Stable runs, however coarse, stay far below :data:`SHARE`; unstable ones go past 1.
+    If the step does not resolve a spring, the energy balance of the links still closes, but that of the actuator does not. In
+    stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs it exceeds it.
     """
 
     def __init__(self, energy: float) -> None:
@@ -41,14 +41,14 @@ class EnergyGuard:
         self._fastest = 0.0
 
     def look(self, model: Model | None, state: Array, names: Sequence[str]) -> tuple[str, str] | None:
-        """Joint and what is wrong with its energy, or None. model: None where contacts or wrenches do work of their own on the
-        links; state: (joints, columns)."""
+        """Joint with a violated energy balance and a description of the fault; None if there is none. model: None if contacts
+        or wrenches do work on the links. state: (joints, columns)."""
         energy, kinetic = None, 0.0
         if model is not None:
-            positions, velocities = state[:, POSITION], state[:, LAGGING]
+            positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
             energy = model.energy(positions, velocities)
             kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
-        given, residual, turnover, excess = (state[:, column] for column in (GIVEN, RESIDUAL, TURNOVER, EXCESS))
+        given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
         return self.fault(
             energy, kinetic=kinetic, given=given, residual=residual, turnover=turnover, excess=excess, names=names
         )
@@ -57,12 +57,12 @@ class EnergyGuard:
         self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, excess: Array,
         names: Sequence[str],
     ) -> tuple[str, str] | None:  # fmt: skip
-        """Joint and what is wrong with its energy, or None.
+        """Joint with a violated energy balance and a description of the fault; None if there is none.
 
-        energy: kinetic and gravitational energy of the links in J, None where contacts or wrenches do work of their own;
-        kinetic: its first part (the engine has it half a step late, so links that only exchange it with gravity seem to gain);
-        by joint, in J: given: work of actuators and external torques on the links; residual: what vanished in the actuators;
-        turnover: sum of the absolute flows; excess: most by which a residual was larger than its share of them.
+        energy: kinetic and gravitational energy of the links in J; None if contacts or wrenches do work on the links. kinetic:
+        kinetic energy in J; it is known half a step late, so that an exchange with potential energy looks like a gain. Per
+        joint, in J: given: net work of actuators and external torques on the links; residual: residual of the actuator's energy
+        balance; turnover: sum of the magnitudes of all work; excess: largest |residual| - `SHARE` * turnover so far.
         """
         scale = FLOOR + SHARE * float(turnover.sum())
         worst = int(excess.argmax())
@@ -71,7 +71,7 @@ class EnergyGuard:
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
         if energy is None:
             return None
-        # Energy that an actuator made (its residual) is reported above; the links are not blamed for it again.
+        # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         created = energy - self._start - float(given.sum()) - float(residual.sum())
         self._fastest = max(self._fastest, kinetic)
         if created > scale + SHARE * self._fastest:

@@ -1,4 +1,4 @@
-"""A joint made ready to run: what drives it, and how it starts."""
+"""A joint that is ready to run, with its drive and its start values."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from asrsim.simulation.steppings import Stepping
 
 @dataclass(frozen=True, kw_only=True)
 class SteppedJoint:
-    """One moving joint with what drives it, if anything does."""
+    """One moving joint with its drive, if it has one."""
 
     joint: Joint
     drive: Drive | None
-    """None: without plugin."""
+    """Drive of the joint; None for a joint without actuator plugin."""
     stepping: Stepping
     initial_position: float
     motor_positions: tuple[float, ...] | None = None
-    """rad at the start; None: where the unloaded link rests, so that a run does not begin with a jerk."""
+    """Start positions of the motors in rad; None: the positions at which springs are unloaded, so that runs begin smoothly."""
     motor_velocities: tuple[float, ...] | None = None
-    """rad/s at the start; None: at rest."""
+    """Start velocities of the motors in rad/s; None: the motors start at rest."""
     integrals: tuple[float, ...] = ()
-    """N m that the controllers' integral action gives at the start; none: 0."""
+    """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
     block: ActuatorBlock | None = None
 
@@ -40,17 +40,17 @@ class SteppedJoint:
 
     @property
     def actuator(self) -> type[Actuator] | None:
-        """None without plugin, as `mode` is."""
+        """Actuator of the joint; None without plugin."""
         return self.drive.actuator if self.drive else None
 
     @property
     def mode(self) -> Mode | None:
-        """Of operation."""
+        """Operation mode of the joint; None without plugin."""
         return self.drive.mode if self.drive else None
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Parameter values by name."""
+        """Values of the actuator's parameters, by name."""
         return self.drive.values if self.drive else {}
 
     @property
@@ -67,16 +67,16 @@ class SteppedJoint:
 
     @property
     def constant_damping(self) -> float:
-        """N m s/rad of the link, but for what depends on the stiffness."""
+        """Viscous damping of the link in N m s/rad, without the part that depends on the stiffness."""
         return self.joint.damping + (self.link_damping.constant if self.link_damping else 0.0)
 
     @property
     def hysteresis(self) -> tuple[float, float] | None:
-        """Level (N m) and length (rad) of the springs' hysteresis; None where there is none. The released code knows none."""
+        """Level (N m) and length (rad) of the springs' hysteresis; None without hysteresis, as always in the released order."""
         return self.drive.hysteresis if self.drive and not self.stepping.released else None
 
     def electric(self, index: int) -> Electric:
-        """How motor `index` (1 or 2), which has dynamics, makes torque of its command."""
+        """Relation between command and torque of motor `index` (1, 2, ...), which has dynamics."""
         assert self.drive is not None
         return self.drive.electric[index - 1]
 
@@ -88,12 +88,12 @@ class SteppedJoint:
 
     @property
     def dynamic_motors(self) -> int:
-        """Motors with dynamics in this mode."""
+        """Number of motors that have dynamics in this mode."""
         return self.drive.dynamic_motors if self.drive else 0
 
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
-        """Position (rad), velocity (rad/s), where the bristles stick (rad) and the controller's integral (in units of the
-        command) of `count` motors at the start. Motors are where the link is, but the released ones at 0."""
+        """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
+        of the controller (in units of the command). Motors start at the link's position; in the released order, at 0."""
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
         positions = (*(self.motor_positions or ()), *[at] * count)[:count]
         velocities = (*(self.motor_velocities or ()), *[0.0] * count)[:count]
@@ -102,7 +102,7 @@ class SteppedJoint:
         return list(zip(positions, velocities, positions, integrals, strict=True))
 
     def goals(self, references: Array) -> Array:
-        """What the motors or springs are to follow, of references (columns, n): through the reference map in modes 3 and 6."""
+        """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""
         return self.drive.goals(references) if self.drive else references
 
 
@@ -123,7 +123,7 @@ def make_drives(
     motor_positions: Mapping[str, tuple[float, ...]] | None = None,
     motor_velocities: Mapping[str, tuple[float, ...]] | None = None,
 ) -> tuple[SteppedJoint, ...]:
-    """Each moving joint of `robot` with its drive, in its order."""
+    """All moving joints of `robot` with their drives, in the order of the robot."""
     blocks = {block.joint: block for block in robot.actuators}
     drives = []
     for joint in robot.moving_joints:

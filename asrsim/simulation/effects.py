@@ -12,19 +12,19 @@ from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
 
 _BLOCK = 4096
-"""Samples of noise that are drawn at once."""
+"""Number of noise samples that are drawn in one call."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Gaussian draws by index, equal whatever the order in which they are asked for."""
+    """Gaussian random values by index; the values do not depend on the order of the calls."""
 
     seed: tuple[int, ...]
     deviation: float
     _blocks: dict[int, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def draw(self, index: Array) -> Array:
-        """Draws number `index` (n,), integers as floats."""
+        """Random values with the numbers `index` (n,), which are integers stored as floats."""
         indices = index.astype(np.int64)
         result = np.empty(np.shape(indices))
         for block in np.unique(indices // _BLOCK):
@@ -40,20 +40,20 @@ class Noise:
 
 @dataclass(frozen=True, kw_only=True)
 class Imperfect(Signal):
-    """A signal seen through :class:`Effects`."""
+    """A signal with the imperfections of `Effects`."""
 
     kind: ClassVar[str] = "imperfect"
 
     of: Signal
     effects: Effects
     step: float
-    """s: noise without a rate has one draw a step."""
+    """s: sampling interval of noise that has no rate."""
     seed: tuple[int, ...]
 
     def values(self, time: Array) -> Array:
         effects = self.effects
         period = 1.0 / effects.rate if effects.rate else self.step
-        # A tick that falls on a sample belongs to it, whatever the rounding of its time.
+        # A tick at the time of a sample belongs to this sample, even if rounding makes it slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = ticks * period if effects.rate else time
         values = self.of.values(np.maximum(seen - effects.delay, 0.0))
@@ -74,7 +74,7 @@ class Imperfect(Signal):
 
 
 def through(signal: Signal, effects: Effects | None, *, step: float, seed: tuple[int, ...]) -> Signal:
-    """`signal` as it is if nothing is active."""
+    """`signal` with the imperfections `effects`; the unchanged signal if none is active."""
     if effects is None or not effects.active:
         return signal
     return Imperfect(of=signal, effects=effects, step=step, seed=seed)

@@ -1,4 +1,4 @@
-"""A start at static equilibrium: links where springs carry them, motors where the first references put them under that load."""
+"""Start at static equilibrium: the positions of links and motors at rest under the first references and the load of gravity."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
 
 BALANCED = 1e-10
-"""N m (N): what may be left of a joint's balance."""
+"""N m (N): largest residual torque of a joint at equilibrium."""
 NUDGE = 1e-6
-"""rad (m) of the differences that give slopes."""
+"""rad (m): step of the finite differences that give the stiffness."""
 LONGEST = 0.2
-"""rad (m) of a step towards the equilibrium: springs are steep, and gravity turns over."""
+"""rad (m): largest step of Newton's method, since springs and gravity are strongly nonlinear."""
 FLAT = 1e-3
-"""N m/rad (N/m): least stiffness that a step assumes, so that it stays finite."""
+"""N m/rad (N/m): smallest stiffness that Newton's method assumes, so that its steps stay finite."""
 SHOVE = 1e-2
-"""rad (m) by which an unstable balance is left."""
+"""rad (m): displacement by which the search leaves an unstable equilibrium."""
 ROUNDS = 200
-"""Steps towards rest, at most."""
+"""Largest number of steps of Newton's method."""
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
-    """The drives with their start at rest, everything in balance under the references at t = 0.
+    """The drives with start values at static equilibrium under the references at t = 0.
 
     Newton's method on the links' positions, towards a minimum of the potential energy; motors follow, each where its
     controller's torque is the spring's. A joint that is pressed onto its stop rests there. A joint without actuator hangs where
@@ -50,19 +50,19 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     still = np.zeros(len(drives))
 
     def weight(positions: Array) -> Array:
-        """(joints,) N m. On a robot in free fall gravity pulls all alike; one that stands has its base held."""
+        """(joints,) N m: torques of gravity. They are 0 for a robot in free fall; a robot on the ground has a fixed base."""
         falls = not scenario.fixed_base and scenario.world.empty
         return np.zeros(len(drives)) if falls else np.asarray(model.bias(positions, still))
 
     def balance(positions: Array) -> Array:
-        """(joints,) N m by which each is driven."""
+        """(joints,) N m: residual torque of each joint."""
         held = external - weight(positions)
         for j in sprung:
             held[j] += link_torque(drives[j], float(positions[j]), goals[j])
         return np.asarray(held)
 
     def unbalanced(left: Array) -> list[int]:
-        """Those that may move; a stop holds whatever presses on it."""
+        """Joints that are not in equilibrium. A joint that is pressed onto its stop is in equilibrium."""
         return [j for j in sprung if not (q[j] <= low[j] and left[j] < 0.0) and not (q[j] >= high[j] and left[j] > 0.0)]
 
     left = balance(q)
@@ -84,7 +84,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
                 break
             step = SHOVE * ways[:, 0]
         else:
-            # Where the stiffness is negative, as of a link that stands upright, this moves the way of the torques.
+            # With negative stiffness, as for an upright link, the step follows the direction of the torque.
             step = ways @ ((ways.T @ left[free]) / np.maximum(np.abs(stiffness), FLAT))
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
         q[free] = np.clip(q[free] + step, low[free], high[free])
@@ -99,7 +99,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
 
 
 def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:
-    """The drive with its link at q, rad (m), where it holds a load, N m (N)."""
+    """The drive with start values at rest: the link at q in rad (m) under a load in N m (N)."""
     positions: tuple[float, ...] | None = None
     integrals: tuple[float, ...] = ()
     if drive.drive and drive.drive.mode.controller:
@@ -114,8 +114,7 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
 
 
 def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> float:
-    """N m on the link that stands at q, motors at rest: of spring or controller within the effort limit, and of a passive
-    spring."""
+    """Torque in N m on a link at rest at q: that of spring or controller within the effort limit, plus the passive spring's."""
     torque = 0.0
     if drive.drive and drive.drive.mode.spring:
         motors = resting_motors(drive.drive, np.array([q]), np.array(goals)[:, None])[:, 0].tolist()
@@ -127,7 +126,7 @@ def link_torque(drive: SteppedJoint, q: float, goals: tuple[float, ...]) -> floa
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
-    """rad (m) where the joint rests without load, within its stops; where it is if no spring and no controller holds it."""
+    """Position in rad (m) at which the unloaded joint rests, within its stops; its start if no spring or controller acts."""
     if drive.drive is None and drive.joint.spring_stiffness == 0.0:
         return drive.initial_position
     if not (_gives_way(drive) or _holds(drive)):
@@ -141,17 +140,17 @@ def _unloaded(drive: SteppedJoint, goals: tuple[float, ...]) -> float:
 
 
 def _gives_way(drive: SteppedJoint) -> bool:
-    """The joint moves until spring, controller or stop carries its load. Motors without controller carry none."""
+    """Whether the joint moves until spring, controller or stop carries its load. Motors without controller carry no load."""
     mode = drive.mode
     driven = mode is None or ((mode.spring or mode.controller) and not mode.direct)
     return (driven or drive.joint.spring_stiffness > 0.0) and not _holds(drive)
 
 
 def _holds(drive: SteppedJoint) -> bool:
-    """Mode 1 with integral action: at rest the link is where it should be."""
+    """Whether the controller has no steady-state error: mode 1 with integral action."""
     return drive.drive is not None and drive.drive.mode.number == 1 and drive.drive.integral[0] > 0.0
 
 
 def _limited(drive: SteppedJoint, torque: float) -> float:
-    """Within the joint's effort limit."""
+    """The torque, clipped to the joint's effort limit."""
     return min(max(torque, -drive.joint.most_effort), drive.joint.most_effort)

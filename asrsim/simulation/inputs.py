@@ -1,4 +1,4 @@
-"""Inputs of the loop: references and external torques sampled a chunk at a time, and the kicks in which one jumps."""
+"""Inputs of the loop: references and external torques, sampled chunk by chunk, and the kicks in which an input jumps."""
 
 from __future__ import annotations
 
@@ -25,60 +25,63 @@ from asrsim.simulation.wrenches import wrench_table
 
 REST = Constant(value=0.0)
 KEPT = 3
-"""Chunks that are kept beside the first one: worlds may be at different times."""
+"""Number of chunks that are cached besides the first one, since worlds may be at different times."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A kick in which inputs jump, or the first of a run."""
+    """A kick that is split into pieces because inputs jump in it, or the first kick of a run."""
 
     substep: int
     edges: list[float]
-    """s: where its pieces begin and end."""
+    """Times in s at which the pieces begin and end."""
 
     @property
     def sample_times(self) -> list[float]:
-        """s: of each piece, when the scenario's signals are read for it."""
+        """Time in s at which the signals are sampled, for each piece."""
         middles = [0.5 * (a + b) for a, b in pairwise(self.edges)]
         return self.edges[:1] if not self.substep and len(middles) == 1 else middles
 
 
 class Given(NamedTuple):
-    """Inputs of n substeps, in one set for each world or for worlds alike; see :func:`asrsim.simulation.kernel.run`."""
+    """Inputs of n substeps. Worlds with equal inputs share a set; see `asrsim.simulation.kernel.run`."""
 
     inputs: Array
     """(sets, n, joints, columns): external torques, references mapped to motors, and for each sensor whether it samples then,
     and its noise."""
+    references: Array
+    """(sets, n, joints, columns): external torques and references, as they are given."""
     wrenches: Array
-    """(sets, n, w, 6) N, N m: means over the kicks."""
+    """(sets, n, w, 6) N, N m: wrenches as means over the kicks."""
     cuts: NDArray[np.int64]
-    """(sets, c, 3) kicks in which inputs jump: row, first piece, piece after the last."""
+    """(sets, c, 3): kicks that are split because inputs jump; row of the kick, first piece, and index after the last piece."""
     fractions: Array
-    """(pieces,) of a substep."""
+    """(pieces,): lengths of the pieces, as fractions of a substep."""
     on_time: NDArray[np.bool_]
-    """(pieces,) whether the whole substep's time is at the piece's start."""
+    """(pieces,): whether a piece begins at the time of the whole substep."""
     pieces: Array
-    """(pieces, joints, columns): their inputs."""
+    """(pieces, joints, columns): inputs during the pieces."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """What a scenario says for the substeps first..first+n-1."""
+    """Inputs of a scenario for the substeps first .. first + n - 1."""
 
     first: int
     references: Array
-    """External torques and references, (columns, joints, n + pieces): see :data:`asrsim.simulation.layout.EXTERNAL`; the
+    """External torques and references, (n + pieces, joints, columns): see :data:`asrsim.simulation.layout.EXTERNAL`; the
     pieces of the kicks that are cut stand behind."""
     sensors: Array
-    """(n, joints, columns)."""
+    """(n, joints, columns): whether each sensor takes a sample, and its noise."""
     wrenches: Array
-    """(n, w, 6)."""
+    """(n, w, 6) N, N m: wrenches as means over the kicks."""
     places: NDArray[np.int64]
-    """(m, 3) row, first piece, piece after the last."""
+    """(m, 3): split kicks; row of the kick, first piece, and index after the last piece."""
     fractions: Array
     on_time: NDArray[np.bool_]
     inputs: tuple[Array, Array]
-    """(n, joints, columns) and (pieces, joints, columns) where nothing is held."""
+    """Inputs (n, joints, columns) of the substeps and (pieces, joints, columns) of the pieces, without overridden
+    references."""
 
     def __len__(self) -> int:
         return len(self.sensors)
@@ -122,7 +125,7 @@ class Inputs:
 
     @staticmethod
     def _rest(drive: SteppedJoint, slot: int) -> Signal:
-        """A reference that nobody gives: motors and controllers stay where the joint starts; torques and voltages are 0."""
+        """Default reference: the joint's start position for motors and controllers, 0 for torques and voltages."""
         mode = drive.mode
         if mode is None or mode.number == 0 or mode.direct:
             return REST
@@ -131,7 +134,7 @@ class Inputs:
         return REST
 
     def sample(self, time: Array) -> Array:
-        """External torques and references at `time` (n,), (columns, joints, n)."""
+        """External torques and references (columns, joints, n) at `time` (n,)."""
         tables = np.empty((len(self._signals), len(self._signals[0]), len(time)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
@@ -146,16 +149,18 @@ class Inputs:
         return tables
 
     def _goals(self, references: Array) -> Array:
-        """References (columns, joints, ...) mapped to motors."""
+        """References (..., joints, columns) mapped to motors."""
         goals = references.copy()
+        tables = goals.T
         for rows, law in self._maps:
-            mapped = law(*references[GOALS : GOALS + 2, rows])
+            mapped = law(*np.ascontiguousarray(tables[GOALS : GOALS + 2, rows]))
             for slot, values in enumerate(mapped):
-                goals[GOALS + slot, rows] = values
+                tables[GOALS + slot, rows] = values
         return goals
 
     def chunk(self, first: int, count: int) -> Chunk:
-        """What the scenario says for substeps `first` .. `first + count - 1`; the first chunk and the last ones are kept."""
+        """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest ones are
+        cached."""
         key = first, count
         if key not in self._chunks:
             kept = [one for one in self._chunks if not one[0] or one in list(self._chunks)[-KEPT:]]
@@ -182,43 +187,43 @@ class Inputs:
                 fractions.append((b - a) / self.substep)
                 on_time.append(a == now)
             places.append((cut.substep - first, begin, len(fractions)))
-        references = np.concatenate(parts, axis=2)
-        rows = self._input_rows(references[:, :, None, :count], sensors)[0]
-        pieces = np.ascontiguousarray(self._goals(references[:, :, count:]).transpose(2, 1, 0))
+        references = np.ascontiguousarray(np.concatenate(parts, axis=2).T)
+        rows = self._input_rows(references[None, :count], sensors)[0]
+        pieces = self._goals(references[count:])
         return Chunk(
             first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
             np.array(on_time, dtype=bool), (rows, pieces),
         )  # fmt: skip
 
-    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> tuple[Given, Array]:
-        """Rows `begin` to `end` of a chunk, and their references (columns, joints, sets, n).
+    def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
+        """Rows `begin` to `end` of a chunk.
 
-        held: (sets, joints, columns) values that stand in the place of the scenario's, NaN: none; they have no jumps of their
-        own. None: one set, the scenario's.
+        held: (sets, joints, columns) values that override the scenario's; NaN: no override. None: one set without overrides.
         """
-        places = chunk.places[(chunk.places[:, 0] >= begin) & (chunk.places[:, 0] < end)]
+        places = chunk.places[slice(*np.searchsorted(chunk.places[:, 0], (begin, end)).tolist())]
         first, last = (places[0, 1], places[-1, 2]) if len(places) else (0, 0)
-        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], slice(first, last)
+        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], chunk.inputs[1][first:last]
         cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
         if held is None:
-            inputs, cut_inputs = chunk.inputs
-            references = chunk.references[:, :, None, begin:end]
-            return Given(inputs[None, begin:end], wrenches, cuts, fractions, on_time, cut_inputs[pieces]), references
-        own, sets = held.transpose(2, 1, 0)[..., None], len(held)
-        behind = slice(len(chunk) + first, len(chunk) + last)
-        references, cut = (np.where(np.isnan(own), chunk.references[:, :, None, at], own) for at in (slice(begin, end), behind))
-        shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-        goals = self._goals(cut) if last > first else cut
-        cut_inputs = np.ascontiguousarray(goals.transpose(2, 3, 1, 0)).reshape(-1, *cut.shape[1::-1])
+            rows, references = chunk.inputs[0][None, begin:end], chunk.references[None, begin:end]
+            return Given(rows, references, wrenches, cuts, fractions, on_time, pieces)
+        own, sets = held[:, None], len(held)
+        references = np.where(np.isnan(own), chunk.references[begin:end], own)
+        if sets > 1:
+            shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
+            cuts, wrenches = cuts + shifts, np.repeat(wrenches, sets, axis=0)
+            fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
+        if last > first:
+            cut = np.where(np.isnan(own), chunk.references[len(chunk) + first : len(chunk) + last], own)
+            pieces = self._goals(cut).reshape(-1, *cut.shape[2:])
         inputs = self._input_rows(references, chunk.sensors[begin:end])
-        wrenches = np.repeat(wrenches, sets, axis=0)
-        return Given(inputs, wrenches, cuts + shifts, np.tile(fractions, sets), np.tile(on_time, sets), cut_inputs), references
+        return Given(inputs, references, wrenches, cuts, fractions, on_time, pieces)
 
     def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (columns, joints, sets, n) and sensors (n, joints, columns)."""
-        columns, joints, sets, count = references.shape
+        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        sets, count, joints, columns = references.shape
         inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references).transpose(2, 3, 1, 0)
+        inputs[..., :columns] = self._goals(references)
         inputs[..., columns:] = sensors
         return inputs
 
@@ -229,7 +234,7 @@ class Inputs:
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
         active = (signal for column in self._signals for signal in column if type(signal) is not Constant)
         signals = {id(signal): signal for signal in active}.values()
-        # Sets, not np.unique: that imports numpy.ma, which a short run has no other use for.
+        # A set instead of np.unique, which imports numpy.ma and slows down short runs.
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
         owners = np.floor(times / h + 0.5 + 1e-6).astype(int)
@@ -237,7 +242,7 @@ class Inputs:
         return [self._cut(substep, times[owners == substep].tolist()) for substep in sorted(substeps)]
 
     def _cut(self, substep: int, jumps: list[float]) -> Cut:
-        """The kick around a substep, cut at `jumps` and at the substep's own time; before t = 0 there is none."""
+        """The kick around a substep, split at `jumps` and at the time of the substep; no piece lies before t = 0."""
         h = self.substep
         now = substep * h
         inner = [jump for jump in jumps if abs(jump - now) > 1e-6 * h and abs(jump - now) < (0.5 - 1e-6) * h]
@@ -246,7 +251,7 @@ class Inputs:
 
 
 def joined(parts: Sequence[Given]) -> Given:
-    """The sets of several, one after the other."""
+    """Inputs with the sets of all `parts`, concatenated."""
     if len(parts) == 1:
         return parts[0]
     most, shift = max(one.cuts.shape[1] for one in parts), 0

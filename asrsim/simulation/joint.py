@@ -1,6 +1,6 @@
-"""What a joint does in one substep: what its sensors read, its motors, springs and limits, and the torque on its link.
+"""One substep of a joint: measurements of its sensors, motion of its motors, springs, limits, and the torque on its link.
 
-Ordinary code on the rows of one joint (:mod:`asrsim.simulation.layout`), run as it is or compiled.
+The functions work on the rows of one joint (`asrsim.simulation.layout`) and run as Python or compiled.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from asrsim.simulation.laws import joint_step, numbers, spring_law
 from asrsim.simulation.layout import (
     ANCHOR,
     APPLIED,
+    AT_LIMIT,
     BRAKE,
     CONTROLLED,
     CONTROLLERS,
@@ -28,17 +29,18 @@ from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
     FIRST_DRIFT,
+    FIRST_MOTOR,
     GOALS,
-    HELD,
     HYSTERESIS,
     IMPLICITNESS,
     INTEGRAL,
     JOINT_STEP,
     KICK_POSITION,
     KIND,
-    LAGGING,
     LAST_DEFLECTION,
+    LAST_ENGINE_VELOCITY,
     LAST_HYSTERESIS,
     LAW,
     MEAN_VELOCITY,
@@ -46,9 +48,7 @@ from asrsim.simulation.layout import (
     MOTOR_POSITION,
     MOTOR_VELOCITY,
     MOTORS,
-    NOW,
     ON_LINK,
-    OWN,
     P_BRAKE,
     P_COULOMB,
     P_CUTOFF,
@@ -70,11 +70,9 @@ from asrsim.simulation.layout import (
     P_SPRING,
     P_STRIBECK,
     P_SUBSTEPS,
-    PAST,
     PER_DRIVE,
     PER_MOTOR,
     POSITION,
-    PREVIOUS,
     READ_ERROR,
     READ_PUSH,
     RING,
@@ -88,24 +86,26 @@ from asrsim.simulation.layout import (
     TORQUE,
     TORQUES,
     VOLTAGE,
+    WEIGHT_LAST,
+    WEIGHT_NOW,
 )  # fmt: skip
 
 
 def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
-    """What the controllers read: position and velocity of some time ago, held until the sensor samples anew, the position with
-    noise and in steps of its quantum.
+    """Compute the errors of the measured positions and velocities. Measurements are delayed and held until the next sample;
+    positions are also noisy and quantised.
 
-    A ring keeps past positions and velocities; behind it stand the place of the newest, and what the sensor read last.
+    A ring buffer stores past positions and velocities. The index of the newest entry and the last measurement follow it.
     """
     size = int(p[P_DELAY]) + 2
     for i in range(k[CONTROLLERS]):
-        m, ring = OWN + i * PER_MOTOR, k[RINGS] + i * k[RING]
+        m, ring = FIRST_MOTOR + i * PER_MOTOR, k[RINGS] + i * k[RING]
         if k[ON_LINK]:
             ahead = 0.0
-            x, lagging = s[POSITION], z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+            x, lagging = s[POSITION], z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
             gain = p[P_DERIVATIVE]
         else:
-            # A motor's velocity lies this part of a step before its kick; its position is brought there.
+            # The sensor measures at the kick: the motor's position is extrapolated by this share of a step.
             ahead = z[FIRST_DRIFT]
             lagging = s[m + MOTOR_VELOCITY]
             x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
@@ -128,11 +128,11 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
 
 
 def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
-    """Advance the joint's own state by h s under the inputs u, at the link's present position; its torque into s[TORQUE].
+    """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set s[TORQUE].
 
-    note: the column at which what pushes each motor is left: DRIVE_TORQUE for the record, with all that is recorded; 0:
-    nowhere. Where motors have substeps it is the middle one's. With h = 0 nothing moves. whole: stiffness and energy of the
-    springs are found, too.
+    note: first column in which the torques on each motor are stored; DRIVE_TORQUE also stores the other recorded values; 0:
+    nothing is stored. With motor substeps, the values are those of the middle substep. With h = 0 nothing moves. whole:
+    whether stiffness and energy of the springs are computed too.
     """
     kind = k[KIND]
     if k[JOINT_STEP]:
@@ -143,9 +143,9 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
         _advance_springs(s, p, k, z, u, h, note, whole)
     elif kind == CONTROLLED:
         # A PID controller on the rigid link (paper eq. 11); its derivative action is a brake: see `limit`.
-        error = u[GOALS] - s[OWN + READ_ERROR] - s[POSITION]
+        error = u[GOALS] - s[FIRST_MOTOR + READ_ERROR] - s[POSITION]
         more = p[P_INTEGRAL] * h * error
-        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[OWN + READ_PUSH] + 0.5 * more
+        s[TORQUE] = p[P_PROPORTIONAL] * error + s[INTEGRAL] + s[FIRST_MOTOR + READ_PUSH] + 0.5 * more
         s[INTEGRAL] += more
     elif kind == DIRECT:
         s[TORQUE] = u[GOALS]
@@ -154,9 +154,9 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
 
 
 def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
-    """Motors and springs: drift, kick, drift, of second order with half a drift before the kick.
+    """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
 
-    Substeps of the motors keep the link where it is and give it their mean torque, which stays bounded.
+    During motor substeps the link does not move; the mean of their torques acts on it, which stays bounded.
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
     turns = int(p[P_SUBSTEPS]) if h == z[STEP] else 1
@@ -166,7 +166,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
     for turn in range(turns):
         for i in range(motors):
             if i < dynamic:
-                m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+                m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
                 s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
             else:
                 s[thetas + i] = u[GOALS + i]
@@ -181,7 +181,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
             _kick(s, p, k, z, u[GOALS + i], i, step, before, column)
         if column != 0:
             for i in range(motors):
-                m = OWN + i * PER_MOTOR
+                m = FIRST_MOTOR + i * PER_MOTOR
                 s[m + column + 2] = s[torques + i]
                 if column == DRIVE_TORQUE:
                     s[m + KICK_POSITION] = s[thetas + i]
@@ -193,8 +193,8 @@ def _between(value: float, low: float, high: float) -> float:
 
 
 def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, note: int) -> None:
-    """The kick of motor i and the drift after it."""
-    m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+    """Compute the kick of motor i and the drift that follows it."""
+    m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
     x, pushed = s[k[THETAS] + i], s[m + READ_PUSH]
     slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
     velocity, mean, anchor, integral, drive, friction = motor_kick(
@@ -204,7 +204,7 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
     s[m + MOTOR_POSITION] = _between(x + (step - before) * velocity, p[d + D_LOW], p[d + D_HIGH])
     s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = velocity, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
-        s[m + HELD] = 1.0
+        s[m + AT_LIMIT] = 1.0
     if note != 0:
         s[m + note], s[m + note + 1] = drive, friction
     if note == DRIVE_TORQUE:
@@ -216,8 +216,8 @@ def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, befo
 
 
 def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
-    """Torque of the hysteresis of spring i in N m at a deflection in rad, after the last kick's."""
-    m = OWN + i * PER_MOTOR
+    """Hysteresis torque of spring i in N m after its deflection has changed from that of the last kick to `deflection` rad."""
+    m = FIRST_MOTOR + i * PER_MOTOR
     last = s[m + DEFLECTION]
     # Before the first kick there is no last deflection (NaN), and no change.
     change = deflection - last if last == last else 0.0
@@ -225,10 +225,10 @@ def hysteresis(s: Any, p: Any, i: int, deflection: float) -> float:
 
 
 def remember_springs(s: Any, p: Any, k: Any) -> None:
-    """Let the hysteresis follow the recorded kick. It advances once a substep: where motors have substeps the link stands still
-    in them, which would wrongly erase part of its memory."""
+    """Advance the hysteresis to the recorded kick, once per substep. Advancing it in motor substeps, during which the link
+    stands still, would wrongly erase part of its memory."""
     for i in range(k[SPRINGS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         deflection = s[m + KICK_POSITION] - s[POSITION]
         torque = hysteresis(s, p, i, deflection)
         s[m + LAST_HYSTERESIS], s[m + LAST_DEFLECTION] = s[m + HYSTERESIS], s[m + DEFLECTION]
@@ -236,13 +236,13 @@ def remember_springs(s: Any, p: Any, k: Any) -> None:
 
 
 def limit(s: Any, p: Any, v: float) -> float:
-    """Limits on s[TORQUE] at the link's velocity v: the torque goes to s[APPLIED], and the brake that acts is given.
+    """Derivative gain of the link's controller that acts at the velocity v; also stores the limited torque in s[APPLIED].
 
-    The brake, the derivative action of mode 1, is limited together with the torque. Within the limit it acts as damping does;
-    beyond it there is the limit alone.
+    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit the derivative action acts
+    as damping; beyond the limit it is 0, and the torque equals the limit.
     """
     torque = s[TORQUE]
-    if p[P_CUTOFF] != 0.0 and abs(s[LAGGING]) >= p[P_FASTEST] and torque * s[LAGGING] > 0.0:
+    if p[P_CUTOFF] != 0.0 and abs(s[ENGINE_VELOCITY]) >= p[P_FASTEST] and torque * s[ENGINE_VELOCITY] > 0.0:
         torque = 0.0
     braked = torque - p[P_BRAKE] * v
     if abs(braked) > p[P_EFFORT]:
@@ -253,7 +253,7 @@ def limit(s: Any, p: Any, v: float) -> float:
 
 
 def push_of(s: Any, p: Any, external: float) -> float:
-    """N m on the link that are not the actuator's: external torque and passive spring."""
+    """Sum of the external torque and the torque of the passive spring on the link, in N m."""
     return external + p[P_SPRING] * (p[P_REST] - s[POSITION])  # type: ignore[no-any-return]
 
 
@@ -265,15 +265,15 @@ def damping_of(s: Any, p: Any) -> float:
 
 
 def find_state(s: Any, p: Any, k: Any) -> None:
-    """Stiffness and energy of the springs at the recorded kick, into s."""
+    """Compute stiffness and energy of the springs at the recorded kick."""
     for i in range(k[MOTORS]):
-        s[k[THETAS] + i] = s[OWN + i * PER_MOTOR + KICK_POSITION]
+        s[k[THETAS] + i] = s[FIRST_MOTOR + i * PER_MOTOR + KICK_POSITION]
     spring_law(k[SPRING_LAW], s[POSITION], s, k[THETAS], p, k[LAW], k[TORQUES], 1)
 
 
 def friction_of(s: Any, p: Any, v: float) -> float:
-    """Bound of the joint's friction in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with the actuator's torque on the link.
-    A standing joint has all of it. Whatever the level, friction only takes energy."""
+    """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), where tau is the actuator's torque on
+    the link. Friction dissipates energy at any level."""
     bound: float = p[P_COULOMB] + p[P_SHARE] * abs(s[APPLIED] - s[BRAKE] * v)
     if p[P_STRIBECK] > 0.0:
         ratio = v * p[P_FADE]

@@ -1,7 +1,7 @@
-"""The loop: worlds, one after the other, each for a number of substeps; one source for plain Python and for compiled code.
+"""The loop over worlds and substeps; the same source runs as Python or compiled.
 
-A substep: the joints read their sensors, move their motors and push their links; the engine moves the links; the ledger is
-settled. Where an input jumps, the kick is cut in pieces, each with the inputs of its own.
+In a substep, sensors are read, motors move and their springs load the links; the engine moves the links; the energy balance is
+updated. If an input jumps, the kick is split into pieces with separate inputs.
 """
 
 from __future__ import annotations
@@ -28,27 +28,25 @@ from asrsim.simulation.layout import (
     E_POSITION,
     E_TORQUE,
     E_VELOCITY,
+    ENGINE_VELOCITY,
     EXTERNAL,
+    FIRST_MOTOR,
     FREE,
     FREE_AFTER,
     FREE_BEFORE,
     HEALTHY,
-    LAGGING,
+    LAST_ENGINE_VELOCITY,
     LINK_IMPLICITNESS,
     MOTOR_PUSHES,
     MOTORS,
     NO_VALUE,
-    NOW,
-    OWN,
     P_BRAKE,
     P_DAMPING_RATIO,
     P_EFFORT,
     P_LEVEL,
-    PAST,
     PER_MOTOR,
     PLACED,
     POSITION,
-    PREVIOUS,
     PUSH,
     PUSHES,
     RAN_AWAY,
@@ -56,45 +54,50 @@ from asrsim.simulation.layout import (
     STEP,
     TORQUE,
     VELOCITY,
+    WEIGHT_LAST,
+    WEIGHT_NOW,
 )  # fmt: skip
-from asrsim.simulation.ledger import count_limits, settle_accounts
+from asrsim.simulation.ledger import count_limits, update_energies
 
 FASTEST = 1e4
-"""rad/s (m/s) that no spring or motor of a robot gives."""
+"""rad/s (m/s): link speed above which a world counts as diverged."""
 ENDLESS = 1e300
-"""N m from which on a torque counts as infinite."""
+"""N m: torque from which on a torque counts as infinite."""
 
 
 def run(
-    which: Any, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any, kinds: Any, z: Any,
-    engine_states: Any, inputs: Any, wrenches: Any, cuts: Any, fractions: Any, on_time: Any, pieces: Any, exchange: Any,
-    engine: int, record: int, columns: Any, out: Any,
+    which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
+    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, cuts: Any, fractions: Any,
+    on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 2) the worlds, and the number of each one's inputs; every: rows are recorded at multiples of so many substeps;
+    which: (m, 3) the worlds, the number of each one's inputs, and its place in `out`; first: row of the
+    inputs at which the call begins; every: rows are recorded at multiples of so many substeps;
     watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
-    (worlds, ...); inputs: (sets, count, joints, ...); wrenches: (sets, count, w, 6); cuts: (sets, c, 3) substeps of this call
+    (worlds, ...); inputs, references: (sets, n, joints, ...); wrenches: (sets, n, w, 6); cuts: (sets, c, 3) rows
     in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
     parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
     exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
-    are recorded, out: (m, rows, joints, columns) to where.
+    are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
+    each world, and its references.
     """
-    for place in range(len(which)):
-        w, given = which[place][0], which[place][1]
-        row = 0
-        cut = 0
+    for chosen in range(len(which)):
+        w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
+        row = recorded = cut = 0
         s_all, p_all, x, u_all, pushes, own_cuts = (
             states[w],
             constants[w],
             engine_states[w],
-            inputs[given],
-            wrenches[given],
-            cuts[given],
+            inputs[own_set],
+            wrenches[own_set],
+            cuts[own_set],
         )
-        for step in range(count):
+        while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
+            cut += 1
+        for step in range(first, first + count):
             if fault[w, 0] != HEALTHY:
                 break
             substep = done[w]
@@ -110,7 +113,7 @@ def run(
             for j in range(len(kinds)):
                 s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
                 whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
-                v = z[NOW] * s[LAGGING] + z[PAST] * s[PREVIOUS]
+                v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
                 if k[CONTROLLERS]:
                     read_sensors(s, p, k, z, u)
                 if jumped:
@@ -133,31 +136,40 @@ def run(
             for j in range(len(kinds)):
                 s, p, k = s_all[j], p_all[j], kinds[j]
                 velocity = exchange[j, E_VELOCITY]
-                _feel_engine(s, p, z, velocity, jumped, substep == 0)
+                _read_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
                 if watched:
-                    settle_accounts(s, p, k, z, substep == 0, jumped, asked)
+                    update_energies(s, p, k, z, substep == 0, jumped, asked)
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
                         out[place, row, j, c] = s[columns[c]]
-                # Before the start a staggered run moved as if its first kick had been a whole one.
-                s[PREVIOUS] = 2.0 * s[LAGGING] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[LAGGING]
-                s[LAGGING], s[POSITION] = velocity, exchange[j, E_POSITION]
+                # The first kick of a staggered run is half a kick: the velocity before it is extrapolated to a full kick.
+                s[LAST_ENGINE_VELOCITY] = (
+                    2.0 * s[ENGINE_VELOCITY] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[ENGINE_VELOCITY]
+                )
+                s[ENGINE_VELOCITY], s[POSITION] = velocity, exchange[j, E_POSITION]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
                 row += 1
+                recorded = step
             done[w] = substep + 1
+        for j in range(len(kinds) if row else 0):
+            for c in range(len(columns)):
+                rows[w, j, c] = out[place, row - 1, j, c]
+            for c in range(len(references[own_set][recorded][j])):
+                given[w, j, c] = references[own_set][recorded][j][c]
 
 
-def _feel_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
-    """What the link's new velocity tells of this kick: damping and brake act on the mean velocity over it."""
-    mean = s[LAGGING] + z[LINK_IMPLICITNESS] * (velocity - s[LAGGING])
+def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
+    """Compute damping torque, applied torque and link velocity of this kick from the link's new velocity in the engine. Damping
+    and derivative action act on the mean velocity over the kick."""
+    mean = s[ENGINE_VELOCITY] + z[LINK_IMPLICITNESS] * (velocity - s[ENGINE_VELOCITY])
     brake = -s[BRAKE] * mean
     s[DAMPING] = -s[DRAG] * mean
-    s[VELOCITY] = s[LAGGING] if first or z[STAGGERED] == 0.0 else 0.5 * (s[LAGGING] + velocity)
+    s[VELOCITY] = s[ENGINE_VELOCITY] if first or z[STAGGERED] == 0.0 else 0.5 * (s[ENGINE_VELOCITY] + velocity)
     if jumped:
         s[APPLIED_BEFORE] += brake * s[FREE_BEFORE]
         s[APPLIED_NEXT] += brake * s[FREE_AFTER]
@@ -172,15 +184,15 @@ def _in_pieces(
     s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
     j: int, whole: bool,
 ) -> float:  # fmt: skip
-    """A joint's part of a substep whose kick is cut in pieces; returns the mean torque on the link in N m.
+    """Mean torque on the link in N m in a substep whose kick is split into pieces; also advances the joint.
 
-    The means of what pushes over the half kicks before and after the whole substep's time go to their columns of s. length: of
-    all pieces; the first substep of a run has no piece before its time.
+    The mean torques over the half kicks before and after the time of the whole substep are stored in s. length: total length of
+    the pieces in substeps; the first substep of a run has no piece before its time.
     """
     for c in range(PUSHES):
         s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
     for i in range(k[MOTORS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         for c in range(MOTOR_PUSHES):
             s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
     s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
@@ -190,7 +202,7 @@ def _in_pieces(
         u = pieces[piece][j]
         s[PUSH] = push_of(s, p, u[EXTERNAL])
         if on_time[piece]:
-            # The whole substep's time: what is recorded is the state here, and nothing moves.
+            # The time of the whole substep: h = 0 stores the values to record, and nothing moves.
             advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, whole)
             s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
             torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
@@ -203,7 +215,7 @@ def _in_pieces(
         s[side + 1] += share * s[TORQUE]
         s[side + 3] += share * s[PUSH]
         for i in range(k[MOTORS]):
-            m = OWN + i * PER_MOTOR
+            m = FIRST_MOTOR + i * PER_MOTOR
             for c in range(MOTOR_PUSHES):
                 s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
         if brake == p[P_BRAKE]:

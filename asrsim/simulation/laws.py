@@ -1,7 +1,6 @@
-"""Functions that the kernel calls by address. Here is what an address means in plain Python; compiled code calls through the
-pointer (:mod:`asrsim.simulation.native`), which is why they are called by these names and no other.
+"""Functions that the kernel calls by address, in their Python version: the address is the function object itself.
 
-In plain Python an address is the function itself.
+In compiled code, `asrsim.simulation.native` replaces these functions by calls through C pointers. It finds them by their names.
 """
 
 from __future__ import annotations
@@ -15,39 +14,39 @@ from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 MOTOR_NUMBERS = 16
-"""Numbers of a motor that its law takes."""
+"""Number of parameters that the law of a motor takes."""
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
-"""What :mod:`math` raises where a law has no finite value."""
+"""Errors that `math` raises if a law has no finite value."""
 
 
 def spring_law(address: Any, q: float, s: Any, thetas: int, p: Any, law: int, torques: int, whole: int) -> None:
-    """Torques of the springs in N m into s[torques:], for a link at q rad and motors at s[thetas:]; parameters: p[law:].
+    """Store the torques of the springs in N m in s[torques:], for a link at q rad, motors at s[thetas:], parameters p[law:].
 
-    whole: 1: find their stiffness in N m/rad and their energy in J, too, into s[STIFFNESS:].
+    whole: 1 to also store the stiffness in N m/rad and the energy in J in s[STIFFNESS:].
     """
     address(q, s, thetas, p, law, torques, whole)
 
 
 def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
-    """A stepping's own step of a joint, in place of :func:`asrsim.simulation.joint.advance`: torque into s[TORQUE]."""
+    """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.joint.advance` and sets s[TORQUE]."""
     address(s, p, k, u, h, note)
 
 
 def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    """One step of the engine; see :mod:`asrsim.engines.base`."""
+    """Advance the engine by one step; see `asrsim.engines.base`."""
     address(x, exchange, wrenches, fraction)
 
 
 def numbers(p: Any, at: int) -> Any:
-    """Parameters of a motor from place `at` of a row on, as its law takes them."""
+    """Parameters of a motor, beginning at column `at` of its row, in the order of the motor's law."""
     return p[at : at + MOTOR_NUMBERS]
 
 
 @cache
 def plain_law(actuator: Any, motors: int) -> Callable[..., None]:
-    """An actuator's laws as :func:`spring_law` calls them in plain Python. Where one has no finite value, the result is NaN.
+    """Function with an actuator's laws, as `spring_law` calls it in Python. The result is NaN if a law has no finite value.
 
-    motors: positions that the laws take, 2 at least.
+    motors: number of positions that the laws take, at least 2.
     """
     torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
     count = len(actuator.parameters)

@@ -1,8 +1,8 @@
-"""Where the energy goes between two substeps of a joint, and which limits it met. Ordinary code, run as it is or compiled.
+"""Energy balance of a joint over a substep, and counts of the limits that acted. The functions run as Python or compiled.
 
-Work is the mean of what pushed, times the way: the trapezoid rule, of second order in the step. Where an input jumps the mean
-counts up to the jump and from there on. So with the default stepping what does not add up falls as h^2; in a run that is not
-resolved it does not, and that is how divergence shows before any number overflows.
+Work is the mean torque times the displacement: the trapezoidal rule, of second order in the step. If an input jumps, there are
+separate means before and after the jump. With the default stepping the residual of the balance thus decreases as h^2. If the
+step is too large for a spring, the residual stays large, which reveals divergence before any number overflows.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from asrsim.simulation.layout import (
     APPLIED_BEFORE,
     APPLIED_LAST,
     APPLIED_NEXT,
+    AT_LIMIT,
     CURRENT,
     D_DAMPING,
     D_HIGH,
@@ -34,16 +35,15 @@ from asrsim.simulation.layout import (
     DYNAMIC,
     EFFORT_COUNT,
     EXCESS,
+    FIRST_MOTOR,
     FRICTION_LOSS,
-    GIVEN,
-    HELD,
     HYSTERESIS,
     HYSTERESIS_LOSS,
     JUMPED,
     KICK_POSITION,
     KIND,
+    LAST_AT_LIMIT,
     LAST_DEFLECTION,
-    LAST_HELD,
     LAST_HYSTERESIS,
     LAST_KICK_POSITION,
     LAST_MEAN_VELOCITY,
@@ -60,7 +60,7 @@ from asrsim.simulation.layout import (
     MOTOR_STOP_COUNT,
     MOTOR_WORK,
     MOTORS,
-    OWN,
+    NET_LINK_WORK,
     P_EFFORT,
     P_FASTEST,
     P_HIGHEST,
@@ -94,45 +94,46 @@ from asrsim.simulation.layout import (
 )  # fmt: skip
 
 AT_STOP = 1e-12
-"""rad or m before a stop from which on a motor is at it: a step reaches the stop but for rounding."""
+"""rad or m: distance from a stop below which a motor counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
-"""Energy from nowhere, as a share of all that went through, that no resolved run shows."""
+"""Residual of the energy balance, as a share of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
-"""Share of its greatest speed at which a motor is at its limit."""
+"""Share of the speed limit from which on a motor counts as being at the limit."""
 
 
-def settle_accounts(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, asked: bool) -> None:
-    """Add the energy that flowed since the last substep, and prepare for the next one.
+def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, recorded: bool) -> None:
+    """Add the energy flows since the last substep to the energies of the joint, and store values for the next substep.
 
-    first: of the run, since which energies count; jumped: an input jumps in this kick, so that the means over its halves differ
-    from the present values; asked: the row is recorded, and so are the energies that follow from the present state alone.
+    first: whether this is the first substep, from which energies count. jumped: whether an input jumps in this kick, so that
+    the means over the half kicks differ from the present values. recorded: whether the row is recorded, so that the energies
+    of the present state are needed.
     """
     before, motor_before = (APPLIED_BEFORE, DRIVE_BEFORE) if jumped else (APPLIED, DRIVE_TORQUE)
     following, motor_following = (APPLIED_NEXT, DRIVE_NEXT) if jumped else (APPLIED, DRIVE_TORQUE)
-    cut = jumped or s[JUMPED] != 0.0
+    jump = jumped or s[JUMPED] != 0.0
     kinematic = k[KIND] == SPRUNG and k[DYNAMIC] < k[PLACED]
-    held_before = s[SPRING_ENERGY]
-    if k[KIND] == SPRUNG and (asked or first or kinematic):
+    energy_before = s[SPRING_ENERGY]
+    if k[KIND] == SPRUNG and (recorded or first or kinematic):
         s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
         s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
     if not first:
         _link(s, k, before)
         if k[KIND] == SPRUNG:
-            lagged = _hysteresis_loss(s, p, k)
-            s[HYSTERESIS_LOSS] += lagged
+            lost = _hysteresis_loss(s, p, k)
+            s[HYSTERESIS_LOSS] += lost
             work = _motors(s, p, k, z, motor_before)
             if kinematic:
-                work += _kinematic(s, p, k, before, motor_before, s[SPRING_ENERGY] - held_before + lagged, cut)
+                work += _kinematic(s, p, k, before, motor_before, s[SPRING_ENERGY] - energy_before + lost, jump)
             s[MOTOR_WORK] += work
             s[TURNOVER] += abs(work)
-    if k[KIND] == SPRUNG and (asked or first):
+    if k[KIND] == SPRUNG and (recorded or first):
         _balance(s, p, k, first)
     s[LAST_POSITION] = s[POSITION]
     s[JUMPED] = 1.0 if jumped else 0.0
     for i in range(k[MOTORS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         s[m + LAST_KICK_POSITION], s[m + LAST_MEAN_VELOCITY] = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
-        s[m + LAST_HELD], s[m + HELD] = s[m + HELD], 0.0
+        s[m + LAST_AT_LIMIT], s[m + AT_LIMIT] = s[m + AT_LIMIT], 0.0
         if i < k[DYNAMIC]:
             s[m + LAST_POWER] = _power(s, p, k, i)
         for c in range(MOTOR_PUSHES):
@@ -148,7 +149,7 @@ def _link(s: Any, k: Any, before: int) -> None:
     push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
     s[LINK_WORK] += link
     s[DAMPING_LOSS] += damped
-    s[GIVEN] += link + push - damped
+    s[NET_LINK_WORK] += link + push - damped
     s[TURNOVER] += abs(link) + abs(push)
     if k[KIND] == SPRUNG:
         s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
@@ -158,17 +159,17 @@ def _link(s: Any, k: Any, before: int) -> None:
 
 
 def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
-    """Work in J of the motors that have dynamics; their losses go to their accounts."""
+    """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
     total = 0.0
     for i in range(k[DYNAMIC]):
-        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
         b, a = m + before, m + DRIVE_LAST
         way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
         half = 0.5 * way
         work = (s[a] + s[b]) * half
         total += work
-        if s[m + HELD] != 0.0 or s[m + LAST_HELD] != 0.0:
-            # A limit takes what is left over: the shock, and the torque that it holds.
+        if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
+            # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
             now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
             s[FRICTION_LOSS] += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
         else:
@@ -178,19 +179,19 @@ def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
 
 
 def _power(s: Any, p: Any, k: Any, i: int) -> float:
-    """Heat in W of the winding of motor i."""
-    current = s[OWN + i * PER_MOTOR + CURRENT]
+    """Heat loss in W of the winding of motor i."""
+    current = s[FIRST_MOTOR + i * PER_MOTOR + CURRENT]
     return p[k[DRIVES] + i * PER_DRIVE + D_RESISTANCE] * current * current  # type: ignore[no-any-return]
 
 
-def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, cut: bool) -> float:
-    """Work in J of motors and adjusters that stand where they should be: the change of the springs' energy by their motion,
-    with everything else half-way. Where they jump it is what the springs have absorbed (J) and given on."""
+def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, jump: bool) -> float:
+    """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
+    positions at their means. If an input jumps, it is the energy that the springs absorbed (J) plus their work on the link."""
     half = 0.5 * (s[POSITION] - s[LAST_POSITION])
-    if cut:
+    if jump:
         work: float = absorbed + (s[APPLIED_LAST + 1] + s[before + 1]) * half
         for i in range(k[DYNAMIC]):
-            m = OWN + i * PER_MOTOR
+            m = FIRST_MOTOR + i * PER_MOTOR
             way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
             work -= 0.5 * (s[m + DRIVE_LAST + 2] + s[m + motor_before + 2]) * way
         return work
@@ -198,41 +199,43 @@ def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed:
     now = _energy_at(s, p, k, middle, KICK_POSITION)
     work = now - _energy_at(s, p, k, middle, LAST_KICK_POSITION)
     for i in range(k[DYNAMIC], k[SPRINGS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
         work += 0.5 * (s[m + HYSTERESIS] + s[m + LAST_HYSTERESIS]) * way
     return work
 
 
 def _energy_at(s: Any, p: Any, k: Any, q: float, positions: int) -> float:
-    """J in the springs for a link at q; motors with dynamics are half-way, the others where the column `positions` has them."""
+    """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions, the others at the
+    positions in the column `positions`."""
     for i in range(k[MOTORS]):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         half_way = 0.5 * (s[m + KICK_POSITION] + s[m + LAST_KICK_POSITION])
         s[k[THETAS] + i] = half_way if i < k[DYNAMIC] else s[m + positions]
     stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
     spring_law(k[SPRING_LAW], q, s, k[THETAS], p, k[LAW], k[TORQUES], 1)
-    found = s[LAW_ENERGY]
+    energy_there = s[LAW_ENERGY]
     s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
-    return found  # type: ignore[no-any-return]
+    return energy_there  # type: ignore[no-any-return]
 
 
 def _hysteresis_energy(s: Any, p: Any, k: Any) -> float:
-    """J in the springs' hysteresis."""
+    """Energy in J that is stored in the springs' hysteresis."""
     total = 0.0
     if p[P_LEVEL] > 0.0:
         for i in range(k[SPRINGS]):
-            torque = s[OWN + i * PER_MOTOR + HYSTERESIS]
+            torque = s[FIRST_MOTOR + i * PER_MOTOR + HYSTERESIS]
             total += 0.5 * p[P_LENGTH] * torque * torque / p[P_LEVEL]
     return total
 
 
 def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
-    """J lost in the springs' hysteresis since the last substep: exact for a motion one way, so it is never negative."""
+    """Energy in J lost in the springs' hysteresis since the last substep. It is exact for motion in one direction, so it is
+    never negative."""
     total = 0.0
     if p[P_LEVEL] > 0.0:
         for i in range(k[SPRINGS]):
-            m = OWN + i * PER_MOTOR
+            m = FIRST_MOTOR + i * PER_MOTOR
             moved = s[m + DEFLECTION] - s[m + LAST_DEFLECTION]
             now, last = s[m + HYSTERESIS], s[m + LAST_HYSTERESIS]
             stored = 0.5 * p[P_LENGTH] * (now * now - last * last) / p[P_LEVEL]
@@ -242,23 +245,23 @@ def _hysteresis_loss(s: Any, p: Any, k: Any) -> float:
 
 
 def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
-    """What springs and motors hold, and what has vanished since the start."""
+    """Compute the energy stored in springs and motors, and the residual of the energy balance since the start."""
     kinetic = 0.0
     for i in range(k[DYNAMIC]):
-        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
         kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
     s[MOTOR_ENERGY] = kinetic
-    kept = s[SPRING_ENERGY] + kinetic
+    stored = s[SPRING_ENERGY] + kinetic
     if first:
-        s[START_ENERGY] = kept
+        s[START_ENERGY] = stored
     s[RESIDUAL] = (
-        s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (kept - s[START_ENERGY])
+        s[MOTOR_WORK] - s[FRICTION_LOSS] - s[LINK_WORK] - s[LIMIT_LOSS] - s[HYSTERESIS_LOSS] - (stored - s[START_ENERGY])
     )
     s[EXCESS] = max(s[EXCESS], abs(s[RESIDUAL]) - SHARE * s[TURNOVER])
 
 
 def count_limits(s: Any, p: Any, k: Any) -> None:
-    """Count the limits that the joint meets in this substep."""
+    """Count the limits of the joint that act in this substep."""
     if abs(s[TORQUE]) > p[P_EFFORT]:
         s[EFFORT_COUNT] += 1.0
     if abs(s[VELOCITY]) > p[P_FASTEST]:
@@ -269,7 +272,7 @@ def count_limits(s: Any, p: Any, k: Any) -> None:
         return
     saturated = bent = False
     for i in range(k[MOTORS]):
-        m, d = OWN + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
         theta = s[m + KICK_POSITION]
         if i < k[SPRINGS] and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
             bent = True

@@ -1,4 +1,4 @@
-"""The kernel and the laws as machine code. Compiled once for all robots: laws and engine are called by their addresses."""
+"""Compilation of kernel and laws. One compiled kernel serves all robots, since it calls laws and engine by address."""
 
 from __future__ import annotations
 
@@ -14,22 +14,23 @@ from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
 INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
-"""Modules whose functions become part of their callers."""
+"""Modules whose functions are inlined into their callers."""
 
 
 def compiled_run() -> Any:
-    """:func:`asrsim.simulation.kernel.run` for arrays."""
+    """`asrsim.simulation.kernel.run`, compiled for arrays."""
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
-        whole[2], 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
-        floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
+        whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
+        floats[4], floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
+        floats[3], floats[3],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
 def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
-    """An actuator's laws; see :func:`asrsim.simulation.laws.plain_law`."""
+    """An actuator's laws, compiled to a C function; see `asrsim.simulation.laws.plain_law`."""
     names = {
         "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors), "parameters": compiling.numbers_reader(len(actuator.parameters)),
@@ -38,8 +39,8 @@ def compiled_law(actuator: Any, motors: int) -> compiling.Callback:
     return compiling.compile_law(_laws, names, "daiaiii")
 
 
-# What may raise is called, since Numba takes no arguments with a star inside of `try`. A law may be any code; where it has no
-# value the world stops, and the run names the joint.
+# Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
+# the world stops and the error names the joint.
 def _laws(q: float, s: int, thetas: int, p: int, law: int, torques: int, whole: int) -> None:
     state = row(s)
     try:
@@ -49,7 +50,7 @@ def _laws(q: float, s: int, thetas: int, p: int, law: int, torques: int, whole: 
 
 
 def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: int) -> None:
-    # Nothing is written before all is known, so that the compiler finds what the three laws have in common.
+    # All laws are evaluated before anything is written, so that the compiler can share their common subexpressions.
     values = torques(q, *positions(thetas), parameters(law))
     known = 0.0, 0.0
     if whole != 0:
@@ -61,7 +62,7 @@ def _put_laws(q: float, thetas: int, law: int, state: Any, result: int, whole: i
 
 
 def compiled_joint_step(function: Any) -> compiling.Callback:
-    """A stepping's own step of a joint; see :func:`asrsim.simulation.laws.joint_step`."""
+    """The function by which a stepping advances a joint, compiled; see `asrsim.simulation.laws.joint_step`."""
     names = {**_pointers(), "own_step": function, "row": compiling.row_at(), "whole_row": compiling.row_at(True)}
     return compiling.compile_law(_joint_step, names, "aaaadi")
 
@@ -71,7 +72,7 @@ def _joint_step(s: int, p: int, k: int, u: int, h: float, note: int) -> None:
 
 
 def _unbound(*arguments: Any) -> Any:
-    raise NotImplementedError("bound where it is compiled")
+    raise NotImplementedError("the compiler replaces this function")
 
 
 torques = stiffness = energy = positions = parameters = row = whole_row = own_step = _unbound
@@ -79,7 +80,7 @@ torques = stiffness = energy = positions = parameters = row = whole_row = own_st
 
 @cache
 def _pointers() -> dict[str, Any]:
-    """What the names of :mod:`asrsim.simulation.laws` are in compiled code: calls through pointers."""
+    """Name of a function in `asrsim.simulation.laws` -> its replacement in compiled code, which calls through a pointer."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -88,7 +89,8 @@ def _pointers() -> dict[str, Any]:
     word = ir.IntType(64)
 
     def passed(*given: Any) -> Any:
-        """Types and code of a call of the C function at the first argument: arrays are given by the address of their data."""
+        """Numba signature and code generator of a call of the C function whose address is the first argument. Arrays are passed
+        as addresses of their data."""
         signature = kinds.void(*given)
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

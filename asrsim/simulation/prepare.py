@@ -1,4 +1,4 @@
-"""A scenario made ready to run: robot read, actuators built, engine set up, substeps found."""
+"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
 
 SINGULAR = 1e-12
-"""Smallest eigenvalue of the mass matrix, its diagonal scaled to 1, that double precision can tell from none."""
+"""Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
 CONFIGURATIONS = 8
-"""Random joint positions, beside the initial ones, in which the mass matrix is looked at."""
+"""Number of random joint positions, besides the initial ones, at which the mass matrix is computed."""
 
 
 def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = ()) -> Scenario:
-    """The one that is meant: of a file, or one that is made already. Raises ScenarioError and InputError."""
+    """The scenario of a file, or the given scenario itself. Raises ScenarioError and InputError."""
     from asrsim.scenario import load_scenario, only_variant
 
     if not isinstance(scenario, Scenario):
@@ -54,7 +54,7 @@ def prepare(
 ) -> Prepared:
     """Build the actuators and the engine; raises RobotError, ScenarioError or UnresolvedSpringError.
 
-    variant, overrides: of a scenario's file, as :func:`asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
+    variant, overrides: of a scenario's file, as `asrsim.run` takes them; ranges: joint or "*" -> reference -> least and
     largest value that may be set while it runs, beside those that the scenario declares; substeps are chosen for them.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
@@ -72,7 +72,7 @@ def prepare(
         link_damping=scenario.link_damping,
     )
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
-        # Imported where it is wanted: a short run does without it.
+        # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
 
         scenario = plan_references(scenario, robot)
@@ -109,8 +109,8 @@ def prepare(
 
 
 def resolution_of(prepared: Prepared) -> Resolution:
-    """The substeps that a run with these numbers takes: :meth:`Prepared.vary` keeps those of the numbers before. Raises as
-    :func:`prepare`.
+    """The substeps that a run with these numbers takes: `Prepared.vary` keeps those of the numbers before. Raises as
+    `prepare`.
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:
@@ -128,7 +128,7 @@ def _resolve(
     configurations = _configurations(drives)
     model, still = engine.model, [0.0] * len(drives)
     if model is None:
-        # Links that nothing can move: springs ask for no substeps of theirs.
+        # An engine without dynamics prescribes the motion of the links: springs need no substeps.
         masses = [1e9 * np.eye(len(drives))]
         gravity = np.zeros(len(drives))
     else:
@@ -147,7 +147,7 @@ def _resolve(
         for j, drive in enumerate(drives)
     ]
     if STEPPINGS.get(scenario.stepping).released:
-        # The released code knows no substeps, and runs springs that it does not resolve.
+        # The released code has no substeps, and also runs springs that the step does not resolve.
         finite = np.minimum(stiffness, 1e12).tolist()
         found = resolve(drives, masses, finite, step=scenario.step, substeps=None, motor_substeps=1, cap=10**15, explicit=True)
         return replace(found, substeps=1, motor_substeps=1, omega_h=found.frequency * scenario.step, stiffness=tuple(stiffness))
@@ -166,7 +166,8 @@ def _resolve(
 def _with_ranges(
     sampled: Array, drives: Sequence[SteppedJoint], ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Array:
-    """Inputs (columns, joints, n) in which those that may be set take their least and largest values, too, in turns."""
+    """Inputs (columns, joints, n), extended by samples in which the settable references take their smallest and largest
+    values."""
     table = sampled.copy()
     for j, drive in enumerate(drives):
         given = {**ranges.get("*", {}), **ranges.get(drive.name, {})}
@@ -177,8 +178,8 @@ def _with_ranges(
 
 
 def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
-    """A joint that turns nothing (a point mass on its own axis), or two on one axis with no mass between them, have no
-    equation of motion; raises RobotError.
+    """Raise RobotError if a motion has no inertia: a joint with a point mass on its axis, or two joints on one axis with no
+    mass between them.
     """
     problems = [
         Problem(
@@ -207,7 +208,7 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
-    # The standard library's generator: numpy.random takes longer to import than a short run.
+    # The standard library's generator, since importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]

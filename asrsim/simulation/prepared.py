@@ -1,4 +1,4 @@
-"""A scenario that is ready to run, as data."""
+"""A scenario that is ready to run: immutable data from which simulations are made."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
 
 EXTERNAL_TORQUE = "external_torque"
-"""Name under which the external torque on a link is set from outside, as references are by theirs."""
+"""Name under which callers set the external torque on a link, like a reference."""
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, at its step. Raises SimulationError if it is not installed."""
+    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed."""
     from asrsim.engines import ENGINES
 
     entry = ENGINES.get(scenario.engine)
@@ -40,7 +40,7 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """A scenario read, checked and made ready: everything but the running. It does not change, and serves many simulations."""
+    """A scenario that has been read, checked and prepared. It is immutable and can serve many simulations."""
 
     scenario: Scenario
     robot: Robot
@@ -51,20 +51,21 @@ class Prepared:
     info: RunInfo
     warnings: tuple[Problem, ...]
     initial_positions: tuple[float, ...]
-    """rad (m), of the moving joints."""
+    """Start positions of the moving joints in rad (m)."""
     initial_velocities: tuple[float, ...]
-    """rad/s (m/s)."""
+    """Start velocities of the moving joints in rad/s (m/s)."""
     ranges: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
-    """An engine that the preparation built, for the first who asks."""
+    """Engine that the preparation built; the first simulation uses it."""
 
     @property
     def substep(self) -> float:
-        """s."""
+        """Length of a substep in s."""
         return self.scenario.step / self.resolution.substeps
 
     def last_substep(self, duration: float | None) -> int:
-        """Substep at which a duration in s, by default the scenario's, ends; raises InputError for less than a step."""
+        """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if it is below a
+        step."""
         seconds = self.scenario.duration if duration is None else duration
         if not self.scenario.step / 2.0 < seconds < math.inf:
             raise InputError("must last a step at least", key="duration", value=seconds, code="duration")
@@ -77,11 +78,11 @@ class Prepared:
         return self.stepping.released if given is None else given
 
     def make_engine(self) -> Engine:
-        """An engine of this scenario's; the caller closes it."""
+        """A new engine for this scenario; the caller must close it."""
         return self._spare.pop() if self._spare else make_engine(self.scenario, self.robot)[0]
 
     def range_of(self, joint: str, reference: str) -> tuple[float, float]:
-        """Least and largest value that may be set from outside; everything where none is declared."""
+        """Smallest and largest value that callers may set; infinite if the scenario declares no range."""
         given = {**self.ranges.get("*", {}), **self.ranges.get(joint, {})}
         return given.get(reference, (-math.inf, math.inf))
 
@@ -100,7 +101,7 @@ class Prepared:
 
     @cached_property
     def _slots(self) -> dict[str, tuple[int, dict[str, int]]]:
-        """Joint -> its number, and the columns of its references."""
+        """Joint -> number of the joint, and reference -> column of an input row."""
         found = {}
         for j, drive in enumerate(self.drives):
             names = references_of(drive) or (drive.mode.references if drive.mode else ())
@@ -131,15 +132,15 @@ class Prepared:
         return placed[0], placed[1]
 
     def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
-        """The same under these references of some joints, by name; nothing is read again, and substeps and start stay.
+        """A copy with other references: joint -> name -> signal. No file is read again; substeps and start are unchanged.
 
-        An engine that nobody used yet goes along.
+        An unused engine of this object is passed on to the copy.
         """
         changed = {joint: {**self.scenario.references_of(joint), **signals} for joint, signals in references.items()}
         return replace(self, scenario=replace(self.scenario, references={**self.scenario.references, **changed}))
 
     def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
-        """The same with other numbers, without reading or checking files again; substeps stay as they are.
+        """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
         parameters: joint -> name of an actuator's parameter, `damping` or `friction`; link -> `mass`, `x`, `y`, `z` (centre of
         mass) or `ixx` .. `izz` (about it, in the inertial frame). A start at equilibrium is sought again. Raises RobotError
@@ -152,14 +153,14 @@ class Prepared:
         return replace(varied.settled(engine.model), _spare=[engine])
 
     def settled(self, model: Model | None) -> Prepared:
-        """The same, beginning at rest where the scenario asks for that; model: of this robot. Raises ScenarioError."""
+        """A copy that starts at equilibrium if the scenario requires it. model: model of this robot. Raises ScenarioError."""
         if model is None or not self.scenario.initial_equilibrium:
             return self
         drives = at_equilibrium(self.scenario, self.drives, model)
         return replace(self, drives=drives, initial_positions=tuple(drive.initial_position for drive in drives))
 
     def with_numbers(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
-        """As :meth:`vary`, with the start as it was."""
+        """A copy with other parameters, as `vary` makes it, but with an unchanged start."""
         robot = varied_robot(self.robot, parameters)
         blocks = {block.joint: block for block in robot.actuators}
         joints = {joint.name: joint for joint in robot.joints}

@@ -1,4 +1,4 @@
-"""Which quantities a joint records, and in which column of its row they stand."""
+"""Quantities that a joint records, and their columns in the tables."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, references_of
-from asrsim.simulation.layout import EXTERNAL, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, OWN, PER_MOTOR
+from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
 WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
-"""Quantities of worlds that are watched: energies, and the stiffness of springs."""
+"""Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
 
 
 def columns_of(motors: int) -> dict[str, int]:
     """Quantity -> column of S, for joints with room for so many motors."""
     found = {name: column for column, name in LOGGED.items()}
     for i in range(motors):
-        found |= {name.format(i + 1): OWN + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
+        found |= {name.format(i + 1): FIRST_MOTOR + i * PER_MOTOR + column for column, name in LOGGED_OF_MOTORS.items()}
     return found
 
 
@@ -60,7 +60,7 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
 
 
 def has_second_reference(drive: SteppedJoint) -> bool:
-    """An SEA has one reference in every mode."""
+    """Whether the joint has a second reference in its mode; a series elastic actuator has one reference in every mode."""
     return bool(drive.actuator and drive.actuator.motors + drive.actuator.adjuster > 1)
 
 
@@ -68,28 +68,28 @@ class Selection:
     """Quantities of several joints, taken from rows of the state and from inputs."""
 
     def __init__(self, drives: Sequence[SteppedJoint], motors: int, names: Sequence[str] | None = None) -> None:
-        """motors: blocks that a row has room for; names: those wanted; None: all that any joint records."""
+        """motors: number of motor blocks in a row. names: selected quantities; None: all quantities that any joint records."""
         recorded = [recorded_quantities(drive) for drive in drives]
         places, given = columns_of(motors), inputs_of(motors)
         known = dict.fromkeys(name for own in recorded for name in own)
         self.names = tuple(known) if names is None else tuple(name for name in names if name in places or name in given)
         stated = [name for name in self.names if name in places]
         self.columns: NDArray[np.int64] = np.array([places[name] for name in stated], dtype=np.int64)
-        """Of S."""
+        """Selected columns of S."""
         self._stated = {name: place for place, name in enumerate(stated)}
         self._given = {name: given[name] for name in self.names if name in given}
         self.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
-        """Joints that do not record a quantity."""
+        """Quantity -> numbers of the joints that do not record it."""
 
     def of(self, drives: Sequence[SteppedJoint]) -> Selection:
-        """The same quantities of joints with other numbers, of which others may record them."""
+        """A selection of the same quantities for joints with other parameters, which may record other quantities."""
         other = copy.copy(self)
         recorded = [recorded_quantities(drive) for drive in drives]
         other.lacking = {name: [j for j, own in enumerate(recorded) if name not in own] for name in self.names}
         return other
 
     def check(self, names: Sequence[str]) -> None:
-        """Raises InputError for names that are not among them."""
+        """Raise InputError for names that are not selected."""
         problems = [
             Problem(
                 f"no joint records '{name}'", choices=self.names, hint=did_you_mean(name, self.names), code="unknown-quantity"

@@ -1,4 +1,4 @@
-"""Ranges of what may be set from outside, where the scenario declares none: the limits of the robot."""
+"""Ranges of references that callers may set: those that the scenario declares, else the limits of the robot."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
 
 TURN = math.pi
-"""rad either way of a joint without limits."""
+"""rad: range in both directions of a joint without limits."""
 LEVER_SHARE = 0.5
-"""Of the length at which an adjusted lever's stiffness becomes infinite."""
+"""Largest position of an adjuster, as a share of the lever length at which the stiffness becomes infinite."""
 
 Range = tuple[float, float]
 
@@ -60,7 +60,7 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
     high = TURN if joint.upper is None else joint.upper
     if mode.mapped or not mode.spring:
         return low, high
-    # A motor's position: it may lead the link by as much as the spring bears, within the motor's own limits.
+    # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
     least, most = (values.get(f"motor_{slot + 1}_{end}_position", math.nan) for end in ("min", "max"))
     return max(low - spread, -math.inf if math.isnan(least) else least), min(
         high + spread, math.inf if math.isnan(most) else most
@@ -72,7 +72,7 @@ def _torque(drive: SteppedJoint) -> Range:
 
 
 def with_ranges(scenario: Scenario) -> Prepared:
-    """A scenario made ready for all that may be set from outside. Raises as :func:`asrsim.simulation.prepare.prepare` does."""
+    """A scenario prepared for all references that callers may set. Raises the errors of `asrsim.simulation.prepare.prepare`."""
     first = prepare(scenario)
     first.make_engine().close()
     ranges = finite(ranges_of(first))
@@ -84,7 +84,7 @@ def with_ranges(scenario: Scenario) -> Prepared:
 
 
 def finite(ranges: Mapping[str, Mapping[str, Range]]) -> dict[str, dict[str, Range]]:
-    """Without what has no limit: torques of joints without any, which substeps do not depend on."""
+    """The ranges without infinite ones, which are torques of joints without limits; substeps do not depend on them."""
     return {
         joint: {name: pair for name, pair in given.items() if all(map(math.isfinite, pair))} for joint, given in ranges.items()
     }

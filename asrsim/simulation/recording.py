@@ -1,4 +1,4 @@
-"""What becomes of a simulation's rows: samples for sinks, and a watch on its energy."""
+"""Conversion of a simulation's rows to samples for sinks, and the check of the energy balance."""
 
 from __future__ import annotations
 
@@ -21,57 +21,57 @@ if TYPE_CHECKING:
 
 
 class Sink(Protocol):
-    """Takes samples as they come: logged ones, or those of every step if it has `full_rate = True`; with `bodies = True` too,
-    objects' poses and contacts are in every one of those."""
+    """Receiver of samples: of the logged steps, or of every step if it has `full_rate = True`. With `bodies = True` as well,
+    the samples of every step contain poses and contacts of objects."""
 
     def write(self, samples: Samples) -> None:
-        """The next chunk."""
+        """Receive the next chunk of samples."""
 
 
 class Recording:
-    """Rows in, samples out. Nothing is kept but what `keep` asks for."""
+    """Makes samples from rows and passes them to sinks. Samples are only stored if `keep` is set."""
 
     def __init__(
         self, prepared: Prepared, engine: Engine, selection: Selection, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
-        """selection: of the rows; last: substep of the last sample."""
+        """selection: quantities in the rows; last: substep of the last sample."""
         scenario = prepared.scenario
         self._prepared, self._engine, self.selection = prepared, engine, selection
         self._sinks, self._last = sinks, last
         self.active = bool(keep or self._sinks)
         self.kept: list[Samples] | None = [] if keep else None
         self.every = prepared.resolution.substeps
-        """Substeps between rows."""
+        """Number of substeps between rows."""
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
         closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
         self._look_every = 1 if self._whole and closely else scenario.log_every
         self._bodies: dict[str, list[Any]] = {}
-        """Poses and contact forces that wait for the samples of their rows."""
+        """Poses and contact forces that have not yet been added to the samples of their rows."""
         self._contacts: dict[str, list[Any]] = {}
         self.look_every = self.every * self._look_every
-        """Substeps between looks at the world."""
-        # Contacts and wrenches do work of their own on the links. The released order of a step is not passive, and runs springs
-        # that it does not resolve: no fault of the user's.
+        """Number of substeps between readings of poses and contacts."""
+        # The energy balance of the links ignores the work of contacts and wrenches. It is not checked in the released order,
+        # which is not passive and runs springs that the step does not resolve.
         self._alone = scenario.world.empty and scenario.fixed_base and not scenario.wrenches
         self._guarded = self.active and engine.model is not None and not prepared.stepping.released
         self._guard = self._new_guard(prepared.initial_positions, prepared.initial_velocities)
         self._rows: list[tuple[int, Array, Array]] = []
-        """First row's number, rows (n, joints, columns), references (input columns, joints, n)."""
+        """Blocks of rows: number of the first row, rows (n, joints, columns), references (input columns, joints, n)."""
 
     def _new_guard(self, positions: Sequence[float], velocities: Sequence[float]) -> EnergyGuard:
         model = self._engine.model
         return EnergyGuard(model.energy(positions, velocities) if model is not None and self._guarded else 0.0)
 
     def take(self, first: int, rows: Array, references: Array) -> None:
-        """Rows from number `first` on, (n, joints, columns), with their references (input columns, joints, n)."""
+        """Add rows (n, joints, columns) with their references (input columns, joints, n); `first`: number of the first row."""
         count = min(len(rows), self._last // self.every + 1 - first)
         if self.active and count > 0:
             self._rows.append((first, rows[:count], references[:, :, :count]))
 
     def flush(self, substep: int, state: Array, *, check: bool = True) -> None:
-        """Hand on what there is up to `substep`; state: (joints, columns) then. Raises DivergenceError where energy came from
-        nowhere."""
+        """Pass the samples up to `substep` to the sinks. state: (joints, columns) at this substep. Raises DivergenceError if
+        the energy balance is violated."""
         if self._rows:
             first = self._rows[0][0]
             _, *parts = zip(*self._rows, strict=True)
@@ -91,7 +91,7 @@ class Recording:
             raise runaway(fault[0], time, fault[1], self._prepared.resolution.omega_h)
 
     def look(self, substep: int) -> None:
-        """Before a substep: keep poses and contacts for its row."""
+        """Store poses and contacts for the row of a substep, before the substep."""
         if substep <= self._last:
             scene = self._engine.scene()
             for table, found in ((self._bodies, scene.bodies), (self._contacts, scene.contacts)):
@@ -99,7 +99,7 @@ class Recording:
                     table.setdefault(name, []).append(values)
 
     def _with_world(self, samples: Samples) -> Samples:
-        """Samples with what was kept for their rows."""
+        """The samples with the poses and contacts that were stored for their rows."""
         n = len(samples.time)
         bodies = {name: np.array(rows[:n]) for name, rows in self._bodies.items()}
         contacts = {name: np.array(rows[:n]) for name, rows in self._contacts.items()}
@@ -108,7 +108,7 @@ class Recording:
         return replace(samples, bodies={**bodies, **samples.bodies}, contacts=contacts)
 
     def _hand_on(self, first: int, samples: Samples) -> None:
-        """Samples whose first has the number `first`."""
+        """Pass samples to the sinks; `first`: number of the first sample."""
         every = self._prepared.scenario.log_every
         if self._look_every == 1:
             samples = self._with_world(samples)
@@ -129,19 +129,19 @@ class Recording:
 
     @property
     def samples(self) -> Samples:
-        """All that is kept; raises InputError where nothing is."""
+        """All stored samples; raises InputError if samples are not stored."""
         if self.kept is None:
-            raise InputError("keeps no samples: make it with record=True", key="simulation", code="samples")
+            raise InputError("stores no samples: create it with record=True", key="simulation", code="samples")
         return concatenate(self.kept, joints=self._engine.joints)
 
     def take_over(self, varied: Prepared, engine: Engine, selection: Selection) -> None:
-        """Go on with other numbers, and maybe another engine."""
+        """Continue with other parameters, and possibly another engine."""
         self._prepared, self._engine, self.selection = varied, engine, selection
         if self.active:
             self._tip = _tip_of(varied)
 
     def renew(self, positions: Sequence[float], velocities: Sequence[float]) -> None:
-        """A fresh start there, in rad (m) and rad/s (m/s), with the numbers that were taken over last."""
+        """Begin a new recording at these positions, rad (m), and velocities, rad/s (m/s), with the latest parameters."""
         if not self.active:
             return
         self._rows, self._guard = [], self._new_guard(positions, velocities)
@@ -149,7 +149,7 @@ class Recording:
         self.kept = None if self.kept is None else []
 
     def state(self) -> Any:
-        """A copy of what decides how the recording goes on; None where nothing is recorded."""
+        """A copy of the recording's state; None if nothing is recorded."""
         if not self.active:
             return None
         return (
@@ -159,7 +159,7 @@ class Recording:
         )
 
     def put_back(self, state: Any) -> None:
-        """Go on from a state; what went to sinks stays there."""
+        """Continue from a state; samples that the sinks have received stay there."""
         if state is not None:
             going_on, rows, kept = state
             self._guard, self._bodies, self._contacts = copy.deepcopy(going_on)
@@ -168,7 +168,7 @@ class Recording:
 
 
 def _joined(parts: Sequence[Array], axis: int) -> Array:
-    """Arrays one after the other; a single one is not copied."""
+    """The arrays concatenated along `axis`; a single array is not copied."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
 
 

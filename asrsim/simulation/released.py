@@ -1,10 +1,10 @@
-"""The released toolbox's order of a step, bit for bit where it is defined, for people who must reproduce old runs.
+"""The released toolbox's order of a step, reproduced bit for bit where it is defined, to reproduce old runs.
 
 Semi-implicit Euler motors; in modes 5 and 6 the motors get the spring's torque at their old positions and the link the
 torque at their new ones (not passive). One-motor actuators carry the second motor that the released code integrates too:
 for the SEA it drives nothing, for AwAS-II it moves the adjuster, with the class's own constants.
 
-Faults of the released code that are *not* kept, since they are not defined or serve nobody: references are 0 and not random
+Faults of the released code that are *not* reproduced, since they are undefined or useless: references are 0 and not random
 memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4 does
 not overwrite its own reference; `inf` limits are infinite; constant arithmetic in tags is evaluated.
 """
@@ -18,6 +18,7 @@ from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.laws import spring_law
 from asrsim.simulation.layout import (
     ANCHOR,
+    AT_LIMIT,
     CONTROLLED,
     D_COULOMB,
     D_DAMPING,
@@ -33,20 +34,19 @@ from asrsim.simulation.layout import (
     DRIVE_TORQUE,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     FRICTION,
     GOALS,
-    HELD,
     INTEGRAL,
     KICK_POSITION,
     KIND,
-    LAGGING,
     LAW,
     LOAD,
     MEAN_VELOCITY,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
-    OWN,
     P_DERIVATIVE,
     P_INTEGRAL,
     P_PROPORTIONAL,
@@ -61,23 +61,23 @@ from asrsim.simulation.layout import (
 )  # fmt: skip
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "max_torque": 6.0, "min_position": -math.inf, "max_position": math.inf}
-"""Of the released DCMotor: kg m^2, N m s/rad, N m, rad."""
+"""Constants of the released DCMotor class: kg m^2, N m s/rad, N m, rad."""
 PHANTOM_SEA = {"friction_torque": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
-"""N m, N m/rad, N m/(rad s), N m s/rad of the motor that the released SEA plugin updates beside its own."""
+"""Constants of the second motor that the released SEA plugin also updates: N m, N m/rad, N m/(rad s), N m s/rad."""
 PHANTOM_AWAS_II = {"friction_torque": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
-"""The second motor of one-motor actuators: defaults of the released classes (N m; N m/rad, N m/(rad s), N m s/rad)."""
+"""Constants of the second motor that the released AwAS-II plugin updates: N m, N m/rad, N m/(rad s), N m s/rad."""
 MOTORS = 2
-"""Motors that every released actuator integrates."""
+"""Number of motors that every released actuator integrates."""
 
 
 def released_step(s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
-    """One step of h s of a joint in the released order; see :func:`asrsim.simulation.joint.advance`."""
+    """Advance a joint by h s in the released order; see `asrsim.simulation.joint.advance`."""
     if k[KIND] == SPRUNG:
         _springs(s, p, k, u, h)
     elif k[KIND] == CONTROLLED:
         error = u[GOALS] - s[POSITION]
         s[INTEGRAL] += p[P_INTEGRAL] * error * h
-        s[TORQUE] = s[INTEGRAL] + p[P_PROPORTIONAL] * error + p[P_DERIVATIVE] * (0.0 - s[LAGGING])
+        s[TORQUE] = s[INTEGRAL] + p[P_PROPORTIONAL] * error + p[P_DERIVATIVE] * (0.0 - s[ENGINE_VELOCITY])
     elif k[KIND] == DIRECT:
         s[TORQUE] = u[GOALS]
     else:
@@ -89,10 +89,10 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     controlled = moving and p[k[DRIVES] + D_HOLD] != 0.0
     thetas, torques = k[THETAS], k[TORQUES]
     for i in range(MOTORS):
-        s[thetas + i] = s[OWN + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
+        s[thetas + i] = s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
     spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         if moving:
             _move(s, p, m, k[DRIVES] + i * PER_DRIVE, u[GOALS + i], s[torques + i], controlled, h)
             s[thetas + i] = s[m + MOTOR_POSITION]
@@ -100,13 +100,13 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     if controlled:
         spring_law(k[SPRING_LAW], s[POSITION], s, thetas, p, k[LAW], torques, 0)
     for i in range(MOTORS):
-        s[OWN + i * PER_MOTOR + LOAD] = s[torques + i]
+        s[FIRST_MOTOR + i * PER_MOTOR + LOAD] = s[torques + i]
     s[TORQUE] = s[torques] + s[torques + 1]
 
 
 def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: bool, h: float) -> None:
-    """One update of the released DCMotor: controller, friction from the old position, then acceleration, velocity, position,
-    limits. Its published torque is NaN at a limit."""
+    """Update a motor as the released DCMotor does: controller, friction at the old position, acceleration, velocity, position,
+    limits. The published torque is NaN at a limit."""
     position, velocity, push = s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], goal
     if controlled:
         error = goal - position
@@ -127,6 +127,6 @@ def _move(s: Any, p: Any, m: int, d: int, goal: float, load: float, controlled: 
     if position > p[d + D_HIGH] or position < p[d + D_LOW]:
         position = p[d + D_HIGH] if position > p[d + D_HIGH] else p[d + D_LOW]
         velocity, push = 0.0, math.nan
-        s[m + HELD] = 1.0
+        s[m + AT_LIMIT] = 1.0
     s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + MEAN_VELOCITY] = position, velocity, velocity
     s[m + DRIVE_TORQUE], s[m + FRICTION] = push, friction

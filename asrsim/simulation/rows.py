@@ -1,4 +1,4 @@
-"""The rows of numbers with which joints begin a run: see :mod:`asrsim.simulation.layout`."""
+"""Rows of the tables S, P and K at the start of a run; `asrsim.simulation.layout` lists their columns."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from asrsim.simulation.layout import (
     DIRECT,
     DRIVES,
     DYNAMIC,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
     GOALS,
     INTEGRAL,
     KIND,
     KINDS,
-    LAGGING,
     LAST_DEFLECTION,
+    LAST_ENGINE_VELOCITY,
     LAW,
-    LINK_OWN,
+    LINK_CONSTANTS,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
     MOTORS,
     ON_LINK,
-    OWN,
     PASSIVE,
     PER_DRIVE,
     PER_MOTOR,
     PLACED,
     POSITION,
-    PREVIOUS,
     RING,
     RINGS,
     SPRINGS,
@@ -50,48 +50,48 @@ from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.sensors import Sensor
 
 AT_STOP = 1e-12
-"""rad or m before a stop from which on a link is at it: a step reaches the stop but for rounding."""
+"""rad or m: distance from a stop below which a link counts as being at the stop, as a margin for rounding."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Places in the rows of a robot's joints, which are the same for all of them."""
+    """Sizes of the variable parts of the rows, which are the same for all joints of a robot."""
 
     motors: int
-    """Blocks of motors that every joint has room for."""
+    """Number of motor blocks in every row."""
     ring: int
-    """Numbers that one sensor keeps."""
+    """Number of values in the memory of one sensor."""
     parameters: int
-    """Numbers of the longest law."""
+    """Largest number of parameters of a spring's law."""
 
     @property
     def thetas(self) -> int:
-        """Where motor positions begin, as laws take them."""
-        return OWN + self.motors * PER_MOTOR
+        """Column of S at which the motor positions for the spring's law begin."""
+        return FIRST_MOTOR + self.motors * PER_MOTOR
 
     @property
     def state(self) -> int:
-        """Columns of S."""
+        """Number of columns of S."""
         return self.thetas + 2 * self.motors + self.motors * self.ring
 
     @property
     def drives(self) -> int:
-        """Columns of P before the law's."""
-        return LINK_OWN + self.motors * PER_DRIVE
+        """Number of columns of P before the parameters of the spring's law."""
+        return LINK_CONSTANTS + self.motors * PER_DRIVE
 
     @property
     def constants(self) -> int:
-        """Columns of P."""
+        """Number of columns of P."""
         return self.drives + self.parameters
 
     @property
     def goals(self) -> int:
-        """Columns of an input row without those of sensors."""
+        """Number of columns of an input row, without the columns of sensors."""
         return GOALS + self.motors
 
 
 def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -> Shape:
-    """The places that these joints need."""
+    """Sizes of the rows that these joints need."""
     return Shape(
         motors=max((positions_of(drive) for drive in drives), default=2),
         ring=max((0 if sensor is None else 2 * (sensor.delay + 2) + 3 for sensor in sensors), default=0),
@@ -100,12 +100,12 @@ def shape_of(drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None]) -
 
 
 def positions_of(drive: SteppedJoint) -> int:
-    """Motor positions that the joint's law takes: two at least."""
+    """Number of motor positions that the joint's law takes: at least two."""
     return drive.actuator.positions() if drive.actuator else 2
 
 
 def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[int]:
-    """A joint's row of K, without addresses."""
+    """Row of K for a joint, without the addresses."""
     k = [0] * KINDS
     mode, actuator = drive.mode, drive.actuator
     if mode is None or actuator is None:
@@ -120,12 +120,12 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[in
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
     k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
-    k[DRIVES], k[LAW] = LINK_OWN, shape.drives
+    k[DRIVES], k[LAW] = LINK_CONSTANTS, shape.drives
     return k
 
 
 def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, motor_substeps: int, cutoff: bool) -> list[float]:
-    """A joint's row of P."""
+    """Row of P for a joint."""
     joint, law, values = drive.joint, drive.link_damping, drive.values
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
@@ -147,7 +147,7 @@ def constants_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, *, mo
 
 
 def _motor(drive: SteppedJoint, index: int) -> list[float]:
-    """Numbers of motor `index` (1, 2, ...); zeros where the joint has none."""
+    """Columns of P for motor `index` (1, 2, ...); zeros if the joint has no such motor."""
     phantom = drive.stepping.released and drive.dynamic_motors and index <= RELEASED_MOTORS
     if index > drive.dynamic_motors and not phantom:
         return [0.0] * PER_DRIVE
@@ -162,7 +162,7 @@ def _motor(drive: SteppedJoint, index: int) -> list[float]:
 
 
 def _phantom(drive: SteppedJoint) -> list[float]:
-    """Numbers of the second motor that the released code gives every actuator."""
+    """Columns of P for the second motor that the released code simulates for every actuator."""
     assert drive.actuator is not None
     assert drive.mode is not None
     own = PHANTOM | (PHANTOM_AWAS_II if drive.actuator.adjuster else PHANTOM_SEA)
@@ -175,20 +175,20 @@ def _phantom(drive: SteppedJoint) -> list[float]:
 
 
 def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position: float, velocity: float) -> list[float]:
-    """A joint's row of S at the start, its link at `position` (rad) with `velocity` (rad/s)."""
+    """Row of S for a joint at the start, with its link at `position` (rad) and `velocity` (rad/s)."""
     s = [0.0] * shape.state
-    s[POSITION], s[LAGGING], s[PREVIOUS] = position, velocity, velocity
+    s[POSITION], s[ENGINE_VELOCITY], s[LAST_ENGINE_VELOCITY] = position, velocity, velocity
     mode = drive.mode
     if mode is not None and not mode.spring and mode.controller:
         s[INTEGRAL] = (drive.integrals or (0.0,))[0]
     starts = drive.motor_starts(shape.motors) if drive.dynamic_motors else []
     for i in range(shape.motors):
-        m = OWN + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
         s[m + DEFLECTION] = s[m + LAST_DEFLECTION] = np.nan
         if i < len(starts):
             s[m + MOTOR_POSITION], s[m + MOTOR_VELOCITY], s[m + ANCHOR], s[m + MOTOR_INTEGRAL] = starts[i]
     for i in range(sensor.count if sensor else 0):
-        # What a sensor saw before the start: the start.
+        # The memory of a sensor is filled with the values at the start.
         x, v = (position, velocity) if sensor.on_link else starts[i][:2]  # type: ignore[union-attr]
         ring = shape.thetas + 2 * shape.motors + i * shape.ring
         seen = [*[x, v] * (sensor.delay + 2), 0.0, x, v]  # type: ignore[union-attr]
@@ -199,7 +199,7 @@ def start_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape, position:
 def tables(
     drives: Sequence[SteppedJoint], sensors: Sequence[Sensor | None], shape: Shape, *, motor_substeps: int, cutoff: bool
 ) -> tuple[NDArray[np.int64], Array]:
-    """K (joints, ...) without addresses, and P (joints, ...)."""
+    """The tables K (joints, ...), without the addresses, and P (joints, ...)."""
     released = any(drive.stepping.released for drive in drives)
     substeps = 1 if released else motor_substeps
     both = list(zip(drives, sensors, strict=True))

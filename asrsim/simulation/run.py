@@ -1,4 +1,4 @@
-"""A run: from a scenario to samples. Pure data goes in; chunks of samples go to sinks (the log), or are kept."""
+"""A complete run of a scenario. Samples go to sinks (such as the log) in chunks, or are collected in the result."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """What a run gives."""
+    """Result of a run."""
 
     scenario: Scenario
     robot: Robot
     info: RunInfo
     status: str
-    """complete, interrupted or diverged."""
+    """`complete`, `interrupted` or `diverged`."""
     resolution: Resolution
     counts: Counts
     wall_time: float
-    """s of the loop."""
+    """Computing time of the loop in s."""
     simulated_time: float
-    """s."""
+    """Simulated time in s."""
     samples: Samples | None = None
-    """Everything that was logged, if kept."""
+    """All logged samples; None if samples are not collected."""
     message: str = ""
     warnings: tuple[Problem, ...] = ()
     compiled: bool
@@ -60,7 +60,7 @@ def simulate(
     duration: float | None = None,
     alike: int = 1,
 ) -> Run:
-    """Run one variant.
+    """Result of a run of one scenario.
 
     sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
     the result; names: quantities that are recorded, None: all; progress: told the simulated time; stop: asked every some
@@ -73,7 +73,7 @@ def simulate(
     with blame_laws():
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
         _keep_freed_memory()
-        # A live run, whose length nobody knew, chose its loop for a long one: it is repeated in the same.
+        # Live runs of unknown length choose the loop for a long run; a repetition must use the same loop.
         steps = round(prepared.scenario.duration / prepared.scenario.step) * alike if duration is None else 10**6
         expected = steps * prepared.resolution.substeps
         options: Any = {"sinks": sinks, "record": keep, "names": names, "duration": duration, "expected_substeps": expected}
@@ -83,7 +83,7 @@ def simulate(
 
 @contextmanager
 def blame_laws() -> Iterator[None]:
-    """Whatever a user's law raises becomes an ActuatorError with its file and line."""
+    """Convert exceptions of a user's law to an ActuatorError with file and line."""
     try:
         yield
     except (Exception, SystemExit) as error:
@@ -96,10 +96,10 @@ def blame_laws() -> Iterator[None]:
 
 
 def _keep_freed_memory() -> None:
-    """Ask the C library to keep what a block's arrays free for those of the next.
+    """Let the C library reuse freed memory for the next arrays.
 
-    It gives large memory back to the system, which costs a fault for each page when it is wanted again, until it has seen
-    a block as large as this one go.
+    By default it returns large blocks to the system, and each page causes a page fault when it is needed again. After a block
+    of this size has been freed once, the library keeps such blocks.
     """
     np.empty(1 << 21)
 
@@ -108,7 +108,7 @@ def run_to_end(
     simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
     commands: Iterable[Command] = (),
 ) -> Run:  # fmt: skip
-    """Run a simulation to the end of its scenario's duration; arguments and errors as for :func:`simulate`."""
+    """Result of running a simulation to the end of its scenario's duration; arguments and errors as for `simulate`."""
     prepared = simulation.prepared
     status, error = "complete", None
     began = clock.perf_counter()
@@ -138,7 +138,7 @@ def run_to_end(
 
 
 def run_of(simulation: Simulation, status: str, *, wall_time: float, message: str = "") -> Run:
-    """What a simulation has done so far, as a run."""
+    """Result of a simulation up to the present time."""
     kept, prepared = simulation.recording.kept, simulation.prepared
     run = make_run(
         prepared, simulation.counts, status, wall_time=wall_time, compiled=simulation.compiled, message=message,
@@ -149,7 +149,7 @@ def run_of(simulation: Simulation, status: str, *, wall_time: float, message: st
 
 
 def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Run:
-    """A run of a scenario; more: other fields of :class:`Run`."""
+    """Result of a run with its warnings. more: other fields of `Run`."""
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,
@@ -163,7 +163,7 @@ def make_run(prepared: Prepared, counts: Counts, status: str, **more: Any) -> Ru
 
 
 def _slow(simulation: Simulation) -> Iterator[Problem]:
-    """The plain loop where the compiled one would pay."""
+    """A warning if the loop ran in Python although a compiled loop would have been faster."""
     if simulation.slow_because:
         message = f"the loop ran in plain Python, several times slower than compiled: {simulation.slow_because}"
         missing = not available()
@@ -171,7 +171,7 @@ def _slow(simulation: Simulation) -> Iterator[Problem]:
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
-    """Springs that got so much stiffer than the substeps were chosen for that the step no longer resolves them well."""
+    """Warnings for springs that became so much stiffer than expected that the substeps no longer resolve them well."""
     warnings = []
     resolution = prepared.resolution
     if prepared.stepping.released and resolution.omega_h >= UNSTABLE:

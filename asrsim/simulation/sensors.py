@@ -1,8 +1,8 @@
-"""What the controllers read: positions through delay, hold, noise and quantisation, velocities through delay and hold.
+"""Sensors of the controllers: positions with delay, hold, noise and quantisation; velocities with delay and hold.
 
-The PID of a motor (modes 5, 6) or of the link (mode 1) sees the measurements in place of the truth; the actuators' laws stay as
-they are, since an error of the position is the opposite error of the reference, and one of the velocity a torque. Off by
-default.
+The PID controllers of the motors (modes 5, 6) or of the link (mode 1) use the measurements instead of the true values. The laws
+of the actuators are unchanged: a position error acts like the opposite error of the reference, a velocity error like a torque.
+Sensors are off by default.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ class Sensor:
 
     effects: Effects
     delay: int
-    """Substeps."""
+    """Delay in substeps."""
     on_link: bool
-    """They read the link (mode 1), not the motors."""
+    """Whether the encoders measure the link (mode 1) instead of the motors."""
     noises: tuple[Noise | None, ...]
-    """One an encoder."""
+    """Noise of each encoder."""
 
     @property
     def count(self) -> int:
-        """Encoders."""
+        """Number of encoders."""
         return len(self.noises)
 
     def fill(self, table: Array, first: int, substep: float) -> None:
-        """Whether each encoder samples, and its noise, at substeps from `first` on, into `table` (n, 2 count)."""
+        """Fill `table` (n, 2 count): whether each encoder takes a sample, and its noise, at the substeps from `first` on."""
         every = 1.0 / (self.effects.rate * substep) if self.effects.rate else 1.0
-        # A tick that falls on a substep belongs to it, whatever the rounding.
+        # A tick at the time of a substep belongs to this substep, even if rounding makes it slightly later.
         ticks = np.floor(np.arange(first - 1, first + len(table)) / every + 1e-6)
         samples_now = np.diff(ticks) > 0.0
         if first == 0:
@@ -49,7 +49,7 @@ class Sensor:
 
 
 def sensor_of(drive: SteppedJoint, effects: Effects | None, *, substep: float, index: int, seed: int) -> Sensor | None:
-    """The sensors of joint number `index`; None where its controllers see the truth, or there are none."""
+    """Sensors of joint number `index`; None if the joint has no controllers or they use the true values."""
     if effects is None or not effects.active or drive.mode is None or not drive.mode.controller:
         return None
     count = max(drive.dynamic_motors, 1)

@@ -1,4 +1,4 @@
-"""A simulation that its user steps: `asrsim.run`, live runs, learning, sweeps and identification are loops on it."""
+"""A simulation that the caller steps. `asrsim.run`, live runs, learning, sweeps and identification use it in loops."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.chunks import LONGEST, chunk_at
 from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
-from asrsim.simulation.layout import HEALTHY, LAGGING, NO_VALUE
+from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
 from asrsim.simulation.observation import Observation, Snapshot, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink
-from asrsim.simulation.worlds import Start, one_world
+from asrsim.simulation.worlds import Start, one_world, whole_steps
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -38,7 +38,7 @@ class Simulation:
             simulation.observe().link_position
 
     Steps are the scenario's; however they are grouped into calls, the bits are the same. References follow the scenario's
-    signals until they are set, then hold; a value set takes effect at the next step. Raises what :func:`prepare` raises, and
+    signals until they are set, then hold; a value set takes effect at the next step. Raises what `prepare` raises, and
     DivergenceError where the motion is no longer sane.
     """
 
@@ -57,7 +57,7 @@ class Simulation:
         duration: float | None = None,
         chunk: int | None = None,
     ) -> None:
-        """variant, overrides, ranges: as :func:`prepare` takes them; of what is prepared already they are not asked. sinks:
+        """variant, overrides, ranges: as `prepare` takes them; of what is prepared already they are not asked. sinks:
         take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`; names: quantities that
         are recorded, None: all. compiled: whether the loop is compiled; None: the scenario's choice, else where Numba is
         installed and `expected_substeps` are many. duration: s that
@@ -85,12 +85,12 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """s that are simulated."""
+        """Simulated time in s."""
         return round(self.substep * self.prepared.substep, 12)
 
     @property
     def substep(self) -> int:
-        """Substeps done."""
+        """Number of substeps done."""
         return int(self._core.done[0])
 
     @property
@@ -99,60 +99,62 @@ class Simulation:
         return self._core.compiled
 
     def advance(self, steps: int = 1) -> None:
-        """Go on by a number of steps. Raises DivergenceError; what was recorded by then has gone to the sinks."""
+        """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to then."""
         if index(steps) < 0:
             raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
         self.advance_to(self.substep + steps * self.substeps)
 
     def advance_to(self, end: int) -> None:
-        """Go on until `end` substeps are done."""
+        """Advance until `end` substeps are done."""
         self._check_open()
         while self.substep < end:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else before + LONGEST)
-            out, first, found, references, _ = self._world.go_on(ONE, min(end, boundary) - before)
-            begin = int(first[0]) * self.substeps - before
-            rows = references[:, :, 0, begin :: self.substeps]
-            self.recording.take(int(first[0]), out[0, : found[0]], rows[:, :, : found[0]])
+            length = min(end, boundary) - before
+            rows, block = self._world.go_on(ONE, length)
+            if self.recording.active:
+                first, found = whole_steps(before, self.substep, self.substeps)
+                taken = np.asarray(block.references(0, length)[first * self.substeps - before :: self.substeps][:found])
+                self.recording.take(first, rows[0, :found], taken.T)
             if self._core.fault[0, 0] != HEALTHY:
                 self._diverge()
             if self.substep == boundary:
                 self.flush()
 
     def next_chunk(self, end: int) -> int:
-        """The substep, at most `end`, at which the present chunk ends: where to look up from a long run."""
+        """Substep at which the present chunk ends, or `end` if that is earlier; long runs report progress there."""
         return min(end, chunk_at(self.substep, self._world.chunk)[1])
 
     def _watch(self) -> None:
-        """Before a substep of the engine: where the world is looked at."""
+        """Read poses and contacts before a substep of the engine, if they are recorded."""
         if not self._peeking and self.substep % self.recording.look_every == 0:
             self.recording.look(self.substep)
 
     def _diverge(self) -> None:
-        """Raises DivergenceError."""
+        """Raise the DivergenceError of the joint at fault."""
         core, prepared = self._core, self.prepared
         self.recording.flush(self.substep, core.S[0], check=False)
         kind, joint = core.fault[0]
         time = self.substep * prepared.substep
         if kind == NO_VALUE:
             raise runaway(self.joints[joint], time, "its law has no finite value", prepared.resolution.omega_h)
-        joint = fastest_joint(core.S[0, :, LAGGING])
+        joint = fastest_joint(core.S[0, :, ENGINE_VELOCITY])
         raise runaway(self.joints[joint], time, "its motion is no longer finite or sane", prepared.resolution.omega_h)
 
     def flush(self) -> None:
-        """Hand on what is recorded so far; raises DivergenceError where energy came from nowhere."""
+        """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
         self.recording.flush(self.substep, self._core.S[0])
 
     @property
     def samples(self) -> Samples:
-        """What is logged since the start, of a simulation that was made with `record=True`; another raises InputError."""
+        """Samples logged since the start. Raises InputError unless the simulation was created with `record=True`."""
         if not self._closed:
             self.flush()
         return self.recording.samples
 
     @property
     def counts(self) -> Counts:
-        """Limits that were met since the start."""
+        """Number of substeps since the start in which each limit acted."""
         return counts_of(self._core.S[0], self.substep)
 
     # -- from outside -----------------------------------------------------------------------------------------------
@@ -167,7 +169,7 @@ class Simulation:
         return None if value is None else float(held[0])
 
     def observe(self) -> Observation:
-        """The state now."""
+        """Present state."""
         self._check_open()
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
@@ -184,21 +186,21 @@ class Simulation:
 
     @property
     def engine(self) -> Engine:
-        """The engine that steps the links, in whatever state."""
+        """The engine that moves the links; its state need not be the present one."""
         return self._world.engine_of(0)
 
     @property
     def model(self) -> Model | None:
-        """Kinematics and dynamics of the robot; None where its links have no dynamics."""
+        """Kinematics and dynamics of the robot; None if the engine prescribes the motion."""
         return self.engine.model
 
     def look(self) -> Engine:
-        """The engine in the present state: its model, and what is around the robot."""
+        """The engine in the present state, to read its model and its scene."""
         self._check_open()
         return self._core.look(0)
 
     def snapshot(self) -> Snapshot:
-        """The state, to be given to :meth:`restore`; what is recorded, too."""
+        """Snapshot of the state and of the recording, for `restore`."""
         self._check_open()
         return Snapshot(self._owner, self._world.snapshot(), self.recording.state())
 
@@ -227,7 +229,7 @@ class Simulation:
 
         initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); motors: of each
         joint's motors (rad), others begin where their link is; parameters: joint or link -> name -> value, as
-        :meth:`Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
+        `Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
         simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
         what is unknown, not finite or beyond limits.
         """
@@ -240,7 +242,7 @@ class Simulation:
         if parameters is not None:
             self.prepared = self.prepared.with_numbers(parameters)
         if signals is not None or parameters is not None:
-            # What was kept has other numbers.
+            # Earlier snapshots belong to other parameters and can no longer be restored.
             self._owner = object()
             self.prepared = self._world.take_over(0, self.prepared, signals=signals is not None)
             self.recording.take_over(self.prepared, self.engine, self._world.select(self.prepared))
@@ -248,7 +250,7 @@ class Simulation:
         self.recording.renew(positions, speeds)
 
     def close(self) -> None:
-        """Release the engine; what is recorded has to be handed on before, by :meth:`flush`."""
+        """Release the engine. Call `flush` before to pass recorded samples to the sinks."""
         self._closed = True
         self._world.close()
 
@@ -264,5 +266,5 @@ class Simulation:
 
 
 def fastest_joint(velocities: Array) -> int:
-    """The number of the joint that moves fastest; one that has no velocity moves faster than any."""
+    """Number of the fastest joint; a velocity that is NaN counts as the fastest."""
     return int(np.argmax(np.where(np.isfinite(velocities), np.abs(velocities), np.inf)))

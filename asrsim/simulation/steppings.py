@@ -1,4 +1,4 @@
-"""Steppings: how actuators and engine share a step."""
+"""Steppings: integration schemes that couple actuators and engine."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from asrsim.simulation.released import released_step
 
 @dataclass(frozen=True, kw_only=True)
 class Stepping:
-    """A scheme: its constants, or a step of a joint of its own."""
+    """An integration scheme: its constants, and optionally a separate function that advances a joint."""
 
     name: str
     order: int
     """Order of convergence where forces are smooth; 1 with Coulomb friction or impacts."""
     doc: str
     implicitness: float = 0.5
-    """Of damping and derivative action: 1/2 midpoint, 0 explicit."""
+    """Implicitness of damping and derivative action: 1/2 midpoint rule, 0 explicit."""
     first_drift: float = 0.5
-    """Part of a motor's step before its kick."""
+    """Share of a motor's step before its kick."""
     staggered: bool = True
     """Velocities live at half steps: the first kick is half, damping and controllers extrapolate the velocity, the Coriolis
     lag is corrected, kicks split where an input jumps, and logged velocities are centred."""
     joint_step: Callable[..., None] | None = None
-    """A joint's step in place of :func:`asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
+    """A joint's step in place of `asrsim.simulation.joint.advance`, ordinary code that Numba can compile; it serves
     steppings that are not staggered."""
     released: bool = False
-    """The joints are the released toolbox's: without substeps, with motors that start at 0, and not passive."""
+    """Whether joints behave as in the released toolbox: no substeps, motors that start at 0, not passive."""
 
 
 STEPPINGS: Registry[Stepping] = Registry("stepping", entry_point_group="asrsim.steppings", instance=Stepping)

@@ -1,4 +1,4 @@
-"""How many substeps a run needs: from the mass matrix, and the largest stiffness that can be reached.
+"""Number of substeps that a run needs, from the mass matrix and the largest stiffness that the springs can reach.
 
 The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default keeps
 omega h <= 0.2, where the frequency is right to (omega h)^2 / 24 = 0.17 %.
@@ -22,7 +22,7 @@ from asrsim.simulation.drives import SteppedJoint
 TARGET = 0.2
 """omega h that the automatic number of substeps keeps (accuracy; stability ends at 2)."""
 MOTOR_TARGET = 0.3
-"""The same for motor and spring at a frozen link."""
+"""omega h that the automatic number of motor substeps keeps, for motor and spring with a fixed link."""
 OVERSHOOT = 2.0
 """A step load deflects an undamped spring twice as far as a slow one; the same margin is given to the references' speeds."""
 UNSTABLE = 2.0
@@ -34,17 +34,16 @@ FADING = 0.1
 STEEPEST = math.sqrt(2.0 / math.e)
 """Steepest slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
-"""What of a motor makes bristles."""
+"""Parameters of a motor that make friction; with any of them above 0, the stiffness of the bristles counts."""
 RINGING = 0.5
-"""Share of itself to which a motion that dies within a step comes back, with the other sign: less would lag, more would
-ring."""
+"""Largest amplitude, relative to the step before, of a strongly damped motion that changes its sign in every step."""
 STANDING = 1e-3
-"""rad between a joint and its first reference below which the motor does not jump to it at its largest speed."""
+"""rad: distance between a joint and its first reference below which no initial jump of the motor is assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resolution:
-    """Substeps and what they follow from."""
+    """Numbers of substeps and the values from which they follow."""
 
     substeps: int
     motor_substeps: int
@@ -52,11 +51,11 @@ class Resolution:
     """Largest link-side omega in rad/s."""
     motor_frequency: float
     omega_h: float
-    """omega times the substep, link side."""
+    """Largest link-side omega times the substep."""
     stiffness: tuple[float, ...]
     """Largest reachable stiffness of each joint in N m/rad."""
     link_implicitness: float
-    """Weight of the new velocity in that which damps the links: 1/2 is the midpoint rule, more damps what is stiff."""
+    """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
 def reachable_stiffness(drive: SteppedJoint, references: Array, *, interval: float, load: float, inertia: float) -> float:
@@ -138,7 +137,7 @@ def _positions(drive: SteppedJoint, deflections: Sequence[float], adjusted: floa
 
 
 def _torques(drive: SteppedJoint, positions: Sequence[float]) -> Any:
-    """N m of each spring of a link at 0."""
+    """Torque of each spring in N m, with the link at 0."""
     actuator: Any = drive.actuator
     try:
         return actuator.elastic_torques(0.0, *positions, drive.elastic) if actuator else (0.0, 0.0)
@@ -170,7 +169,7 @@ def resolve(
     cap: int,
     explicit: bool,
 ) -> Resolution:
-    """Numbers of substeps; raises UnresolvedSpringError where `cap` does not suffice.
+    """Numbers of substeps; raises UnresolvedSpringError if more than `cap` are needed.
 
     explicit: damping acts by the last velocity; masses: mass matrices (n, n) in the configurations that count; stiffness: per
     joint, N m/rad.
@@ -226,7 +225,7 @@ def _implicitness(masses: Sequence[Array], dampings: Sequence[float], substep: f
     """Weight w of the new velocity in that which damps, `least` at least.
 
     A mode that decays by f = c h / I in a substep comes back as (1 - (1 - w) f) / (1 + w f). The midpoint rule, w = 1/2, is of
-    second order; where a mode dies within a step it rings, so w grows until it comes back as -:data:`RINGING` at most.
+    second order; where a mode dies within a step it rings, so w grows until it comes back as -`RINGING` at most.
     """
     root = np.sqrt(np.maximum(dampings, 0.0))
     fastest = substep * _fastest(masses, np.square(root).tolist())[0] if root.any() else 0.0
@@ -259,7 +258,7 @@ def _fading(drive: SteppedJoint, masses: Sequence[Array], j: int) -> float:
 
 
 def _motor_fading(drive: SteppedJoint) -> float:
-    """The same of the joint's motors."""
+    """Largest rate in 1/s at which a motor of the joint runs away where its friction falls with speed."""
     values, motors = drive.values, range(1, drive.dynamic_motors + 1)
     steep = (
         values[f"motor_{i}_stribeck_friction"] / (values[f"motor_{i}_stribeck_velocity"] * values[f"motor_{i}_inertia"])
@@ -269,7 +268,7 @@ def _motor_fading(drive: SteppedJoint) -> float:
 
 
 def _motor_frequency(drive: SteppedJoint, stiffness: float) -> float:
-    """Largest omega of a motor in rad/s: spring, controller and bristles at a frozen link."""
+    """Largest natural frequency of a motor in rad/s, from spring, controller and bristles, with a fixed link."""
     frequency = 0.0
     for index in range(1, drive.dynamic_motors + 1):
         springs = stiffness

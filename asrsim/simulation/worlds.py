@@ -1,4 +1,4 @@
-"""Many worlds of one scenario: what environments, sweeps, identification and learning step side by side."""
+"""Many worlds of one scenario, stepped together; environments, sweeps, identification and learning use them."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
 
 VARIANTS_KEPT = 256
-"""Sets of numbers whose robots, at their starts, are kept: the same numbers come again with other references."""
+"""Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
 Numbers = Mapping[str, Mapping[str, float]]
-"""Joint or link -> name -> value, as :meth:`asrsim.Prepared.vary` takes them."""
+"""Parameters: joint or link -> name -> value, as in `asrsim.Prepared.vary`."""
 Signals = Mapping[str, Mapping[str, Signal]]
 """Joint -> reference, or `external_torque` -> signal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """How a world begins; what is left out is as the scenario has it."""
+    """Start of a world; values that are not given come from the scenario."""
 
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
-    """Of links, rad (m)."""
+    """Joint -> position of its link, rad (m)."""
     velocities: Mapping[str, float] = field(default_factory=dict)
-    """rad/s (m/s)."""
+    """Joint -> velocity of its link, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
     """Joint -> positions of its motors, rad; others begin where their link is."""
 
 
 @dataclass(frozen=True)
 class Snapshots:
-    """Everything that decides how some worlds go on."""
+    """Complete states of some worlds."""
 
     owner: object
     worlds: tuple[int, ...]
@@ -70,6 +70,24 @@ class Snapshots:
     given: Array
 
 
+@dataclass
+class Block:
+    """Inputs of some worlds for some substeps."""
+
+    numbers: NDArray[np.int64]
+    which: NDArray[np.int64]
+    """(m, 3) worlds, the set of each, and its place."""
+    given: Given
+    end: int
+    """Rows."""
+    row: int = 0
+    """Rows that are used up."""
+
+    def references(self, place: int, count: int) -> Any:
+        """(count, joints, columns) of one of its worlds, in the rows that were used last."""
+        return self.given.references[self.which[place, 1]][self.row - count : self.row]
+
+
 class Worlds:
     """N worlds of a scenario, stepped from outside; a context manager that releases the engines.
 
@@ -78,9 +96,9 @@ class Worlds:
             worlds.advance(20)
             worlds.observe().link_position
 
-    Each world is equal to a :class:`asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
+    Each world is equal to a `asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
     world whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's:
-    other numbers do not change them. Raises what :func:`asrsim.prepare` raises.
+    other numbers do not change them. Raises what `asrsim.prepare` raises.
     """
 
     def __init__(
@@ -97,10 +115,10 @@ class Worlds:
         expected_substeps: int | None = None,
         threads: int = 1,
     ) -> None:
-        """count: number of worlds; names: quantities that :meth:`read` and :meth:`rollout` give, None: all that the
-        scenario's joints record; watched: energies and limits are found at each step, as :meth:`counts` and :meth:`sane` need
+        """count: number of worlds; names: quantities that `read` and `rollout` give, None: all that the
+        scenario's joints record; watched: energies and limits are found at each step, as `counts` and `sane` need
         them; without it runs are a fifth faster; compiled, expected_substeps (of one
-        world), variant, overrides and ranges: as of :class:`asrsim.Simulation`; threads: that share the worlds where the engine
+        world), variant, overrides and ranges: as of `asrsim.Simulation`; threads: that share the worlds where the engine
         has native code."""
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be 1 at least", key="count", value=min(count, threads), code="worlds")
@@ -132,22 +150,25 @@ class Worlds:
             self._names = names
             self.selection = Selection(prepared.drives, self.core.shape.motors, names)
             self._other: dict[int, Selection] = {}
-            """Of worlds in which other joints record what is selected."""
+            """Selections for worlds in which other joints record the selected quantities."""
             self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
             self._home_inputs = inputs_of(prepared)
             self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
-            """Those that worlds had last, and what they are as inputs."""
+            """Latest signals of worlds, and the inputs made from them."""
             self._inputs = [self._home_inputs] * count
             self._own = [prepared] * count
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
-            """Numbers that worlds had -> the robot with them, at its start."""
+            """Parameters of worlds -> the prepared scenario with these parameters."""
             self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
             columns = GOALS + self.core.shape.motors
             self._held = np.full((count, len(self.joints), columns), np.nan)
-            """What is set from outside in place of the scenario's signals; NaN: nothing."""
+            """Values that callers have set instead of the scenario's signals; NaN: not set."""
             self._rows = np.full((count, len(self.joints), len(self.selection.columns)), np.nan)
-            """Logged columns at the last whole step of each world, and its inputs (count, input columns, joints)."""
-            self._given = np.full((count, columns, len(self.joints)), np.nan)
+            """Logged columns at the last whole step of each world, and its inputs (count, joints, input columns)."""
+            self._given = np.full((count, len(self.joints), columns), np.nan)
+            self._everyone = np.arange(count)
+            self._block: Block | None = None
+            """Inputs of the next substeps, while nothing is set from outside."""
             self._owner = object()
             self.reset()
         except BaseException:
@@ -158,12 +179,12 @@ class Worlds:
 
     @property
     def time(self) -> Array:
-        """(N,) s that are simulated."""
+        """(N,) simulated time in s."""
         return np.round(self.core.done * self.prepared.substep, 12)
 
     @property
     def healthy(self) -> NDArray[np.bool_]:
-        """(N,) whether the world's motion is sane."""
+        """(N,) whether each world can continue; False after a divergence."""
         return np.asarray(self.core.fault[:, 0] == HEALTHY)
 
     @property
@@ -172,7 +193,7 @@ class Worlds:
         return self.core.compiled
 
     def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
-        """Go on by a number of steps, in the worlds of a mask (N,) or list of numbers, or all. Stopped worlds stay."""
+        """Advance by a number of steps. worlds: mask (N,) or list of numbers; None: all. Diverged worlds do not move."""
         if index(steps) < 0:
             raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
@@ -183,67 +204,64 @@ class Worlds:
         self._check_open()
         rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
         kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
-        inputs = np.full((len(numbers), self._given.shape[1], joints, rows), np.nan)
+        inputs = np.full((len(numbers), self._given.shape[2], joints, rows), np.nan)
         ran, start = 0, -(-self.core.done[numbers] // self.substeps)
         while ran < count and len(numbers):
             before = self.core.done[numbers]
             length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before.tolist())))
-            out, first, found, references, sets = self.go_on(numbers, length)
-            for place in range(len(numbers)) if keep else ():
-                at = slice(first[place] - start[place], first[place] - start[place] + found[place])
-                kept[place, at] = out[place, : found[place]]
-                own = references[:, :, sets[place], first[place] * self.substeps - before[place] :: self.substeps]
-                inputs[place, :, :, at] = own[:, :, : found[place]]
+            out, block = self.go_on(numbers, length)
+            for place, world in enumerate(numbers.tolist()) if keep else ():
+                first, found = whole_steps(int(before[place]), int(self.core.done[world]), self.substeps)
+                at = slice(first - start[place], first - start[place] + found)
+                kept[place, at] = out[place, :found]
+                own = block.references(place, length)[first * self.substeps - before[place] :: self.substeps]
+                inputs[place, :, :, at] = np.asarray(own[:found]).T
             ran += length
         return kept, inputs
 
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Any, Any, Array, Any]:
-        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps; (m,) the number of the first
-        one of each world, and (m,) how many they are; references of all substeps (columns, joints, sets, n), and (m,) the set
-        of each world."""
-        done, every, columns = self.core.done, self.substeps, self.selection.columns
-        before = done[numbers]
-        given, sets, references = self._inputs_for(numbers, length)
-        out = np.empty((len(numbers), -(-length // every), len(self.joints), len(columns)))
-        self._in_threads(np.column_stack([numbers, sets]), given, out)
-        first = -(-before // every)
-        found = -(-done[numbers] // every) - first
-        # Of the worlds that came by a whole step.
-        places = np.flatnonzero(found > 0)
-        last = found[places] - 1
-        self._rows[numbers[places]] = out[places, last]
-        at = (first[places] + last) * every - before[places]
-        self._given[numbers[places]] = references[:, :, sets[places], at].transpose(2, 0, 1)
-        return out, first, found, references, sets
+    def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Block]:
+        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps, and the inputs."""
+        block = self._block
+        if block is None or block.numbers is not numbers or block.row + length > block.end:
+            block = self._make_block(numbers, length)
+        # A run that fails leaves no block, since its worlds have not gone on alike.
+        self._block = None
+        first, block.row = block.row, block.row + length
+        out = np.empty((len(numbers), -(-length // self.substeps), *self._rows.shape[1:]))
+        self._in_threads(
+            block, first, length, self.substeps, int(self._watched), self.selection.columns, out, self._rows, self._given
+        )
+        self._block = block
+        return out, block
 
-    def _in_threads(self, which: NDArray[np.int64], given: Given, out: Array) -> None:
-        options: Any = self.substeps, self._watched, self.selection.columns
+    def _in_threads(self, block: Block, *options: Any) -> None:
+        which = block.which
         if self._pool is None or len(which) < 2:
-            self.core.run(which, given, out, *options)
+            self.core.run(which, block.given, *options)
             return
         edges = np.linspace(0, len(which), min(self._threads, len(which)) + 1).astype(int).tolist()
-        parts = [slice(a, b) for a, b in pairwise(edges)]
-        list(self._pool.map(lambda part: self.core.run(which[part], given, out[part], *options), parts))
+        list(self._pool.map(lambda pair: self.core.run(which[slice(*pair)], block.given, *options), pairwise(edges)))
 
-    def _inputs_for(self, numbers: NDArray[np.int64], length: int) -> tuple[Given, NDArray[np.int64], Array]:
-        """Inputs of the next substeps, the number of each world's set, and references (columns, joints, sets, n)."""
+    def _make_block(self, numbers: NDArray[np.int64], length: int) -> Block:
+        """Inputs of the next substeps: of more from block to block, as long as nothing is set from outside."""
+        if self._block is not None and self._block.numbers is numbers:
+            ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
+            length = max(length, min(2 * self._block.end, *ends))
         alike: dict[tuple[int, int], list[int]] = {}
         for place, world in enumerate(numbers.tolist()):
             alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
-        parts, tables, count = [], [], 0
-        sets = np.empty(len(numbers), dtype=np.int64)
+        parts, count = [], 0
+        which = np.column_stack([numbers, numbers, np.arange(len(numbers))])
         for (_, substep), places in alike.items():
             worlds = numbers[places]
             inputs, held = self._inputs[worlds[0]], self._held[worlds]
             free = bool(np.isnan(held).all())
             begin, end = chunk_at(substep, self.chunk)
             chunk, first = inputs.chunk(begin, end - begin), substep - begin
-            given, references = inputs.given(chunk, first, first + length, None if free else held)
-            sets[places] = count if free else count + np.arange(len(places))
-            count += references.shape[2]
-            parts.append(given)
-            tables.append(references)
-        return joined(parts), sets, tables[0] if len(tables) == 1 else np.concatenate(tables, axis=2)
+            parts.append(inputs.given(chunk, first, first + length, None if free else held))
+            which[places, 1] = count if free else count + np.arange(len(places))
+            count += len(parts[-1].inputs)
+        return Block(numbers, which, self.core.taken(joined(parts)), length)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -256,7 +274,7 @@ class Worlds:
         low, high = self.prepared.range_of(joint, reference)
         held: Any = np.nan
         if isinstance(values, float):
-            # As at every step of a controller: without arrays.
+            # A single number, as controllers set at every step: faster without arrays.
             held, finite = min(max(values, low), high), math.isfinite(values)
         elif values is not None:
             given = np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
@@ -264,6 +282,7 @@ class Worlds:
         if values is not None and not finite:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         self._held[numbers, j, slot] = held
+        self._block = None
         return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:
@@ -272,7 +291,7 @@ class Worlds:
         return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """As :meth:`asrsim.Simulation.read`, (N, n) each."""
+        """Quantities by name, (N, n) each; see `asrsim.Simulation.read`."""
         self._check_open()
         self.selection.check(names)
         rows, given = self._rows, self._given
@@ -285,9 +304,9 @@ class Worlds:
             self._rows, self._given = before
             for world, state in zip(fresh.tolist(), states, strict=True):
                 self.core.put(world, state)
-        values = {name: found.copy() for name, found in self.selection.values(rows, given.transpose(1, 2, 0), names).items()}
+        values = {name: found.copy() for name, found in self.selection.values(rows, given.T, names).items()}
         for world, selection in self._other.items():
-            for name, own in selection.values(rows[world][None], given[world][:, :, None], names).items():
+            for name, own in selection.values(rows[world][None], given[world].T[:, :, None], names).items():
                 values[name][world] = own[0]
         return values
 
@@ -297,12 +316,12 @@ class Worlds:
         return self._engines[-1].model
 
     def counts(self, world: int) -> Counts:
-        """Limits that a world met since its start. Raises SimulationError where worlds are not watched."""
+        """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
         self._check_watched()
         return counts_of(self.core.S[world], int(self.core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshots:
-        """The states of some worlds, or all, to be given to :meth:`restore`."""
+        """Snapshots of some worlds, or of all, for `restore`."""
         self._check_open()
         chosen = self._numbers(worlds)
         numbers = tuple(chosen.tolist())
@@ -313,7 +332,7 @@ class Worlds:
         )  # fmt: skip
 
     def restore(self, snapshot: Snapshots) -> None:
-        """Continue those worlds from a snapshot, to the bit. Raises InputError for one of other worlds."""
+        """Set worlds to their states in a snapshot. Raises InputError for a snapshot of other worlds."""
         self._check_open()
         if snapshot.owner is not self._owner:
             raise InputError("is a snapshot of other worlds", key="snapshot", code="snapshot")
@@ -323,6 +342,7 @@ class Worlds:
             self.core.put(world, snapshot.states[place])
             self._inputs[world] = snapshot.inputs[place]
         numbers = list(snapshot.worlds)
+        self._block = None
         self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
@@ -394,7 +414,7 @@ class Worlds:
         return varied
 
     def select(self, varied: Prepared) -> Selection:
-        """Read from now on what the joints with these numbers record."""
+        """Selection of quantities for joints with these parameters."""
         self.selection, self._other = Selection(varied.drives, self.core.shape.motors, self._names), {}
         self._rows = np.full((self.count, len(self.joints), len(self.selection.columns)), np.nan)
         return self.selection
@@ -412,11 +432,12 @@ class Worlds:
         return found
 
     def place(self, world: int, start: Start) -> tuple[Sequence[float], Sequence[float]]:
-        """Put a world at its start; positions and velocities of the links then."""
+        """Put a world at its start. Returns the start positions and velocities of the links."""
         prepared = self._own[world]
         positions, velocities = prepared.start(start.positions, start.velocities)
         self.core.start(world, started(prepared, positions, start.motors), positions, velocities)
         self._begun[world] = positions, velocities
+        self._block = None
         self._held[world] = self._rows[world] = self._given[world] = np.nan
         return positions, velocities
 
@@ -453,7 +474,7 @@ class Worlds:
         return self.record(names, steps=steps, worlds=numbers)
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
-        """Run worlds, or all, from their start on; see :meth:`rollout`."""
+        """Quantities of a run of the worlds from their start; see `rollout`."""
         self.selection.check(names)
         numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
@@ -466,8 +487,8 @@ class Worlds:
         return found
 
     def sane(self, world: int) -> bool:
-        """Whether the world's motion is finite, and no energy came from nowhere since its start. Raises SimulationError where
-        worlds are not watched."""
+        """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
+        if the worlds are not watched."""
         self._check_watched()
         prepared, model, state = self._own[world], self.core.look(world).model, self.core.S[world]
         if not self.healthy[world]:
@@ -479,7 +500,7 @@ class Worlds:
         return fault is None
 
     def prepared_of(self, world: int) -> Prepared:
-        """The scenario with the numbers that a world has."""
+        """The scenario with the parameters of a world."""
         return self._own[world]
 
     def model_of(self, robot: Robot) -> Model | None:
@@ -495,7 +516,7 @@ class Worlds:
     def _numbers(self, worlds: Any) -> NDArray[np.int64]:
         """Numbers of the worlds of a mask (N,) or of a list."""
         if worlds is None:
-            return np.arange(self.count)
+            return self._everyone
         given = np.asarray(worlds)
         numbers = np.flatnonzero(given) if given.dtype == bool else given.astype(np.int64).reshape(-1)
         if (given.dtype == bool and given.shape != (self.count,)) or ((numbers < 0) | (numbers >= self.count)).any():
@@ -533,6 +554,12 @@ def one_world(prepared: Prepared, **options: Any) -> Worlds:
     return world
 
 
+def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:
+    """Number of the first whole step from one substep to another, and how many there are."""
+    first = -(-before // every)
+    return first, -(-after // every) - first
+
+
 def inputs_of(prepared: Prepared) -> Inputs:
     """The input signals of the scenario."""
     staggered = prepared.stepping.staggered
@@ -550,7 +577,7 @@ def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str,
 
 
 def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
-    """The same under other references and external torques of some joints."""
+    """A copy with other references and external torques of some joints."""
     own = {joint: {k: v for k, v in table.items() if k != EXTERNAL_TORQUE} for joint, table in signals.items()}
     torques = {joint: table[EXTERNAL_TORQUE] for joint, table in signals.items() if EXTERNAL_TORQUE in table}
     changed = prepared.with_references(own)
@@ -559,7 +586,7 @@ def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
 
 
 def _listed(given: Any) -> list[Any] | None:
-    """What is given once, or for each world, as a list; None where nothing is."""
+    """The value, or the values for each world, as a list; None if nothing is given."""
     if given is None or (isinstance(given, Sequence) and not given):
         return None
     return list(given) if isinstance(given, Sequence) else [given]
@@ -568,7 +595,7 @@ def _listed(given: Any) -> list[Any] | None:
 def _merged(
     first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None
 ) -> Mapping[str, Mapping[str, Any]]:
-    """Two tables of tables; the second counts."""
+    """Two nested tables merged; values of the second override those of the first."""
     if not second:
         return first
     return {joint: {**first.get(joint, {}), **second.get(joint, {})} for joint in {**first, **second}}

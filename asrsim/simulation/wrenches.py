@@ -1,4 +1,4 @@
-"""Forces and torques on links by signals: each step feels the mean over its kick, jumps included."""
+"""Forces and torques that signals apply to links; in each step their mean over the kick acts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asrsim.signals.base import Signal
 
 
 def wrench_table(wrench: Wrench, *, staggered: bool) -> Callable[[int, int, float], Array]:
-    """A function (first substep, count, substep in s) -> (count, 6) N, N m.
+    """Function (first substep, count, substep in s) -> forces and torques (count, 6) in N, N m.
 
     staggered: kicks go from half step to half step, the first from the start on.
     """

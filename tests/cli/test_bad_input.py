@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.actuators import ACTUATORS
 from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem
@@ -72,12 +71,6 @@ def test_robots(case: str, tiny, asrsim_command) -> None:
     assert not (tiny.folder / "out" / "step" / "default" / "log.mcap").exists()
 
 
-def test_a_joint_that_cannot_be_read_is_told_of_once(tiny, asrsim_command) -> None:
-    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="spherical"'))
-    told = asrsim_command("check", tiny.robot, "-q").out
-    assert told.count("error") == 1
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -132,9 +125,9 @@ def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
 
 
 SCENARIOS = {
-    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "tabs cannot indent"),
+    "tab": ("duration: 1.5", "duration:\t1.5\n\tx: 1", "not tabs"),
     "null character": ("duration: 1.5", 'name: "\0"', "0x0000 is not allowed"),
-    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "it names a folder too"),
+    "name outside": ("duration: 1.5", "duration: 1.5\nname: ../../x", "the name of a folder"),
     "massless base": ("duration: 1.5", "duration: 1.5\nbase: {fixed: false}", "root link 'world'"),
     "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
@@ -168,12 +161,6 @@ def test_hundreds_of_problems_are_cut_short(tiny, asrsim_command) -> None:
 
 def test_a_value_of_a_megabyte_is_cut_short() -> None:
     assert len(str(Problem(message="is wrong", value="9" * 1_000_000))) < 300
-
-
-def test_variants_cannot_be_set(tiny, asrsim_command) -> None:
-    outcome = asrsim_command("run", tiny.scenario, "--set", "variants.a.duration=1")
-    assert outcome.code == 1
-    assert "--variant" in outcome.err
 
 
 # -- meshes -----------------------------------------------------------------------------------------------------------
@@ -255,12 +242,8 @@ def test_errors_are_json_where_json_is_asked_for(command: tuple[str, ...], asrsi
     assert json.loads(outcome.out)["ok"] is False
 
 
-def test_quiet_check_of_a_sound_file_says_nothing(tiny, asrsim_command) -> None:
-    assert asrsim_command("check", tiny.scenario, "--quiet").out == ""
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-@pytest.mark.parametrize(("redirection", "code"), [(">&-", 0), (">/dev/full", 1), ("2>&-", 0)])
+@pytest.mark.parametrize(("redirection", "code"), [(">&-", 0), (">/dev/full", 1)])
 def test_streams_that_are_closed_or_full(redirection: str, code: int, tiny) -> None:
     command = f'"{sys.executable}" -m asrsim.cli.app actuators {redirection}'
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
@@ -293,13 +276,6 @@ class Mine(Actuator):
 """
 
 
-@pytest.fixture
-def registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a test registers is gone after it."""
-    monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
-
-
-@pytest.mark.usefixtures("registry")
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -323,7 +299,6 @@ def test_laws_that_fail(line: str, words: str, tiny, asrsim_command) -> None:
     assert not any(word in outcome.out + outcome.err for word in REFUSED)
 
 
-@pytest.mark.usefixtures("registry")
 def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
     plugin = tiny.folder / "mine.py"
     plugin.write_text(PLUGIN.format(name="printing", line="pass"))
@@ -332,15 +307,12 @@ def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
     assert "loaded" in outcome.err
 
 
-@pytest.mark.parametrize(
-    ("code", "words"), [("raise RuntimeError('boom')", "RuntimeError: boom"), ("Nope = 3", "not a class derived")]
-)
-def test_an_installed_actuator_that_is_broken_harms_nobody_else(code: str, words: str, tiny) -> None:
+def test_an_installed_actuator_that_is_broken_harms_nobody_else(tiny) -> None:
     info = tiny.folder / "mine-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
     (info / "entry_points.txt").write_text("[asrsim.actuators]\nmine = broken_package:Nope\n")
-    (tiny.folder / "broken_package.py").write_text(code)
+    (tiny.folder / "broken_package.py").write_text("raise RuntimeError('boom')")
     paths = os.pathsep.join([str(tiny.folder), str(ROOT)])
 
     def call(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -351,7 +323,7 @@ def test_an_installed_actuator_that_is_broken_harms_nobody_else(code: str, words
     assert call("actuators").returncode == 0
     named = call("actuators", "mine")
     assert named.returncode == 1
-    assert words in named.stderr
+    assert "RuntimeError: boom" in named.stderr
 
 
 # -- what cannot be drawn ---------------------------------------------------------------------------------------------
@@ -361,7 +333,7 @@ def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command
     def fail(*_arguments: object, **_keys: object) -> None:
         raise OutputError("joints.png: cannot be written: No space left on device")
 
-    monkeypatch.setattr("asrsim.cli.run._drawn", fail)
+    monkeypatch.setattr("asrsim.plots.draw_run", fail)
     outcome = asrsim_command("run", tiny.scenario)
     assert outcome.code == 1
     assert "elbow" in outcome.out
@@ -372,24 +344,14 @@ def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command
     assert asrsim_command("rerun", tiny.folder / "out/step/default/log.mcap").code == 0
 
 
-def test_two_joints_on_one_axis_with_nothing_between(tiny, asrsim_command) -> None:
-    text = chain(2).replace(f'<link name="l0">{INERTIAL}</link>', '<link name="l0"/>')
-    tiny.robot.write_text(text)
-    tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\n")
-    for command in ("check", "run"):
-        outcome = asrsim_command(command, tiny.scenario)
-        assert outcome.code == 1
-        assert "'j0', 'j1'" in outcome.out + outcome.err
-
-
 @pytest.mark.parametrize(
     ("command", "wanted"),
     [
         (("run", "scenaro.yaml"), "Did you mean 'scenario.yaml'?"),
         (("check", "robt.urdf"), "Did you mean 'robot.urdf'?"),
         (("init", "robot.urdff"), "Did you mean 'robot.urdf'?"),
-        (("init", "scenario.yaml"), "is a scenario, no robot. What takes it: asrsim run scenario.yaml"),
-        (("render", "scenario.yaml"), "is a scenario, no log. What takes it: asrsim run scenario.yaml"),
+        (("init", "scenario.yaml"), "is a scenario, no robot. Use it with: asrsim run scenario.yaml"),
+        (("render", "scenario.yaml"), "is a scenario, no log. Use it with: asrsim run scenario.yaml"),
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )

@@ -75,7 +75,7 @@ def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("name", ["run.json", "resolved.json", "columns"])
-@pytest.mark.parametrize(("seed", "most"), [(0, 8), pytest.param(1, 200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "most"), [(0, 3), pytest.param(1, 200, marks=pytest.mark.slow)])
 def test_edited_logs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, seed: int, most: int
 ) -> None:
@@ -93,7 +93,7 @@ def test_edited_logs(
     ("name", "way", "value", "told"),
     [
         ("resolved.json", ("parameters", "elbow", "max_deflection"), "x", "parameters.elbow.max_deflection is 'x'"),
-        ("run.json", ("joints",), [], "holds nothing of any joint"),
+        ("run.json", ("joints",), [], "contains no quantity of any joint"),
         *(("run.json", (key,), value, "larger than 0") for key, value in (("log_every", 0), ("step", 0.0), ("step", 1e301))),
     ],
 )
@@ -108,8 +108,8 @@ def test_edited_logs_are_no_recordings(
     use(path)
 
 
-@pytest.mark.parametrize(("seed", "most"), [(0, None), pytest.param(1, 3000, marks=pytest.mark.slow)])
-def test_edited_summaries_and_metrics(tmp_path: Path, run: asrsim.Result, seed: int, most: int | None) -> None:
+@pytest.mark.parametrize(("seed", "most"), [(0, 25), pytest.param(1, 3000, marks=pytest.mark.slow)])
+def test_edited_summaries_and_metrics(tmp_path: Path, run: asrsim.Result, seed: int, most: int) -> None:
     log = tmp_path / "log.mcap"
     log.write_bytes(run.log.read_bytes())
     row = {"source": "a", "joint": "elbow", "quantity": "link_position", "measure": "rmse", "value": 0.1, "unit": "rad"}
@@ -152,7 +152,7 @@ def test_edited_learning_states(tmp_path: Path) -> None:
     save_state(path, problem, settings, [trial])
     with np.load(path) as stored:
         arrays = dict(stored)
-    for other in edits(json.loads(str(arrays["head"])), seed=0, most=300):
+    for other in edits(json.loads(str(arrays["head"])), seed=0, most=100):
         np.savez(path, **{**arrays, "head": np.array(json.dumps(other))})
         state_origin(path)
         with suppress(InputError):

@@ -1,13 +1,11 @@
-"""What stands in the help can be tried after `asrsim examples`; the recorded sample is what its page says."""
+"""The commands of the tutorial and of the help run as they stand there; `asrsim examples` copies what they need."""
 
 from __future__ import annotations
 
-import os
+import re
 import runpy
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -19,54 +17,42 @@ from support.paths import ROOT
 
 LONG = ("reproduce", "ilc", "design")
 """Commands whose examples take half a minute or more."""
+FASTER = {"run examples": ["--no-plot"], "render out/step_2dof": ["--size", "80"]}
+"""Words of a command -> options that make it faster here."""
+GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
 def examples_of_the_help() -> list[str]:
-    """Every example that a command's help gives, in an order in which one can be tried after the other."""
+    """Every example in the help of a command, after those that write what others read."""
     from typer.main import get_command
 
     group = get_command(app)
-    order = ["run", "examples", "check", "actuators", "init", "run lab", *COMMANDS]
     found = []
-    for name in dict.fromkeys(order):
-        if name == "run lab":
-            found.append("asrsim run lab.yaml")
-        elif name not in LONG and name != "examples":
-            texts = str(group.get_command(None, name).help).split("\n\n")
-            found += [
-                " ".join(text.split()).removeprefix("Example: ") for text in texts if text.strip().startswith("Example: ")
-            ]
+    for name in dict.fromkeys(["run", *COMMANDS]):
+        if name not in LONG:
+            texts = (" ".join(text.split()) for text in str(group.get_command(None, name).help).split("\n\n"))
+            found += [text.removeprefix("Example: ") for text in texts if text.startswith("Example: ")]
     return found
 
 
-def run_command(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    words = shlex.split(line)
-    assert words[0] == "asrsim"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "asrsim", *words[1:]]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-
-
-def test_every_example_of_the_help_runs_after_asrsim_examples(asrsim_command):
-    tried = ["asrsim examples", *examples_of_the_help()]
-    assert len(tried) > 10
-    for line in tried:
-        done = asrsim_command(*shlex.split(line)[1:])
+def test_every_command_of_the_tutorial_and_of_the_help_runs(asrsim_command, tmp_path):
+    lines = dict.fromkeys([*GENERATE["tutorial_commands"](), *examples_of_the_help()])
+    assert len(lines) > 25
+    for line in lines:
+        more = [word for words, options in FASTER.items() if words in line for word in options]
+        done = asrsim_command(*shlex.split(line)[1:], *more)
         assert done.code == 0, f"{line}\n{done.out}\n{done.err}"
-
-
-def test_help_by_h_in_every_command(tmp_path):
-    assert run_command("asrsim -h", tmp_path).stdout.startswith("Usage")
-    done = run_command("asrsim init -h", tmp_path)
-    assert done.returncode == 0
-    assert "--actuator" in done.stdout
+    pictures = GENERATE["tutorial_pictures"](tmp_path)
+    assert len(pictures) == len(re.findall(r"!\[", (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))) >= 5
+    for shown, made in pictures.items():
+        assert made.stat().st_size > 5000, made
+        assert shown.stat().st_size < 150_000
 
 
 def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
     out = tmp_path / "examples"
     written = copy_examples(out)
-    folders = {"paper", "plugins", "recordings", "ros2_control", "scenarios", "urdf"}
-    shown = {"learn_reach.py", "plan_whip.py", "tune_gains.py", *folders}
+    shown = {path.name for path in (ROOT / "examples").iterdir()} - {"__pycache__", "out"}
     assert {path.relative_to(out).parts[0] for path in written} == shown
     copy_examples(out)  # the same files again are no conflict
     mine = out / "urdf" / "plain_arm.urdf"

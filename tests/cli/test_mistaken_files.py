@@ -48,7 +48,7 @@ def test_a_studys_folder_is_no_run(tmp_path: Path, asrsim_command) -> None:
     folder.mkdir()
     (folder / "study.json").write_text("{}", encoding="utf-8")
     for command in TAKES["log"]:
-        assert f"is a study, no log. What takes it: asrsim sweep {folder}" in asrsim_command(command, folder).err
+        assert f"is a study, no log. Use it with: asrsim sweep {folder}" in asrsim_command(command, folder).err
 
 
 @pytest.mark.parametrize("wanted", TAKES)
@@ -61,7 +61,7 @@ def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -
             assert done.code == 1, (command, kind)
             assert f"is a {kind}, no {wanted}" in done.err + done.out, (command, kind)
             known = COMMANDS[kind].format(path=path, folder=path.parent)
-            assert f"What takes it: {known}" in done.err + done.out, (command, kind)
+            assert f"Use it with: {known}" in done.err + done.out, (command, kind)
 
 
 def test_recordings_that_are_none(files, asrsim_command) -> None:

@@ -139,7 +139,7 @@ def test_without_another_engine_the_check_is_refused_and_certify_goes_without(mo
     assert other_engine("bullet") is None
     assert other_engine("bench") is None
     scenario = example("step_2dof", "soft", engine="bullet", duration=0.1)
-    with pytest.raises(SimulationError, match="no engine to hold 'bullet' against"):
+    with pytest.raises(SimulationError, match="no other engine to compare 'bullet' with"):
         asrsim.run(scenario, cross_check=True)
     assert not asrsim.run(scenario, certify=True).summary.cross_check
     with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; here are: bullet"):

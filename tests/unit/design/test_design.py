@@ -53,6 +53,23 @@ def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
     assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
 
 
+def test_promised_interval_agrees_with_runs_that_differ_by_a_small_share(limits, tmp_path):
+    """A sticking SEA, one number free: slopes from two runs of the written scenario, 6e-4 apart."""
+    robot = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
+    text = f"robot: {robot}\nduration: 1\nactuators: {{joint_1: {{type: sea, mode: 6}}}}\ninitial: equilibrium\n"
+    lab = limits(f"{text}parameters: {{joint_1: {{spring_stiffness: 8}}}}\n")
+    lab = lab.rename(tmp_path / "lab.yaml")
+    within = limits("limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n")
+    one = design(lab, within, free=["joint_1.spring_stiffness"], seconds=1.0, rounds=1)
+    _, scenario, *_ = write_design(one, tmp_path / "excite.csv", plot=False)
+    low, high = (
+        asrsim.run(scenario, overrides=[f"parameters.joint_1.spring_stiffness={8.0 * np.exp(h)}"])["joint_1"].link_position
+        for h in (-3e-4, 3e-4)
+    )
+    half = 1.96 / np.sqrt(np.sum(((high - low) / 6e-4 / 0.001) ** 2))
+    assert one.intervals["design"][0] == pytest.approx(half, rel=0.25)
+
+
 def test_motion_begins_and_ends_at_the_reference_of_the_start(found):
     assert found.found.motion[0, 0] == found.found.motion[0, -1] == found.references[0].home
 

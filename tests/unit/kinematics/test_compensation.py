@@ -36,11 +36,6 @@ def test_the_spring_carries_exactly_the_load(name):
             assert sum(actuator.elastic_torques(position, *motors, spring)) == pytest.approx(load, abs=1e-11)
 
 
-def test_the_spring_of_a_series_elastic_actuator_gives_load_over_stiffness():
-    drive = drive_with(Sea, mode=3, spring=(200.0, 0.8))
-    assert equilibrium_for_load(drive, 0.5, 10.0, 0.0) == pytest.approx(0.55, abs=1e-13)
-
-
 def test_too_large_a_load_names_what_can_be_held():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     with pytest.raises(LoadError, match=r"elbow: the spring cannot hold 9 N m .* most it can hold that way is 8 N m") as error:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import QbMove
-from asrsim.actuators.rest import increasing_roots
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import ClikSettings, PoseTrajectory, closest, follow, plan
+from asrsim.kinematics import ClikSettings, PoseTrajectory, follow, plan
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
@@ -87,21 +86,6 @@ def test_an_initial_error_decays_with_the_gain():
     assert np.allclose(path.position_error, 1e-3 * np.exp(-5.0 * time), atol=5e-6)
 
 
-def test_orientation_alone_decides_the_elbow():
-    """With the orientation asked for, the posture is unique: the loop holds both."""
-    start = elbow(0.35, 0.1)
-    yaw = float(start.sum())
-    end = elbow(0.36, 0.12)
-    poses = (
-        CartesianPose(time=0.0, position=(0.35, 0.1, 0.0), rpy=(0.0, 0.0, yaw)),
-        CartesianPose(time=1.0, position=(0.36, 0.12, 0.0), rpy=(0.0, 0.0, float(end.sum()))),
-    )
-    path = follow(Planar2R(), "tip", ORIGIN, PoseTrajectory.through(poses, "minimum_jerk"), start, np.arange(0, 2.0, 2e-3))
-    assert path.orientation_error[-1] < 1e-6
-    assert path.position_error[-1] < 1e-6
-    assert np.allclose(path.positions[-1], end, atol=1e-5)
-
-
 def test_stops_are_never_passed_and_the_free_joint_takes_over():
     model = Planar2R()
     start = elbow(0.35, 0.1)
@@ -130,24 +114,6 @@ def test_the_trajectory_goes_through_its_waypoints_and_holds():
     assert rotations is None
     assert positions[:, 0] == pytest.approx([0.1, 0.1, 0.15, 0.2, 0.25, 0.3, 0.3])
     assert positions[:, 1] == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.05, 0.0, 0.0])
-
-
-def test_a_late_first_pose_is_approached_from_the_start():
-    start = (np.array([0.0, 0.0, 0.0]), np.eye(3))
-    trajectory = PoseTrajectory.through(line((2.0, 0.2, 0.0)), "linear", start)
-    positions, _ = trajectory.at(np.array([0.0, 1.0, 2.0]))
-    assert positions[:, 0] == pytest.approx([0.0, 0.1, 0.2])
-
-
-def test_closest_point_of_an_unreachable_pose_lies_on_the_outer_circle():
-    reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.6, 0.6, 0.0]), None, np.array([0.1, 0.2]))
-    assert reach.point == pytest.approx(np.array([1, 1, 0]) * (A + B) / math.sqrt(2), abs=1e-6)
-    assert reach.distance == pytest.approx(math.hypot(0.6, 0.6) - (A + B), abs=1e-8)
-
-
-def test_closest_point_inside_the_hole_of_the_workspace():
-    reach = closest(Planar2R(), "tip", ORIGIN, np.array([0.05, 0.0, 0.0]), None, np.array([0.1, 0.2]))
-    assert reach.distance == pytest.approx((A - B) - 0.05, abs=1e-6)
 
 
 def task(*poses, **changes):
@@ -252,16 +218,3 @@ def test_joints_that_the_task_leaves_out_hold_their_place():
     )
     assert np.ptp(planned.path.positions[:, 1]) == 0.0
     assert planned.path.positions[-1, 0] == pytest.approx(start[0] + 0.1, abs=1e-4)
-
-
-@pytest.mark.parametrize("power", [1, 3, 5])
-def test_roots_of_increasing_functions_take_few_calls(power):
-    wanted, calls = np.array([-1.5, -0.999, -0.3, 0.0, 1e-3, 0.7, 1.0, 2.0]), []
-
-    def function(x):
-        calls.append(x)
-        return np.sinh(2.0 * x) ** power - np.sinh(2.0 * wanted) ** power
-
-    found = increasing_roots(function, np.zeros(8), farthest=1.6)
-    np.testing.assert_allclose(found, np.clip(wanted, -1.6, 1.6), atol=1e-9 if power == 1 else 1e-2)
-    assert len(calls) < 60

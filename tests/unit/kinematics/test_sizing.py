@@ -57,11 +57,11 @@ def test_the_rest_that_is_foretold_is_the_one_of_the_simulation(tmp_path, actuat
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
 
 
-@pytest.mark.parametrize("lengths", [(0.3, 0.3, 0.3, 0.3), (0.05, 0.05, 0.6)])
-def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path, lengths):
+def test_a_long_arm_that_hangs_comes_to_rest_where_its_torques_balance(tmp_path):
     """Gravity, upwards here, is far stiffer than the springs, and what it does at the first joint is the whole arm's matter."""
     from scipy.optimize import fsolve
 
+    lengths = (0.3, 0.3, 0.3, 0.3)
     goal, spring, masses = 0.4, 3.0, [0.2] * (len(lengths) - 1) + [1.5]
     scenario = scenario_of(
         write_plain_arm(tmp_path, lengths=lengths, masses=masses),
@@ -147,7 +147,7 @@ def test_what_is_not_held_by_springs_is_not_judged(tmp_path):
         assert not judged(scenario_of(robot, actuators={"*": actuator}, references={"*": {reference: 0.1}})).joints
 
 
-@pytest.mark.parametrize("name", ["dof5_arm", "dof2_horizontal", 3, 9, 10])
+@pytest.mark.parametrize("name", ["dof5_arm", 3, 9])
 def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
     """Forward kinematics and gravity by NumPy against the engine's, at random postures on a turned base."""
     from asrsim.kinematics import model_of
@@ -173,33 +173,6 @@ def test_gravity_and_poses_are_those_of_the_engine(tmp_path, name):
                 position, rotation = model.pose(posture, link, (0.0, 0.0, 0.0))
                 assert poses[link][1][row] == pytest.approx(position, abs=1e-6)
                 assert poses[link][0][row] == pytest.approx(rotation, abs=1e-6)
-
-
-SLIDER = """
-  <link name="fork"><inertial><origin xyz="0.15 0 0"/><mass value="0.7"/>
-    <inertia ixx="0.001" iyy="0.005" izz="0.005" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="reach" type="prismatic"><parent link="link_1"/><child link="fork"/><axis xyz="1 0 0"/>
-    <limit lower="0" upper="0.25" effort="60" velocity="1"/></joint>
-</robot>"""
-
-
-def test_starters_hold_sliders_and_motors_keep_a_reserve(tmp_path):
-    """A slider of 0.25 m that its arm tilts: 0.15 m of sag would be most of its travel, and onto its stop as it moves."""
-    from asrsim.kinematics.sizing import ENOUGH, RESERVE
-    from asrsim.scenario.starter import write_starter
-
-    robot = write_plain_arm(tmp_path, lengths=(0.4,), masses=(0.8,))
-    robot.write_text(robot.read_text().replace("</robot>", SLIDER))
-    (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
-    assert [note.code for note in notes] == ["swings-on"]
-    (scenario,) = asrsim.load_scenario(file)
-    reach = next(one for one in judged(scenario, propose=False).joints if one.joint == "reach")
-    assert reach.sag <= ENOUGH * 0.25 + 1e-3
-    result = asrsim.run(scenario)
-    assert not [one for one in result.summary.warnings if one.code in ("falls", "sags", "on-stop")]
-    for block in apply_to_robot(scenario, checked_robot(scenario)[0]).actuators:
-        used = abs(result[block.joint].elastic_torque_1[-1000:]).mean()
-        assert used <= RESERVE * block.values()["motor_1_max_torque"]
 
 
 @pytest.mark.parametrize("travel", [0.31, 0.6])

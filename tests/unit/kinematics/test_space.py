@@ -80,7 +80,7 @@ def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:
         poses.append(CartesianPose(time=time, position=tuple(map(float, place)), rpy=roll_pitch_yaw(turned)))
     trajectory = PoseTrajectory.through(tuple(poses), "minimum_jerk", model.pose(start, "tool", point))
     worst = []
-    for step in (2e-3, 1e-3):
+    for step in (4e-3, 2e-3):
         time = np.arange(0.0, 3.3, step)
         path = follow(model, "tool", point, trajectory, start, time, settings=ClikSettings(damping=1e-5))
         wanted, rotations = trajectory.at(time)
@@ -93,5 +93,5 @@ def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:
         chord = 2.0 * np.sqrt(2.0) * np.sin(0.5 * path.orientation_error)
         assert path.position_error == pytest.approx(np.linalg.norm(error[:, :3], axis=1), abs=1e-12)
         assert chord == pytest.approx(np.linalg.norm(error[:, 3:], axis=1), abs=1e-12)
-    assert worst[0] < 5e-4
+    assert worst[0] < 1e-3
     assert worst[0] / worst[1] == pytest.approx(2.0, rel=0.1)

@@ -76,5 +76,5 @@ def test_a_claim_about_the_tip_needs_a_task(tmp_path):
     with pytest.raises(ScenarioError, match="no object 'tip'"):
         arm_task(tmp_path, task=None, expect=[claim])
     ball = {"tip": {"shape": "sphere", "size": 0.1}}
-    with pytest.raises(ScenarioError, match="cannot be called 'tip'"):
+    with pytest.raises(ScenarioError, match="cannot have the name 'tip'"):
         arm_task(tmp_path, world={"objects": ball})

@@ -107,13 +107,6 @@ def test_a_claim_is_about_its_engine_only(engine: str, tmp_path: Path) -> None:
         make_scenario(tmp_path / "arm.urdf", duration=1.0, engine=engine, expect=[{**claims[0], "engine": "bulet"}])
 
 
-def test_options_reach_the_measure() -> None:
-    (result,) = evaluate(
-        [claim(measure="settling", value=0.1 * np.log(20), tolerance=1e-4, options={"band": 0.05})],
-    )
-    assert result.holds
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -130,12 +123,6 @@ def test_claims_that_cannot_be_evaluated_are_errors_at_their_line(changes: dict[
     with pytest.raises(ScenarioError, match=words) as error:
         evaluate([claim(**changes)])
     assert error.value.problems[0].line == 7
-
-
-def test_all_bad_claims_are_reported_together() -> None:
-    with pytest.raises(ScenarioError) as error:
-        evaluate([claim(quantity="stiffness"), claim(), claim(measure="overshot", line=9)])
-    assert [problem.line for problem in error.value.problems] == [7, 9]
 
 
 @pytest.mark.parametrize(
@@ -157,19 +144,6 @@ def test_all_bad_claims_are_reported_together() -> None:
 def test_a_claim_that_no_run_can_meet_is_found_before_the_run(changes: dict) -> None:
     with pytest.raises(ScenarioError):
         check_expectation(claim(**changes))
-
-
-def test_a_number_that_many_claims_compare_is_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[str] = []
-    monkeypatch.setattr("asrsim.metrics.expect.measure", lambda name, *_, **__: calls.append(name) or 0.8)
-    counts = []
-    for several in (10, 1000):
-        calls.clear()
-        names = ("maximum", "minimum", "mean", "steady_state")
-        results = evaluate([claim(measure=names[i % 4], value=0.8 * (i % 2)) for i in range(several)])
-        assert [result.holds for result in results] == [i % 2 == 1 for i in range(several)]
-        counts.append(len(calls))
-    assert counts[0] == counts[1]
 
 
 def test_claims_that_differ_in_an_option_are_measured_apart() -> None:

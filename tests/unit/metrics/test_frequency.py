@@ -8,11 +8,8 @@ from scipy.signal import butter, chirp, cont2discrete, sosfilt, ss2zpk, zpk2sos
 from scipy.stats import binom
 
 from asrsim.errors import RecordingError
-from asrsim.metrics.excitation import excited_band, lines_of, period_of
-from asrsim.metrics.frequency import FrequencyResponse, _bandwidth, frequency_response
-from asrsim.metrics.local import local_rational
-from asrsim.metrics.periodic import by_periods
-from asrsim.metrics.spectra import welch
+from asrsim.metrics.excitation import excited_band
+from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 
 MOTOR_INERTIA, MOTOR_DAMPING, SPRING, LINK_INERTIA, LINK_DAMPING, LOOP = 0.01, 0.05, 4.0, 0.004, 0.01, 6.0
 """kg m^2, N m s/rad, N m/rad, kg m^2, N m s/rad; proportional gain of the motor's position loop, N m/rad."""
@@ -82,20 +79,6 @@ def test_gain_and_phase_are_the_analytic_ones(kind: str) -> None:
     assert np.max(np.abs(found.gain[inner] * np.exp(1j * np.radians(found.phase[inner])) / truth - 1)) < 0.003
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_with_noise_the_bands_hold_the_truth(kind: str) -> None:
-    u = excitation(kind)
-    rng = np.random.default_rng(11)
-    clean = simulate(u)
-    found = frequency_response(TIME, u, clean + 0.05 * np.std(clean) * rng.standard_normal(len(TIME)))
-    gain, phase = errors(found)
-    assert np.median(gain) < 0.01
-    assert np.median(phase) < 1.0
-    truth = np.abs(analytic(found.frequency))
-    # 95 % each, but neighbours share bins: some slack.
-    assert np.mean((found.gain_low <= truth) & (truth <= found.gain_high)) > 0.8
-
-
 @pytest.mark.parametrize("kind", ["chirp", "dense multisine", "noise"])
 def test_resonance_and_bandwidth(kind: str) -> None:
     u = excitation(kind)
@@ -128,14 +111,6 @@ def test_the_phase_is_unwrapped() -> None:
     found = frequency_response(TIME, u, simulate(u))
     assert np.max(np.abs(np.diff(found.phase))) < 60
     assert found.phase[-1] < -250  # past both resonances: towards -360
-
-
-def test_lines_are_read_where_they_are() -> None:
-    u = excitation("multisine")
-    for method in ("welch", "periodic"):
-        found = frequency_response(TIME, u, simulate(u), method=method)
-        np.testing.assert_allclose(found.frequency, np.arange(0.5, 10.1, 0.5), atol=0.01)
-        assert np.max(np.abs(complex_of(found) / analytic(found.frequency) - 1)) < (0.04 if method == "welch" else 1e-7)
 
 
 def complex_of(found: FrequencyResponse) -> np.ndarray:
@@ -188,16 +163,16 @@ def test_a_period_of_a_broken_number_of_samples_is_no_period() -> None:
         frequency_response(time, lines(period, range(1, 9), time), time, method="periodic")
 
 
-@pytest.mark.parametrize("duration", [10, 20, 60])
+@pytest.mark.parametrize("duration", [10, 60])
 @pytest.mark.parametrize("start", [0.5, 1.0])
 @pytest.mark.parametrize("phase", [0, -90])
-@pytest.mark.parametrize("around", ["nothing", "rest", "offset", "drift", "noise"])
+@pytest.mark.parametrize("around", ["rest", "offset", "drift", "noise"])
 def test_a_chirp_says_nothing_below_its_first_frequency(duration: int, start: float, phase: float, around: str) -> None:
     time = np.arange(0, duration, STEP)
     for method, end in (("linear", 6.0), ("linear", 15.0), ("logarithmic", 12.0)):
         u = 0.15 * chirp(time, start, duration, end, phi=phase, method=method)
         extra = {
-            "nothing": 0.0, "rest": 0.0, "offset": 3.0, "drift": 0.03 * time / duration,
+            "rest": 0.0, "offset": 3.0, "drift": 0.03 * time / duration,
             "noise": 1e-3 * np.random.default_rng(1).standard_normal(len(time)),
         }[around]  # fmt: skip
         u = u + extra
@@ -237,7 +212,7 @@ def coverage(kind: str, level: float, seeds: range, duration: float = 20.0) -> t
     return gains, phases
 
 
-@pytest.mark.parametrize("level", [0.002, 0.02, 0.1])
+@pytest.mark.parametrize("level", [0.002, 0.1])
 @pytest.mark.parametrize("kind", ["chirp", "multisine", "noise"])
 def test_bands_hold_the_truth_about_as_often_as_they_say(kind: str, level: float) -> None:
     """Four records: points that share bins agree, so about ten independent ones a record; a two-sided bound at 1e-3."""
@@ -261,40 +236,6 @@ def test_bands_hold_the_truth_about_as_often_as_they_say(kind: str, level: float
 def test_bands_of_95_percent_hold_the_truth_at_90_to_98_over_50_records(kind: str, level: float, duration: float) -> None:
     for shares in coverage(kind, level, range(50), duration):
         assert 0.90 <= np.mean(shares) <= 0.98
-
-
-def test_two_periods_do_only_if_the_output_has_settled() -> None:
-    ticks = np.arange(2000)
-    u = np.sin(2 * np.pi * ticks * 8 / 1000) + np.sin(2 * np.pi * ticks * 20 / 1000)
-    noise = 0.01 * np.random.default_rng(5).standard_normal(2000)
-    lines = np.array([8, 20])
-    assert by_periods(u, u + noise, 1e-3, 1000, lines) is not None
-    for decay in (300.0, 600.0):
-        assert by_periods(u, u + noise + 0.3 * np.exp(-ticks / decay), 1e-3, 1000, lines) is None
-
-
-def test_so_many_independent_averages_are_in_half_overlapping_windows() -> None:
-    """The spread of Welch's powers of white noise over many records: 1 / averages of their mean's square."""
-    from scipy.signal import welch as powers
-
-    step, n = 1e-3, 1024
-    found = welch(np.sin(2 * np.pi * 50 * step * np.arange(n)), np.zeros(n), step, 40.0, 60.0)
-    segment = round(1.0 / (found.resolution * step))
-    noise = np.random.default_rng(6).standard_normal((4000, n))
-    power = powers(noise, nperseg=segment, noverlap=segment // 2, detrend=False, axis=1)[1][:, 4 : segment // 2 - 4 : 4]
-    spread = np.mean(power.var(axis=0) / power.mean(axis=0) ** 2)
-    assert found.averages == pytest.approx(1.0 / spread, rel=0.03)
-
-
-def test_the_shortest_record_that_a_local_fit_takes() -> None:
-    """17 bins of its own: 36 samples; two less, and it is said."""
-    for count, taken in ((36, True), (34, False)):
-        u = np.random.default_rng(8).standard_normal(count)
-        if taken:
-            assert len(local_rational(u, u, STEP, 1.0, 500.0).frequency) > 10
-        else:
-            with pytest.raises(RecordingError, match="too short"):
-                local_rational(u, u, STEP, 1.0, 500.0)
 
 
 def test_unrelated_noise_has_no_coherence_and_wide_bands() -> None:
@@ -363,35 +304,3 @@ def test_too_short_and_unresolved() -> None:
         frequency_response(TIME, u, u, band=(2000.0, 3000.0))
     with pytest.raises(RecordingError, match="no method"):
         frequency_response(TIME, u, u, method="magic")
-
-
-def test_the_low_end_of_a_gain_is_a_median_of_three_at_least():
-    """One bin that leaks moves neither the bandwidth nor the height from which on a peak is a resonance."""
-    f = np.arange(1.0, 9.0)
-    smooth = np.array([1.0, 1.0, 1.0, 0.98, 0.9, 0.8, 0.6, 0.3])
-    for place in range(3):
-        leaking = smooth.copy()
-        leaking[place] = 1.4
-        assert _bandwidth(f, leaking) == _bandwidth(f, smooth) == pytest.approx(6.46, abs=0.01)
-
-
-def test_the_lines_of_a_multisine_are_those_that_were_put_in() -> None:
-    """Down to a hundredth of the strongest amplitude, and none of what lies below, is constant, or outside the band."""
-    t = np.arange(4000) * 0.001
-    amplitudes = {2: 1.0, 7: 0.2, 31: 0.012, 40: 0.008}  # harmonics of 1 Hz
-    u = 3.0 + sum(a * np.sin(2 * np.pi * f * t + f) for f, a in amplitudes.items())
-    assert period_of(u) == 1000
-    assert lines_of(u, 1000, 0.001, None).tolist() == [2, 7, 31]
-    assert lines_of(u, 1000, 0.001, (7.0, 31.0)).tolist() == [7, 31]
-
-
-@pytest.mark.parametrize(("low", "high"), [(2.0, 6.0), (6.0, 12.0), (11.0, 30.0), (2.0, 30.0)])
-def test_averaged_spectra_keep_to_the_band_that_is_asked_for(low: float, high: float) -> None:
-    """Lines at 1, 3, 9, 20 and 40 Hz of one strength: those between the ends, and all of them, at gains of their own."""
-    step, lines = 2e-3, np.array([1.0, 3.0, 9.0, 20.0, 40.0])
-    waves = np.sin(2.0 * np.pi * np.outer(np.arange(20_000) * step, lines) + np.arange(5))
-    gains = np.array([5.0, 4.0, 3.0, 2.0, 1.0])
-    found = welch(waves.sum(axis=1), waves @ gains, step, low, high)
-    inside = (lines > low) & (lines < high)
-    np.testing.assert_allclose(found.frequency, lines[inside], rtol=1e-2)
-    np.testing.assert_allclose(np.abs(found.response), gains[inside], rtol=1e-2)

@@ -122,17 +122,3 @@ def test_a_bode_plot_shows_decibels_and_degrees_and_fades_what_is_not_coherent()
         corners = np.concatenate([path.vertices for path in band.get_paths()])
         assert (corners[:, 1].min(), corners[:, 1].max()) == pytest.approx((low, high))
     assert any("95%" in text.get_text() for text in phase.texts)
-
-
-def test_coherence_is_drawn_where_any_tells_something_and_recordings_are_thin_and_dark() -> None:
-    certain = [0.95, 0.9, 1.0]
-    assert [axes.get_ylabel() for axes in bode_figure([response(certain)]).axes if "coherence" in axes.get_ylabel()] == []
-    figure = bode_figure([response(certain), response([0.89, 1.0, 1.0], experiment=True, scale=2.0)])
-    assert "coherence" in [axes.get_ylabel() for axes in figure.axes]
-    simulated, recorded = (line for line in figure.axes[0].get_lines() if (line.get_gid() or "").startswith("elbow."))
-    assert (simulated.get_gid(), recorded.get_gid()) == ("elbow.simulation.0", "elbow.experiment.0")
-    np.testing.assert_allclose(np.asarray(recorded.get_ydata()) - np.asarray(simulated.get_ydata()), 20 * np.log10(2))
-    assert recorded.get_linewidth() < simulated.get_linewidth()
-    assert recorded.get_color() == style.EXPERIMENT != simulated.get_color()
-    words = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert words == ["simulation\nsoft", "experiment\nsoft", "resonance"]

@@ -162,7 +162,7 @@ def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path)
 
 def test_the_time_of_a_matrix_is_stated(tmp_path: Path) -> None:
     savemat(tmp_path / "lab.mat", {"M": np.column_stack([TIME, Q1, 2 * Q1])})
-    with pytest.raises(RecordingError, match="no time column found among M_1, M_2"):
+    with pytest.raises(RecordingError, match="none of the columns is a time: M_1, M_2"):
         read_recording(tmp_path / "lab.mat")
     recording = read_recording(tmp_path / "lab.mat", mapping=["M_1=time", "M_2=elbow.link_position"])
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q1)

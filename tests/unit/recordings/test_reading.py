@@ -51,7 +51,7 @@ def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path: Path) -> None:
     assert read_recording(path, mapping=["1=time [ms]"]).joints == ("joint_1",)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
     assert read_recording(path).joints == ("elbow",)
-    assert "not in lab.csv.yaml" in read_recording(path).channels["q1"].origin
+    assert "missing in lab.csv.yaml" in read_recording(path).channels["q1"].origin
 
 
 def test_the_command_line_overrules_the_document(tmp_path: Path) -> None:
@@ -98,12 +98,12 @@ def test_two_columns_are_one_time(tmp_path: Path) -> None:
         ("mapp: {q1: a.link_position}", "Did you mean 'map'"),
         ("map: {q1: a.link_positon}", "q1: no quantity is called 'link_positon'"),
         ("map: {absent: a.link_position}", "no such column"),
-        ("map: {q1: time}", "state it under `time`"),
+        ("map: {q1: time}", "state its column under `time`"),
         ("separator: ':'", "not one of the choices"),
-        ("encoding: klingon", "no encoding"),
-        ("time: {column: absent}", "no such column for the time"),
-        ("time: {column: time, unit: rad}", "time cannot be in rad"),
-        ("window: [3, 1]", "START..END"),
+        ("encoding: klingon", "not a known encoding"),
+        ("time: {column: absent}", "no such time column"),
+        ("time: {column: time, unit: rad}", "rad is no unit of time"),
+        ("window: [3, 1]", "must be a start and a later end"),
     ],
 )
 def test_a_fault_of_a_document_is_told_with_its_place(tmp_path: Path, text: str, words: str) -> None:

@@ -21,7 +21,7 @@ SUSPECTED = {
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
     "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1'.*9.55: rpm"),
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
-    "a turned axis": ("q1,dq1", (Q, -V), "goes down where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
+    "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
     "a command in degrees": ("q1,q1_ref", (Q, FOLLOWED * DEGREES), "q1_ref: is 57.3 times as large as 'q1', which follows it"),
     "a followed one in degrees": ("q1,q1_ref", (Q * DEGREES, FOLLOWED), "q1_ref: is 0.0174. times as large as 'q1'"),

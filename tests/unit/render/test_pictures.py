@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from asrsim.cli.app import app
 from asrsim.errors import InputError, LogError
-from asrsim.render import Film, even_times, share_view, solids, telling_times, write_gif, write_mp4, write_strip
-from asrsim.render.camera import fit_camera, main_axis, viewpoint
+from asrsim.render import Film, even_times, solids, telling_times, write_gif, write_mp4, write_strip
+from asrsim.render.camera import fit_camera, viewpoint
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
-from support.plot_example import EXAMPLES, made_up_log, simulated_log
+from support.plot_example import made_up_log, simulated_log
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def background(image: np.ndarray) -> np.ndarray:
     return np.all(np.abs(image - sky) < 8, axis=2)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_camera_sees_every_point_and_stands_no_farther_than_needed(seed: int):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(200, 3)) * rng.uniform(0.1, 2.0, size=3) + rng.normal(size=3)
@@ -49,17 +49,6 @@ def test_the_camera_sees_every_point_and_stands_no_farther_than_needed(seed: int
     x, y = np.abs(seen @ right) / (seen @ forward) / (edge * aspect), np.abs(seen @ camera.up) / (seen @ forward) / edge
     assert (seen @ forward > 0).all()
     assert 0.85 < max(x.max(), y.max()) <= 1.0
-
-
-def test_a_planar_robot_is_seen_along_its_axis():
-    axes = {"a": np.array([0.0, 1.0, 0.0]), "b": np.array([0.0, -1.0, 0.0])}
-    axis = main_axis(axes, {"a": 1.0, "b": 0.5})
-    assert axis is not None
-    assert abs(viewpoint(axis)[1]) > 0.8
-    assert viewpoint(np.array([0.0, 0.0, 1.0]))[2] > 0.8
-    assert main_axis({**axes, "c": np.array([0.0, 0.0, 1.0])}, {"a": 1.0, "c": 1.0}) is None
-    # A joint that does not move does not count.
-    assert main_axis({**axes, "c": np.array([0.0, 0.0, 1.0])}, {"a": 1.0, "c": 0.0}) is not None
 
 
 def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
@@ -180,26 +169,7 @@ def test_pictures_need_neither_engine_nor_plugin(log: Path, tmp_path: Path):
     assert (tmp_path / "strip.png").stat().st_size > 500
 
 
-@pytest.mark.parametrize("scenario", ["box_push_5dof", "step_2dof"])
-def test_links_are_drawn_where_the_engine_has_them(scenario: str):
-    from asrsim.kinematics.engine_model import model_of
-    from asrsim.render.scene import Scene
-    from asrsim.scenario import load_scenario
-
-    loaded = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml")[0]
-    robot = load_robot(loaded.robot)
-    scene = Scene(drawable(robot).robot, loaded)
-    rng = np.random.default_rng(3)
-    with model_of(loaded, robot) as model:
-        positions = rng.uniform(-1.0, 1.0, size=len(model.joints))
-        frames = scene.frames(dict(zip(model.joints, positions, strict=True)), {})
-        for link in model.links:
-            place, turn = model.pose(positions, link, (0.0, 0.0, 0.0))
-            np.testing.assert_allclose(frames[link][:3, 3], place, atol=1e-6)
-            np.testing.assert_allclose(frames[link][:3, :3], turn, atol=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_rasteriser_finds_what_is_in_front(seed: int):
     rng = np.random.default_rng(seed)
     width, height = 31, 23
@@ -267,16 +237,6 @@ def test_solids_have_their_volume_and_normals_that_point_outwards():
         assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
 
 
-def test_a_large_mesh_is_merged_but_keeps_its_shape():
-    x, y = np.meshgrid(np.linspace(0, 1, 300), np.linspace(0, 1, 300))
-    points = np.stack([x.ravel(), y.ravel(), np.zeros(90_000)], axis=1)
-    first = (np.arange(299)[:, None] * 300 + np.arange(299)).ravel()
-    triangles = np.concatenate([np.stack([first, first + 1, first + 301], 1), np.stack([first, first + 301, first + 300], 1)])
-    mesh = solids.merged(solids.flat(points, triangles), most=5000)
-    assert 500 < len(mesh.triangles) <= 5000
-    np.testing.assert_allclose(np.ptp(mesh.points, axis=0), [1, 1, 0], atol=0.06)
-
-
 def test_frames_are_closer_together_where_more_happens(log: Path):
     film = Film(log, size=60)
     times = telling_times([film], 8)
@@ -285,15 +245,6 @@ def test_frames_are_closer_together_where_more_happens(log: Path):
     # The step comes at 0.1 s: before it nothing moves.
     assert sum(time < 0.1 for time in times) <= 2
     assert sum(time < 0.1 for time in even_times(film, 8)) == 2
-
-
-def test_compared_runs_are_seen_from_one_place(log: Path, tmp_path: Path):
-    other = simulated_log("step_2dof", tmp_path / "log.mcap", variant="stiff", duration=0.4)
-    films = [Film(log, size=60), Film(other, size=60)]
-    share_view(films)
-    assert films[0].camera is films[1].camera
-    assert films[0].frame(0.0).image.shape == films[1].frame(0.0).image.shape
-    np.testing.assert_array_equal(films[0].frame(0.0).image, films[1].frame(0.0).image)
 
 
 def test_a_part_of_the_run_and_a_folder_can_be_drawn(log: Path, tmp_path: Path):

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asrsim.metrics import MetricRow
 from asrsim.plots import read_curves, style
 from asrsim.plots.limits import panel_limits
-from asrsim.plots.rows import metric_tables
 from asrsim.recordings.names import find_joint
 from asrsim.report.plots import QUANTITIES, joint_sections
 from asrsim.report.series import BUDGET, LEAST, MOST, read_runs, unpack
@@ -106,26 +103,6 @@ def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
     np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
     np.testing.assert_allclose(lower.values, -upper.values)
     assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2
-
-
-def test_tables_say_what_differs_and_what_settled() -> None:
-    def row(quantity: str, measure: str, value: float, unit: str = "rad") -> MetricRow:
-        return MetricRow(source="lab", joint="elbow", quantity=quantity, measure=measure, value=value, unit=unit)
-
-    rows = [
-        row("link_position", "rmse", 0.01234567), row("link_position", "nrmse", 1e-13, ""),
-        row("link_position", "settling", math.nan, "s"), row("link_position", "overshoot", 0.2, ""),
-        row("link_velocity", "rmse", math.inf), row("link_velocity", "settling", 0.5, "s"),
-        row("link_velocity", "overshoot", 0.3, ""),
-        row("reference_1", "rmse", 0.1), row("reference_1", "nrmse", 0.0101, ""),
-        row("reference_2", "rmse", 0.1), row("reference_2", "nrmse", 0.01, ""),
-    ]  # fmt: skip
-    tables = {(table.measures, key[2]): cells for table in metric_tables(rows) for key, cells in table.lines}
-    assert tables == {
-        (("rmse", "nrmse"), "link_position"): ("0.01235 rad", "0"),
-        (("rmse", "settling", "overshoot"), "link_velocity"): ("-", "0.5 s", "0.3"),
-        (("rmse", "nrmse"), "reference_1"): ("0.1 rad", "0.0101"),
-    }
 
 
 @pytest.mark.parametrize(

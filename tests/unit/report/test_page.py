@@ -22,7 +22,7 @@ from asrsim.quantities import QUANTITIES
 from asrsim.report import write_report
 from asrsim.report.content import read_parameters
 from asrsim.report.plots import object_plots
-from asrsim.report.series import pack, read_runs, unpack
+from asrsim.report.series import pack, unpack
 from asrsim.runs.folder import find_logs
 from support.browser import CHROMIUM, Browser
 from support.plot_example import made_up_log, simulated_log
@@ -123,19 +123,6 @@ def test_packing_keeps_gaps_and_extremes(values: list[float]):
         assert np.nanmin(back) == np.nanmin(array)
 
 
-def test_a_spike_in_a_long_run_is_on_the_page(tmp_path: Path):
-    torque = np.zeros(40_000)
-    torque[[20_001, 31_234]] = 5.0, -3.0
-    log = made_up_log(tmp_path / "log.mcap", joints=5, count=40_000, values={"link_torque": torque})
-    grid, (run,) = read_runs([log], quantities=["link_torque", "link_position"])
-    assert grid.thinned
-    series = run.series["joint_5", "link_torque"]
-    assert (series.max(), series.min()) == (5.0, -3.0)
-    # At its time, to the width of an interval.
-    assert abs(grid.time[series.argmax()] - 20.001) <= 2 * grid.step
-    assert abs(grid.time[series.argmin()] - 31.234) <= 2 * grid.step
-
-
 def test_a_short_push_is_on_the_page_at_its_time():
     """Of more samples than the page has places: the least and the largest of each place."""
     times, force, grid = np.arange(0.0, 10.0, 0.001), np.zeros(10_000), np.arange(0.0, 10.0, 0.1)
@@ -154,15 +141,6 @@ def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
     values = {name: rng.normal(size=20_001) for name in QUANTITIES}
     log = made_up_log(tmp_path / "log.mcap", joints=5, count=20_001, values=values)
     assert write_report(log.parent, film=False).stat().st_size < 1_800_000
-
-
-def test_names_cannot_break_the_page(tmp_path: Path):
-    log = made_up_log(tmp_path / "log.mcap", variant="</script><b>x", count=50)
-    page = write_report(log.parent, film=False)
-    text = page.read_text(encoding="utf-8")
-    assert "</script><b>x" not in text
-    assert page_data(page)["runs"][0]["label"] == "</script><b>x"
-    assert 'id="runs"' not in page.read_text(encoding="utf-8")  # one run has nobody beside it
 
 
 def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):
@@ -185,15 +163,8 @@ def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
 
 
 def test_a_folder_without_log_is_an_error(tmp_path: Path):
-    with pytest.raises(InputError, match="no log of a run"):
+    with pytest.raises(InputError, match="contains no log"):
         write_report(tmp_path)
-
-
-def test_the_command_writes_the_page(tmp_path: Path):
-    made_up_log(tmp_path / "log.mcap", count=100)
-    result = CliRunner().invoke(app, ["report", str(tmp_path), "--json", "--no-film", "--out", str(tmp_path / "page.html")])
-    data = json.loads(result.stdout)
-    assert data["bytes"] == (tmp_path / "page.html").stat().st_size
 
 
 SCROLL = """(async () => {
@@ -298,17 +269,6 @@ def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: P
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
 
 
-def test_each_comparison_of_a_folder_is_found_once(tmp_path: Path):
-    """Beside the logs, in `compared`, in each variant's folder, and in `compared` of those."""
-    from asrsim.report.content import _compared_folders
-
-    names = ["", "compared", "soft", "stiff/compared"]
-    for name in names:
-        (tmp_path / name).mkdir(parents=True, exist_ok=True)
-        (tmp_path / name / "metrics.json").write_text("{}")
-    assert _compared_folders(tmp_path) == [tmp_path / name for name in names]
-
-
 def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     for variant in ("stiff", "nominal_soft", "soft"):
         simulated_log("step_2dof", tmp_path / variant / "log.mcap", variant=variant, duration=0.01)
@@ -335,7 +295,7 @@ def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path:
         assert outcome.code == 0
         assert "empty/log.mcap: left out: the file is empty" in outcome.err
         assert "cut/log.mcap: left out" in outcome.err
-        assert "early/log.mcap: left out: the log holds no samples" in outcome.err
+        assert "early/log.mcap: left out: the log contains no samples" in outcome.err
     for log in good:
         log.write_bytes(b"")
     outcome = asrsim_command("plot", tmp_path)
@@ -402,7 +362,7 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
 def test_where_the_logs_of_a_study_are_is_told(tmp_path):
     (tmp_path / "study/logs/run_000000").mkdir(parents=True)
     (tmp_path / "study/logs/run_000000/log.mcap").touch()
-    with pytest.raises(InputError, match=r"further down have some: .*study.logs$"):
+    with pytest.raises(InputError, match=r"Deeper folders contain logs: .*study.logs$"):
         find_logs(tmp_path / "study")
     with pytest.raises(InputError, match="Run a scenario first"):
         find_logs(tmp_path)

@@ -140,7 +140,7 @@ expect:
     ("text", "line", "key", "message"),
     [
         ("duratoin: 2", 3, "duratoin", "Did you mean 'duration'?"),
-        ("step: 1e-3\nstep: 1e-3", 4, "step", "there already, in line 3"),
+        ("step: 1e-3\nstep: 1e-3", 4, "step", "duplicate of that in line 3"),
         ("step: on", 3, "step", "must be a number (got 'on')"),
         ("step: -1", 3, "step", "must be a number > 0"),
         ("step: .nan", 3, "step", "finite"),
@@ -160,9 +160,9 @@ expect:
         ("references: {a: {'*': 1}}", 3, "references.a.*", "cannot stand for a reference"),
         ("wrenches: [{force: [0, 0, 0]}]", 3, "wrenches.0", "'link' is missing"),
         ("wrenches: [{link: arm}]", 3, "wrenches.0.force", "a force or a torque"),
-        ("reference_ranges: {a: {b: [1, -1]}}", 3, "reference_ranges.a.b", "larger than the largest"),
+        ("reference_ranges: {a: {b: [1, -1]}}", 3, "reference_ranges.a.b", "must not exceed the second"),
         ("varients: {}", 3, "varients", "Did you mean 'variants'?"),
-        ("variant: a\nvariants: {a: {}}", 3, "variant", "names them there"),
+        ("variant: a\nvariants: {a: {}}", 3, "variant", "not allowed in a file"),
         ("world: {objects: {b: {shape: box, size: 1}}}", 3, "world.objects.b.size", "[x, y, z]"),
         ("world: {objects: {b: {shape: mesh}}}", 3, "world.objects.b.mesh", "needs the key 'mesh'"),
         (
@@ -180,7 +180,7 @@ expect:
         ("task: {link: a, poses: []}", 3, "task.poses", "at least 1 entries"),
         ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),
         ("ilc: {trajectory: {a: 1}, tolerance: 1, law: atuo}", 3, "ilc.law", "auto"),
-        ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint, or body"),
+        ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint or body"),
         ("expect: [{joint: a, quantity: link_positon, measure: x, value: 1}]", 3, "expect.0.quantity", "'link_position'"),
         ("expect: [{body: box, quantity: x, measure: x, value: 1}]", 3, "expect.0.body", "no object 'box'"),
         (
@@ -191,8 +191,8 @@ expect:
         ),
         ("manager: nothing.yaml", 3, "manager", "there is no manager YAML"),
         ("manager: arm.urdf", None, None, "joints_name"),
-        ("variants: {a/b: {}}", 3, "variants.a/b", "names a folder"),
-        ("variants: {a: {name: x}}", 3, "variants.a.name", "cannot stand in a variant"),
+        ("variants: {a/b: {}}", 3, "variants.a/b", "name of a folder"),
+        ("variants: {a: {name: x}}", 3, "variants.a.name", "not allowed in a variant"),
         ("variants: [a, b]", 3, "variants", "mapping"),
         ("variants: {a: 3}", 3, "variants.a", "mapping"),
         ("variants:\n  a:\n    seed: x", 5, "seed", "whole number"),
@@ -204,10 +204,10 @@ expect:
         ),
         ("? [a, b]\n: 1", 3, None, "a key must be plain text"),
         ("seed: !!python/object:os.system 1", 3, None, "not supported"),
-        ("seed: [1", None, None, "no valid YAML"),
-        ("\tseed: 1", 3, None, "no valid YAML"),
+        ("seed: [1", None, None, "not valid YAML"),
+        ("\tseed: 1", 3, None, "not valid YAML"),
         ("seed: *nothing", 3, None, "undefined alias"),
-        ("---\nrobot: b", None, None, "no valid YAML"),
+        ("---\nrobot: b", None, None, "not valid YAML"),
     ],
 )
 def test_faults_have_file_line_key_and_the_right_choice(load, tmp_path, text, line, key, message):
@@ -460,5 +460,5 @@ def test_a_file_whose_name_is_no_utf_8_is_refused_since_logs_could_not_name_it(t
         path.write_text("robot: arm.urdf\nduration: 1\n")
     except OSError:
         pytest.skip("this file system has no such names")
-    with pytest.raises(ScenarioError, match=r"is no UTF-8.* Rename it"):
+    with pytest.raises(ScenarioError, match=r"must be UTF-8.* Rename it"):
         load_scenario(path)

@@ -96,7 +96,7 @@ def test_a_fitting_scenario_has_no_problems(load):
             "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}, {time: 2.001, position: [0, 0, 0]}]}",
             7,
             "task.poses.1.time",
-            "after the run's end at 2 s",
+            "later than the end of the run at 2 s",
         ),
         (
             "task: {link: vsa_link, poses: [{time: 1, position: [0, 0, 0]}]}\nmodes: {vsa: 4}",
@@ -119,7 +119,7 @@ def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line
         ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
         ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
         ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
-        ("{'*': {link_torque: 1}}", "no actuator of the robot has this reference"),
+        ("{'*': {link_torque: 1}}", "no actuator of the robot has a mode with this reference"),
         ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
         ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
         ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
@@ -135,7 +135,7 @@ def test_references_that_cannot_be(load, references, message):
 @pytest.mark.parametrize("keys", ["ilc: {trajectory: {vsa: 1e8}, tolerance: 1}", "desired: {vsa: {step: {to: -1e300}}}"])
 def test_a_wanted_position_beyond_all_joints_is_an_error(load, keys):
     errors, _ = check_against_robot(load(GOOD + keys + "\n"), arm())
-    assert any("is larger than 1e+06, where no joint goes" in str(error) and error.line == 7 for error in errors), errors
+    assert any("is larger than 1e+06, which no joint reaches" in str(error) and error.line == 7 for error in errors), errors
 
 
 def test_references_that_are_missing_or_do_nothing_are_warnings(load):

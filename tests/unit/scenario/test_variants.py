@@ -111,17 +111,17 @@ def test_a_fault_of_an_override_names_no_line_of_the_file(path):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("duration", "is no key=value"),
-        ("=1", "is no key=value"),
+        ("duration", "is not key=value"),
+        ("=1", "is not key=value"),
         ("duratoin=1", "Did you mean 'duration'?"),
         ("elbow.spring_k_1=1", "A joint's parameter is parameters.elbow.spring_k_1"),
         ("robt.file=x", "Did you mean 'robot'?"),
-        ("duration=[1", "no valid YAML"),
+        ("duration=[1", "not valid YAML"),
         ("duration=x", "must be a number (got 'x')"),
         ("duration.x=1", "cannot be set inside the value 2"),
-        ("expect.9.value=1", "no index of a list of 2"),
-        ("expect.first.value=1", "no index of a list"),
-        ("a..b=1", "no dotted key"),
+        ("expect.9.value=1", "not an index of a list of 2"),
+        ("expect.first.value=1", "not an index of a list"),
+        ("a..b=1", "not a dotted key"),
         ("step=0.3", "2 s / 0.3 s"),
     ],
 )
@@ -194,5 +194,5 @@ def test_an_entry_of_a_list_that_the_file_leaves_to_its_default(key, tmp_path):
         name = key.replace(".", "_")
         expected = [0.25 if place == entry else value for place, value in enumerate(getattr(usual, name))]
         assert list(getattr(changed, name)) == expected
-        with pytest.raises(ScenarioError, match="is no index of a list of 3"):
+        with pytest.raises(ScenarioError, match="is not an index of a list of 3"):
             scenario_from_data(given, overrides={f"{key}.3": 0.25})

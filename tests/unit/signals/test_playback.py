@@ -44,16 +44,6 @@ def test_other_time_column_in_ms_and_shifted_start(tmp_path):
     assert signal.values(np.array([5.0, 5.5, 6.0])).tolist() == [1, 1.5, 2]
 
 
-def test_decimal_comma_and_columns_by_number(tmp_path):
-    assert play(tmp_path, "t;q\n0,0;1,5\n1,0;2,5\n", column="q").values(np.array([0.5])).tolist() == [2.0]
-    assert play(tmp_path, "0 1\n1 2\n", column=2, time=1).values(np.array([0.5])).tolist() == [1.5]
-
-
-def test_stamps_of_a_clock_begin_at_zero(tmp_path):
-    signal = play(tmp_path, "t,q\n1700000000,1\n1700000001,2\n", column="q")
-    assert signal.values(np.array([0.0, 1.0])).tolist() == [1, 2]
-
-
 def test_a_changed_file_is_read_again(tmp_path):
     import os
 
@@ -66,20 +56,14 @@ def test_a_changed_file_is_read_again(tmp_path):
 @pytest.mark.parametrize(
     ("text", "keys", "messages"),
     [
-        (CSV, {"column": "q3"}, ["there is no column 'q3'", "time, q1, q2", "ref.csv"]),
-        (CSV, {"column": "q1", "time": "tyme"}, ["there is no column 'tyme'", "Did you mean 'time'?"]),
-        ("x,q\n0,1\n", {"column": "q"}, ["no column is called time or t", "x, q"]),
+        (CSV, {"column": "q3"}, ["there is no numeric column 'q3'", "time, q1, q2", "ref.csv"]),
         (
             "time,q\n0,1\n1,\n2,x\n1.5,3\n",
             {"column": "q"},
-            ["ref.csv:3: q: the cell is empty", "ref.csv:4: q: the cell is empty or no", "1.5 does not ascend: 2"],
+            ["ref.csv:3: q: the cell must contain", "ref.csv:4: q: the cell must contain", "time 1.5 follows 2"],
         ),
         ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "rows with 1 instead of 2 fields"]),
-        ("time,q\n0,inf\n", {"column": "q"}, ["no finite number"]),
-        ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no column 'note' of numbers"]),
-        ("0,1\n1,2\n", {"column": "q"}, ["no column 'q'", "column_1, column_2"]),
-        ("", {"column": "q"}, ["is empty"]),
-        ("time,q\n", {"column": "q"}, ["no row of numbers"]),
+        ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no numeric column 'note'"]),
         (CSV, {}, ["column"]),
     ],
 )
@@ -90,24 +74,22 @@ def test_faults_of_a_csv_name_file_line_and_column(tmp_path, text, keys, message
         assert message in str(caught.value)
 
 
-def test_many_bad_rows_are_cut_short(tmp_path):
-    with pytest.raises(ScenarioError) as caught:
-        play(tmp_path, "time,q\n" + "0,1\n" * 1000 + "0,x\n" * 1000, column="q")
-    assert len(caught.value.problems) < 30
-
-
 def test_missing_file_is_told_with_its_path(tmp_path):
     with pytest.raises(ScenarioError, match="there is no recording"):
         parse_signal({"playback": {"file": "nothing.csv", "column": "q"}}, base=tmp_path)
 
 
-@pytest.fixture(params=["ros1 bag", "ros2 bag", "mcap"])
-def bag(request, tmp_path):
-    path = write_bag(tmp_path / ("run.bag" if request.param == "ros1 bag" else "run"), request.param == "ros1 bag")
-    return next(path.glob("*.mcap")) if request.param == "mcap" else path
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """The same recording as a bag of ROS 1, of ROS 2, and as the file of the latter."""
+    folder = tmp_path_factory.mktemp("bags")
+    second = write_bag(folder / "run", ros1=False)
+    return {"ros1 bag": write_bag(folder / "run.bag", ros1=True), "ros2 bag": second, "mcap": next(second.glob("*.mcap"))}
 
 
-def test_bags_are_played_by_topic_and_field(bag):
+@pytest.mark.parametrize("kind", ["ros1 bag", "ros2 bag", "mcap"])
+def test_bags_are_played_by_topic_and_field(bags, kind):
+    bag = bags[kind]
     number = parse_signal({"playback": {"file": str(bag), "column": "/q"}})
     assert number.values(np.array([0.0, 0.25, 1.0, 5.0])) == pytest.approx([0.0, 0.25, 1.0, 1.0])
     by_name = parse_signal({"playback": {"file": str(bag), "column": "/states/position[b]"}})
@@ -119,16 +101,15 @@ def test_bags_are_played_by_topic_and_field(bag):
 @pytest.mark.parametrize(
     ("keys", "messages"),
     [
-        ({"column": "/p"}, ["there is no column '/p'", "/q, /states/position[a]"]),
-        ({"column": "/q/date"}, ["no column '/q/date'"]),
-        ({"column": "/states/position[c]"}, ["no column '/states/position[c]'", "position[a]", "position[b]"]),
-        ({"column": "/q", "time": "header"}, ["have no header"]),
+        ({"column": "/p"}, ["there is no numeric column '/p'", "/q, /states/position[a]"]),
+        ({"column": "/q/date"}, ["no numeric column '/q/date'"]),
+        ({"column": "/states/position[c]"}, ["no numeric column '/states/position[c]'", "position[a]", "position[b]"]),
+        ({"column": "/q", "time": "header"}, ["have no stamp in a header"]),
     ],
 )
-def test_faults_of_bags_name_what_there_is(tmp_path, keys, messages):
-    path = write_bag(tmp_path / "run", ros1=False)
+def test_faults_of_bags_name_what_there_is(bags, keys, messages):
     with pytest.raises(ScenarioError) as caught:
-        parse_signal({"playback": {"file": str(path), **keys}})
+        parse_signal({"playback": {"file": str(bags["ros2 bag"]), **keys}})
     for message in messages:
         assert message in str(caught.value)
 
@@ -140,8 +121,8 @@ def test_a_broken_bag_is_a_plain_error(tmp_path, name):
         parse_signal({"playback": {"file": name, "column": "/q"}}, base=tmp_path)
 
 
-@pytest.mark.parametrize("rate", [50, 100, 1000])
-@pytest.mark.parametrize("at", [0.2, 1.0, 3.0])
+@pytest.mark.parametrize("rate", [50, 1000])
+@pytest.mark.parametrize("at", [0.2, 3.0])
 def test_a_coarse_recording_played_smoothly_is_the_motion_and_its_jump(tmp_path, rate, at):
     """A chirp to 6 Hz with a step in it: splines are off by 5/384 of the fourth derivative, lines by .05 rad at 50 Hz."""
 

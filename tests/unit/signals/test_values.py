@@ -175,27 +175,19 @@ def test_values_do_not_depend_on_what_else_is_asked(times):
     ("data", "message"),
     [
         ("up", "must be a signal"),
-        (None, "must be a signal"),
-        (True, "must be a signal"),
-        ({}, "one key"),
         ({"step": {"to": 1}, "ramp": {}}, "one key"),
         ({"stp": {"to": 1}}, "Did you mean 'step'?"),
         ({"step": {"too": 1}}, "Did you mean 'to'?"),
-        ({"step": {"at": 1}}, "'to' is missing"),
-        ({"step": {"to": "x"}}, "step.to: must be a number (got 'x')"),
         ({"step": {"to": math.nan}}, "finite"),
         ({"ramp": {"to": 1, "duration": 0}}, "ramp.duration: must be a number > 0"),
         ({"sinusoid": {"amplitude": 1}}, "frequency (Hz) or angular_frequency (rad/s)"),
         ({"sinusoid": {"amplitude": 1, "frequency": 1, "angular_frequency": 1}}, "give one"),
-        ({"chirp": {"amplitude": 1, "from": 0, "to": 6, "duration": 1}}, "chirp.from: must be a number > 0"),
         ({"chirp": {"amplitude": 1, "from": 1, "to": 6, "duration": 1, "law": "log"}}, "linear, logarithmic"),
         ({"pulse_train": {"high": 1, "period": 1, "width": 2}}, "pulse_train.width: must lie between 0 and the period"),
         ({"waypoints": [[0, 1], [0, 2]]}, "times must ascend, but 0 follows 0"),
         ({"waypoints": [[0, 1, 2]]}, "waypoints.points.0: must be a list [time, value], but has 3 entries"),
         ({"multisine": {"frequencies": [1, 2], "amplitude": [1]}}, "1 entries for 2 frequencies"),
-        ({"sum": []}, "at least 1"),
         ({"sum": [{"stp": 1}]}, "sum.terms.0.stp"),
-        ({"delay": {"by": -1, "of": 0}}, "delay.by: must be a number >= 0"),
         ({"sine": {"amplitude": 1}}, "Did you mean 'sinusoid'?"),
     ],
 )
@@ -214,11 +206,6 @@ def test_all_faults_of_a_signal_are_told_at_once():
 def test_constructors_check_relations_too():
     with pytest.raises(InputError, match="frequency"):
         Sinusoid(amplitude=1.0)
-
-
-def test_signals_are_values():
-    assert parse_signal({"step": {"to": 1}}) == Step(after=1.0)
-    assert hash(Step(after=1.0)) == hash(Step(after=1.0))
 
 
 def test_users_add_their_own_kind():
@@ -240,31 +227,6 @@ def test_users_add_their_own_kind():
             parse_signal({"test_triangle": {"period": 0}})
     finally:
         SIGNALS._entries.pop(Triangle.kind)
-
-
-JUMPING = {
-    "pulses": {"pulse_train": {"high": 1.0, "period": 0.07, "width": 0.03, "start": 0.01, "count": 9}},
-    "late pulses": {"delay": {"by": 0.25, "of": {"pulse_train": {"high": 1.0, "period": 0.07, "width": 0.03}}}},
-    "held": {"waypoints": {"points": [[0.0, 1.0], [0.2, 2.0], [0.41, -1.0], [0.77, 0.5]], "interpolation": "hold"}},
-    "sum": {"sum": [{"step": {"at": 0.3, "to": 1.0}}, {"delay": {"by": 0.1, "of": {"step": {"at": 0.5, "to": 1.0}}}}]},
-    "scaled": {"scale": {"by": -2.0, "of": {"pulse_train": {"high": 1.0, "period": 0.11, "width": 0.05}}}},
-}
-
-
-@pytest.mark.parametrize("kind", JUMPING)
-def test_jumps_are_the_same_whatever_the_windows(kind):
-    """A run asks for them block by block; none is lost between two, none comes from outside."""
-    signal = parse_signal(JUMPING[kind])
-    whole = signal.jumps(0.0, 1.2)
-    assert len(whole) >= 2
-    for count in (3, 17, 101):
-        edges = np.linspace(0.0, 1.2, count + 1)
-        parts = [signal.jumps(float(a), float(b)) for a, b in pairwise(edges)]
-        assert all(np.all((a <= part) & (part <= b)) for part, (a, b) in zip(parts, pairwise(edges), strict=True))
-        np.testing.assert_allclose(np.unique(np.concatenate(parts).round(9)), whole.round(9))
-    fine = np.arange(0.0, 1.2, 1e-4) + 3e-5
-    changed = np.flatnonzero(np.diff(signal.values(fine)) != 0.0)
-    assert len(changed) == np.count_nonzero((whole > fine[0]) & (whole < fine[-1]))
 
 
 def test_a_held_sample_is_not_late_by_the_rounding_of_a_clock():
@@ -298,6 +260,12 @@ def test_jumps_are_told_of_where_values_jump_and_nowhere_else(kind, tmp_path):
     assert np.all((jumps >= 0.0) & (jumps <= 2.0) & (np.diff(jumps, prepend=-1.0) > 0.0))
     heights = np.abs(signal.values(jumps + 1e-5) - signal.values(jumps - 1e-5))
     assert np.all(heights > 0.05)
+    # A run asks for them block by block; none is lost between two, none comes from outside.
+    for count in (3, 101):
+        edges = np.linspace(0.0, 2.0, count + 1)
+        parts = [signal.jumps(float(a), float(b)) for a, b in pairwise(edges)]
+        assert all(np.all((a <= part) & (part <= b)) for part, (a, b) in zip(parts, pairwise(edges), strict=True))
+        np.testing.assert_allclose(np.unique(np.concatenate(parts).round(9)), jumps.round(9))
     told = np.searchsorted(jumps, times[1:], side="right") > np.searchsorted(jumps, times[:-1], side="right")
     moved = np.abs(np.diff(signal.values(times)))
     assert np.all(moved[~told] < 0.01)

@@ -131,7 +131,7 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     scenario = make_scenario(robot, 6)
     with pytest.raises(SimulationError, match="cannot compile the laws of 'tabled'"):
         simulate(replace(scenario, compiled=True), robot)
-    monkeypatch.setattr("asrsim.simulation.core.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.core.is_worth_compiling", lambda *_: True)
     run = simulate(scenario, robot)
     assert (run.status, run.compiled) == ("complete", False)
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
@@ -143,7 +143,7 @@ def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, mon
     monkeypatch.setattr("asrsim.simulation.core.available", lambda: False)
     monkeypatch.setattr("asrsim.simulation.run.available", lambda: False)
     assert not simulate(scenario, robot).warnings
-    monkeypatch.setattr("asrsim.simulation.core.pays", lambda *_: True)
+    monkeypatch.setattr("asrsim.simulation.core.is_worth_compiling", lambda *_: True)
     (warning,) = simulate(scenario, robot).warnings
     assert (warning.code, warning.hint) == ("slow-loop", "pip install numba")
     with pytest.raises(SimulationError, match="Numba is not installed"):
@@ -213,7 +213,7 @@ def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
         code.symlink_to(tmp_path / "elsewhere")
     else:
         (code if fault == "writable file" else code.parent).chmod(0o777)
-    with pytest.warns(RuntimeWarning, match="others can have written here"):
+    with pytest.warns(RuntimeWarning, match="other users may have changed"):
         assert cache_file("0") is None
 
 

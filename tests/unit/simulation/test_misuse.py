@@ -37,7 +37,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"elbow": 99.0}), InputError, "initial.elbow: lies outside the limits of 'elbow'"),
         (lambda one: one.reset(velocities={"elbow": float("inf")}), InputError, "velocities.elbow: must be a finite number"),
         (lambda one: one.reset(parameters={"elbow": {"damping": -1.0}}), AsrsimError, "must be at least 0"),
-        (lambda one: one.samples, InputError, "make it with record=True"),
+        (lambda one: one.samples, InputError, "create it with record=True"),
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
 )
@@ -81,7 +81,7 @@ def test_scenarios_are_asked_for_one_by_one(tiny) -> None:
 @pytest.mark.parametrize("options", [{"duration": -1.0}, {"duration": 0.0}, {"duration": 1e-5}, {"duration": math.nan},
                                      {"duration": math.inf}, {"chunk": 0}, {"chunk": -3}])  # fmt: skip
 def test_a_simulation_lasts_a_step_at_least(tiny, options: dict[str, float]) -> None:
-    with pytest.raises(InputError, match=f"{next(iter(options))}: must (last a step|have a substep) at least"):
+    with pytest.raises(InputError, match=f"{next(iter(options))}: must (last a step at least|be at least 1 substep)"):
         asrsim.Simulation(tiny.scenario, **options)
     with asrsim.Simulation(tiny.scenario, duration=0.001, chunk=1, record=True) as shortest:
         shortest.advance_to(shortest.total)

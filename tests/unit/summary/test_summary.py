@@ -21,7 +21,7 @@ from asrsim.simulation.run import simulate
 from asrsim.summary import Collector, collect
 from asrsim.summary.collect import Seen
 from asrsim.summary.make import make_summary
-from asrsim.summary.table import headline, joint_columns, limit_note, share
+from asrsim.summary.table import joint_columns, limit_note
 from support.paths import EXAMPLES, ROOT
 
 
@@ -63,12 +63,11 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isfinite(measures.steady_state_error)
 
 
-@pytest.mark.parametrize("droop", [False, True])
-def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_reference(droop: bool) -> None:
+def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_reference() -> None:
     """The planned references are off the path by the springs' and motors' sag; the arm itself ends on the path."""
     poses = [{"time": 0.0, "position": [0.3, -0.1, 0.1565]}, {"time": 1.0, "position": [0.3, -0.08, 0.1565]}]
     task = {"link": "link_5", "point": [0.094, 0.0, 0.0], "poses": poses, "preset": 0.4}
-    task |= {"gravity_compensation": True, "motor_droop": droop}
+    task |= {"gravity_compensation": True, "motor_droop": True}
     scenario = asrsim.make_scenario(
         EXAMPLES / "urdf" / "dof5_arm.urdf", duration=2.0, task=task, initial={"joint_1": -1.0698, "joint_4": 1.2803}
     )
@@ -76,9 +75,7 @@ def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_refer
     joint = result.summary.joint("joint_2").measures
     sag = abs(float(result.samples.joint("joint_2")["reference_1"][-1]))
     assert abs(joint.steady_state_error) == pytest.approx(abs(joint.steady_state), abs=1e-4)
-    assert abs(joint.steady_state_error) < 0.5 * sag
-    if droop:
-        assert abs(joint.steady_state_error) < 0.01
+    assert abs(joint.steady_state_error) < min(0.5 * sag, 0.01)
 
 
 def test_a_constant_reference_is_no_step_where_the_run_begins_in_equilibrium(tiny) -> None:
@@ -128,10 +125,6 @@ def test_a_joint_that_its_friction_holds_is_told_of(tiny) -> None:
     assert "friction of 5 N m" in told.message
     cells = {column.heading: column.cells for column in joint_columns(result.summary)}
     assert cells["steady\nrad"] == ("0",)
-
-
-def test_all_substeps_are_a_hundred_percent() -> None:
-    assert [share(count, 1000) for count in (0, 5, 999, 1000)] == ["-", "0.5 %", "100 %", "100 %"]
 
 
 def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
@@ -193,14 +186,6 @@ def test_a_summary_does_not_depend_on_the_pieces_in_which_a_run_comes(kept: int,
     if kept > 1001:
         assert found[0].travels == (np.ptp(noise[0]),)
         assert found[0].measures[0].peak_deflection == np.abs(noise[1] - noise[0]).max()
-
-
-def test_headline_says_how_far_a_run_came(tiny) -> None:
-    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
-    assert headline(result.summary).startswith("0.2 s simulated")
-    cut = replace(result.summary, status="interrupted", simulated_time=0.1)
-    assert headline(cut).startswith("interrupted, 0.1 s of 0.2 s simulated")
-    assert not cut.ok
 
 
 def test_arrays_in_another_order_keep_their_joints(tiny) -> None:
@@ -294,24 +279,18 @@ JUDGED = [
     (REST, {}, "comes to rest on its joint stop at 1 rad, 0.4 rad from its reference"),
     (REST, {"rest": -0.9951, "error": -0.25}, "stop at -1 rad, 0.25 rad from"),
     (REST, {"error": math.nan}, "comes to rest on its joint stop at 1 rad$"),
-    (REST, {"prismatic": True}, "stop at 1 m, 0.4 m from"),
     (REST, {"rest": 0.985}, None),
     (REST, {"rest": 1.015}, None),
     (REST, {"stop": 0}, None),
     (REST, {"error": 0.009}, None),
-    (REST, {"error": -0.009}, None),
     # Of a travel of 0.05 m the share counts: 0.5 mm.
     (REST, SHORT, "stop at 0.05 m, 0.001 m from"),
     (REST, {**SHORT, "rest": 0.0506}, None),
-    (REST, {**SHORT, "error": 0.0004}, None),
     (STANDS, {}, "never moves, 0.4 rad from its reference: its friction of 0.3 N m holds it"),
     (STANDS, {"error": -0.011, "prismatic": True}, "never moves, 0.011 m from its reference: its friction of 0.3 N holds it"),
-    (STANDS, {"travel": 9e-7}, "never moves"),
     (STANDS, {"travel": 2e-6}, None),
     (STANDS, {"error": 0.009}, None),
-    (STANDS, {"error": math.nan}, None),
     (STANDS, {"friction": 0.0}, None),
-    (STANDS, {"stop": 1}, None),
     (STANDS, {"balanced": True}, None),
 ]
 """How a joint ends: what is otherwise, and what is said of it."""
