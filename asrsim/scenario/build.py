@@ -18,7 +18,7 @@ from asrsim.scenario.keys import SCENARIO
 from asrsim.signals.pieces import Constant
 
 MAX_STEPS = 10**10
-"""Largest number of steps in a run: 115 days at 1 ms."""
+"""Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
 _ROUNDING = 1e-9
 """Largest relative error of a ratio that counts as a whole number, as decimal numbers are rounded."""
 
@@ -97,10 +97,11 @@ def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     if count is None:
         message = f"must be a whole number of steps, but {duration:g} s / {step:g} s = {duration / step:.9g}"
         reading.fault(_node(root, "duration"), ("duration",), message, code="duration", show=False)
-    elif count > MAX_STEPS:
-        reading.fault(
-            _node(root, "duration"), ("duration",), f"makes {count} steps; at most {MAX_STEPS} are possible", code="range"
-        )
+    else:
+        substeps = count * (keys["substeps"] or 1) * (keys["motor_substeps"] or 1)
+        if substeps > MAX_STEPS:
+            message = f"makes {float(substeps):.6g} steps, counting substeps; at most {MAX_STEPS:g} are possible"
+            reading.fault(_node(root, "duration"), ("duration",), message, code="range")
     if rate is not None and whole(1.0 / (step * rate)) is None:
         message = f"must divide the step rate, but {1.0 / step:.9g} Hz / {rate:.9g} Hz = {1.0 / (step * rate):.9g}"
         reading.fault(_node(root, "log_rate"), ("log_rate",), message, code="log-rate", show=False)

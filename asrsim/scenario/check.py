@@ -5,7 +5,7 @@ To add an error, write a generator and list it in `CHECKS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
+from asrsim.robot.findings import LARGEST
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.apply import laid_on
 from asrsim.scenario.choices import prescribes_motion, released_order
@@ -23,6 +24,8 @@ from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
+PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
+"""Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
 """Modes whose references are positions, which a Cartesian path requires."""
 
@@ -120,6 +123,36 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"initial.{key}", value=position, code="initial-limits")
 
 
+def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Numbers whose powers would overflow. Signals and parameters have checks of their own."""
+    left = [(key, scenario.resolved[key]) for key in PLAIN_NUMBERS if key in scenario.resolved]
+    while left:
+        key, value = left.pop(0)
+        if isinstance(value, Mapping):
+            left += [(f"{key}.{name}", part) for name, part in value.items()]
+        elif isinstance(value, list | tuple):
+            left += [(f"{key}.{index}", part) for index, part in enumerate(value)]
+        elif isinstance(value, float | int) and abs(value) > LARGEST:
+            yield Problem(f"is larger than {LARGEST:g}, which no robot has", key=key, value=value, code="out-of-range")
+
+
+def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """A start needs a value for each motor of the joint. An entry for all joints concerns only joints that have motors."""
+    blocks = {block.joint: block for block in robot.actuators}
+    tables = {"motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities}
+    for joint in robot.moving_joints:
+        block = blocks.get(joint.name)
+        if block is None and joint.name in robot.unread:
+            continue
+        motors = ACTUATORS.get(block.actuator).motors if block else 0
+        for name, table in tables.items():
+            key = joint.name if joint.name in table or not block else "*"
+            values = table.get(key)
+            if values is not None and len(values) != motors:
+                message = f"has {len(values)} values, but '{joint.name}' has {motors} motor{'' if motors == 1 else 's'}"
+                yield Problem(message, key=f"initial.{key}.{name}", value=list(values), code="initial-motors")
+
+
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Error of a floating robot whose root has no mass, for which engines fix the root or invent a mass. Fixed links count."""
     if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
@@ -200,6 +233,8 @@ def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Problem]]], ...] = (
     ((), unknown_names),
     ((), _initial),
+    ((), _motor_starts),
+    ((), _too_large),
     (("base", "engine"), _floating),
     ((), _ranges),
     (("step",), _delays),

@@ -145,6 +145,8 @@ expect:
         ("step: -1", 3, "step", "must be a number > 0"),
         ("step: .nan", 3, "step", "finite"),
         ("step: 0.0003", 2, "duration", "2 s / 0.0003 s = 6666.66667"),
+        ("step: 1e-300", 2, "duration", "makes 2e+300 steps, counting substeps"),
+        ("substeps: 3000000\nmotor_substeps: 2", 2, "duration", "makes 1.2e+10 steps, counting substeps"),
         ("log_rate: 300", 3, "log_rate", "1000 Hz / 300 Hz = 3.33333333"),
         ("seed: 1.5", 3, "seed", "must be a whole number"),
         ("engine: bulet", 3, "engine", "Did you mean 'bullet'?"),
