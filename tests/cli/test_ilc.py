@@ -14,8 +14,6 @@ import pytest
 
 from support.paths import EXAMPLES
 
-pytestmark = pytest.mark.once
-
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
 LIFT = f"""\
 robot: {CUBE}

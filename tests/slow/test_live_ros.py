@@ -63,7 +63,7 @@ def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
-    with pytest.raises(InputError, match=r"asks for 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
+    with pytest.raises(InputError, match=r"names 'rmw_cyclonedds_cpp'.*env -u RMW_IMPLEMENTATION"):
         load_rclpy()
 
 

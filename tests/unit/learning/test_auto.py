@@ -28,8 +28,6 @@ from support.paths import ROOT
 from support.random_arms import random_arm
 from support.robots import drive_with
 
-pytestmark = pytest.mark.once
-
 ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
 
 

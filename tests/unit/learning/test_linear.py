@@ -114,7 +114,6 @@ def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     assert spring_slopes(sea(), np.zeros(1), np.array([[motor, 0.0]]))[0, 0] == pytest.approx(2.0, rel=1e-6)
 
 
-@pytest.mark.once
 @pytest.mark.parametrize("seed", [5, 6])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input, on arms of both kinds, without friction: what it does to the motion, within 3 %."""

@@ -24,8 +24,6 @@ from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
 from support.paths import EXAMPLES
 
-pytestmark = pytest.mark.once
-
 CUBE = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
 
 

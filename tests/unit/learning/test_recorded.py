@@ -60,7 +60,11 @@ def test_what_the_laboratory_writes_is_the_trial(header, how, plant, tmp_path):
 
 @pytest.mark.parametrize(
     ("header", "scale", "said"),
-    [("t,a1,a2", DEGREES, "degrees"), ("t,q1,q2", (-1.0, 1.0), "other way round"), ("t,q1 [m],q2 [m]", (1.0, 1.0), "is in m")],
+    [
+        ("t,a1,a2", DEGREES, "degrees"),
+        ("t,q1,q2", (-1.0, 1.0), "is its sign reversed"),
+        ("t,q1 [m],q2 [m]", (1.0, 1.0), "is in m"),
+    ],
     ids=["degrees", "sign", "unit"],
 )
 def test_columns_that_cannot_be_meant_are_refused_unless_they_are_said_to_be(header, scale, said, plant, tmp_path):
