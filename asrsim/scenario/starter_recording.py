@@ -153,14 +153,11 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
         remarks.append("no joint has an actuator, and no command was recorded: the robot swings from where it begins")
     changed = with_overrides(robot, modes=modes) if modes else robot
     commands = {one.column.source for one in played}
-    # Ideal motors have no motion of their own, and a run records none.
-    moving = {block.joint for block in changed.actuators if MODES[block.mode].motor}
     return Plan(
         robot=changed, modes=modes, recording=recording, pairing=pairing, played=tuple(played),
         compared=tuple(
             (joint, column) for (joint, quantity), column in columns.items()
-            if not quantity.startswith("reference") and (joint in moving or not quantity.startswith("motor_"))
-            and column.source not in commands and np.isfinite(column.values).sum() > 1
+            if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
         ),
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),

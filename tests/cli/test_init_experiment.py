@@ -298,20 +298,3 @@ def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor_pos1,current")
     _, scenario = make(tmp_path, tmp_path / "lab.csv")
     assert scenario.modes == {"joint_1": 2}
-
-
-def test_ideal_motors_are_not_compared_with_recorded_ones(tmp_path, asrsim_command):
-    """Mode 3 has no motion of motors; the scenario must run all the same."""
-    rows = "".join(f"{n / 100},{0.1 if n > 5 else 0},{0.001 * n},{0.02 * n}\n" for n in range(60))
-    header = "time,joint_1.reference_1,joint_1.link_position,joint_1.motor_1_velocity\n"
-    (tmp_path / "lab.csv").write_text(header + rows)
-    robot = ROOT / "examples" / "urdf" / "dof1_sea.urdf"
-    text = robot.read_text(encoding="utf-8").replace("<operation_mode>6<", "<operation_mode>3<")
-    (tmp_path / "robot.urdf").write_text(text.replace("<operation_mode>5<", "<operation_mode>3<"), encoding="utf-8")
-    made = asrsim_command(
-        "init", tmp_path / "robot.urdf", "-e", tmp_path / "lab.csv", "--mode", "3", "-o", tmp_path / "lab.yaml"
-    )
-    assert made.code == 0, made.err
-    done = asrsim_command("run", tmp_path / "lab.yaml", "--no-plot")
-    assert "not recorded" not in done.out + done.err
-    assert (tmp_path / "lab.yaml").read_text().count("link_position")
