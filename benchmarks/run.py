@@ -101,7 +101,7 @@ def document(rows: Mapping[str, Row]) -> None:
     about = ", ".join(f"{key} {value}" for key, value in machine().items())
     text = "\n".join([*lines, "", f"Measured on: {about}. Missed goals: {missed}."])
     old = DOCUMENT.read_text(encoding="utf-8")
-    new = re.sub(r"(?s)(?<=<!-- measured -->\n).*?(?=\n<!-- end -->)", lambda _: text, old)
+    new = re.sub(r"(?s)(?<=<!-- measured -->\n).*?(?=\n<!-- measured end -->)", lambda _: text, old)
     DOCUMENT.write_text(new, encoding="utf-8")
 
 

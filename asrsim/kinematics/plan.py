@@ -115,9 +115,9 @@ def _check_path(
     )
     if not missed.any():
         return
-    first = int(np.argmax(missed))
+    time = path.time[[np.argmax(missed)]]
     raise ScenarioError(
-        f"the robot cannot follow the path beyond {path.time[first]:.3g} s, {_text(trajectory.at(path.time[[first]])[0][0])} m: "
+        f"the robot cannot follow the path beyond {time[0]:.3g} s, {_text(trajectory.at(time)[0][0])} m: "
         f"it deviates by more than {task.tolerance:g} m or {max(ORIENTATION_TOLERANCE, task.tolerance):g} rad",
         key="task.poses",
         hint="The path may be out of reach, or a joint stop or a stretched posture prevents it: begin in another posture, add "
