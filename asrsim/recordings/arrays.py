@@ -35,20 +35,24 @@ def read_matlab(path: Path, reading: Reading) -> Content:
 
 def read_numpy(path: Path, reading: Reading) -> Content:
     """Content of a NumPy file: named arrays; a structured array becomes a table."""
+    try:
+        loaded = np.load(path)
+    except ValueError as error:
+        if "pickle" not in str(error):
+            raise
+        message = "is no NumPy file, or contains Python objects, which are not read"
+        raise RecordingError(message, code="damaged", hint="Expected .npy or .npz with arrays of numbers") from None
+    arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else loaded
     findings: list[Problem] = []
-    loaded = np.load(path)
-    if isinstance(loaded, np.ndarray):
-        return _content("numpy", _fields(loaded, path.stem), findings, reading)
     found: dict[str, Any] = {}
-    with loaded as arrays:
-        for name in arrays.files:
-            try:
-                found |= _fields(arrays[name], name)
-            except ValueError as error:
-                if "pickle" not in str(error):
-                    raise
-                # Unpickling a Python object would run code from the file.
-                findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
+    for name in arrays:
+        try:
+            found |= _fields(arrays[name], name)
+        except ValueError as error:
+            if "pickle" not in str(error):
+                raise
+            # Unpickling a Python object would run code from the file.
+            findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
     return _content("numpy", found, findings, reading)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
+from asrsim.actuators.modes import Mode
 from asrsim.actuators.user import command_line
 from asrsim.errors import RecordingError
 from asrsim.quantities import is_comparable
@@ -408,7 +409,10 @@ def _expect(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None
     options += [f"rate: {rate:g}"] if rate else []
     against = f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
     claims = []
+    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for joint, column in plan.compared:
+        if not _is_simulated(str(column.quantity), modes.get(joint)):
+            continue
         extent = float(np.ptp(column.values[np.isfinite(column.values)]))
         if extent > 0.0 and is_comparable(str(column.quantity)):
             limit = f"measure: rmse, comparison: <, value: {SHARE * extent:.2g}"
@@ -418,6 +422,14 @@ def _expect(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None
         return
     yield f"expect:              # {100 * SHARE:g} % of the recorded range: write how near the model should be"
     yield from claims
+
+
+def _is_simulated(quantity: str, mode: Mode | None) -> bool:
+    """Whether a run in this mode has the quantity: ideal motors have a position only, and rigid joints have no motor."""
+    if quantity.startswith("motor_") and not quantity.endswith("_position"):
+        return mode is not None and mode.motor
+    elastic = quantity.startswith(("motor_", "elastic_torque", "stiffness", "deflection", "equilibrium"))
+    return not elastic or (mode is not None and mode.spring)
 
 
 def exact(value: float) -> str:

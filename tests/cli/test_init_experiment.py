@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -298,3 +299,15 @@ def test_recorded_motors_stand_where_they_were(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor_pos1,current")
     _, scenario = make(tmp_path, tmp_path / "lab.csv")
     assert scenario.modes == {"joint_1": 2}
+
+
+@pytest.mark.parametrize("mode", [0, 1, 3, 6])
+def test_claims_are_about_quantities_that_a_run_in_this_mode_has(tmp_path: Path, mode: int) -> None:
+    names = ("link_position", "reference_1", "motor_1_velocity", "motor_1_position", "deflection")
+    header = ",".join(["time", *(f"joint_1.{name}" for name in names)])
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([TIME, *[SMOOTH] * 5]), delimiter=",", header=header, comments="")
+    _, scenario = make(tmp_path, tmp_path / "lab.csv", mode=mode)
+    claimed = {claim.quantity for claim in scenario.expect}
+    assert claimed >= {"link_position"} | ({"motor_1_position"} if mode > 1 else set())
+    assert ("motor_1_velocity" in claimed) == (mode == 6)
+    assert len(asrsim.run(replace(scenario, duration=0.01)).summary.claims) == len(scenario.expect)

@@ -190,6 +190,15 @@ def test_objects_of_python_are_never_run(tmp_path: Path) -> None:
     assert not marker.exists()
 
 
+@pytest.mark.parametrize("name", ["lab.npz", "lab.npy"])
+def test_a_numpy_file_of_garbage_is_called_no_numpy_file(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(bytes(range(256)))
+    with pytest.raises(
+        RecordingError, match=rf"{name}: is no NumPy file, or contains Python objects, which are not read\. Exp"
+    ):
+        read_recording(tmp_path / name)
+
+
 @pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x80\x04"])
 def test_a_format_that_is_not_read_is_refused(tmp_path: Path, head: bytes) -> None:
     (tmp_path / "lab.bin").write_bytes(head + bytes(40) + b"1")
