@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,7 +68,7 @@ def bench_files(robot: Path, motion: Path, out: Path, *, plot: bool = False) -> 
     def played(column: str) -> dict[str, Any]:
         return {"playback": {"file": str(motion.resolve()), "column": column, "time": "time", "start": 0.0}}
 
-    tables: dict[str, dict[str, Any]] = {"motion": {}, "references": {}, "external_torques": {}}
+    tables: dict[str, Any] = {"motion": {}, "references": {}, "external_torques": {}}
     for joint, (names, references) in joints.items():
         tables["motion"][joint] = played(f"{joint}.position")
         given = zip(INPUTS[1:], references, strict=False)
@@ -87,7 +88,7 @@ def bench_files(robot: Path, motion: Path, out: Path, *, plot: bool = False) -> 
     return [out, *save_figure(result.plot(joints=list(joints)), out.parent, out.stem, ("png",))]
 
 
-def _joints(path: Path, header: list[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
+def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
     """Joint -> its columns in the header, and the references of its mode. Raises RecordingError for a wrong header."""
     from asrsim.actuators import ACTUATORS, MODES
     from asrsim.robot import load_robot

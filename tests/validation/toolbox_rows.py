@@ -44,8 +44,9 @@ def toolbox_rows(robot: Robot, time: Array, motion: Array, first_step: float | N
     kinds, constants = tables([drive], [None], shape, motor_substeps=1, cutoff=False)
     k: list[Any] = kinds[0].tolist()
     p = constants[0].tolist()
-    if drive.actuator is not None and drive.mode is not None and drive.mode.spring:
-        k[SPRING_LAW] = plain_law(drive.actuator, positions_of(drive))
+    actuator: Any = drive.actuator
+    if actuator is not None and drive.mode is not None and drive.mode.spring:
+        k[SPRING_LAW] = plain_law(actuator, positions_of(drive))
     k[JOINT_STEP] = drive.stepping.joint_step
     s = start_of(drive, None, shape, drive.initial_position, 0.0)
     goals = drive.goals(motion[:, 2:].T[: max(shape.motors, 2)]).T.tolist()
