@@ -24,6 +24,7 @@ from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, w
 from asrsim.scenario.world_keys import WorldObject
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Sum
+from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -148,6 +149,22 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
 
 
+def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: sines above half the rate of the steps, which the steps sample as a slower motion."""
+    most = 0.5 / scenario.step
+    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
+        frequency = 0.0
+        if isinstance(signal, Sinusoid):
+            frequency = signal.omega / (2.0 * math.pi)
+        elif isinstance(signal, Chirp):
+            frequency = max(signal.start_frequency, signal.end_frequency)
+        elif isinstance(signal, Multisine):
+            frequency = max(signal.frequencies)
+        if frequency > most:
+            message = f"has {frequency:g} Hz, more than half the rate of the steps ({most:g} Hz): they sample a slower motion"
+            yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
+
+
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
     """(key, signal), or (key, term) for each term of a sum."""
     if not isinstance(signal, Sum):
@@ -260,6 +277,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _objects_in_the_ground, _late, _beyond_limits,
-    _missing_references,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _objects_in_the_ground, _late, _too_fast,
+    _beyond_limits, _missing_references,
 )  # fmt: skip

@@ -196,8 +196,7 @@ class Simulation:
 
     def look(self) -> Engine:
         """The engine in the present state, to read its model and its scene."""
-        self._check_open()
-        return self._core.look(0)
+        return self._world.look(0)
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the state and of the recording, for `restore`."""

@@ -425,6 +425,11 @@ class Worlds:
         """The engine that steps a world."""
         return self.core.engine_of(world)
 
+    def look(self, world: int) -> Engine:
+        """The engine in the present state of a world, to read its model and its scene."""
+        self._check_open()
+        return self.core.look(world)
+
     def _own_engine(self, world: int, varied: Prepared) -> Engine:
         found = self._engines.get(world)
         if found is None or not found.vary(varied.robot):
@@ -492,7 +497,7 @@ class Worlds:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
         if the worlds are not watched."""
         self._check_watched()
-        prepared, model, state = self._own[world], self.core.look(world).model, self.core.S[world]
+        prepared, model, state = self._own[world], self.look(world).model, self.core.S[world]
         if not self.healthy[world]:
             return False
         if model is None or prepared.stepping.released:

@@ -104,6 +104,12 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
 
 
+def test_a_run_stopped_at_once_simulated_nothing(tiny) -> None:
+    summary = asrsim.run(tiny.scenario, stop=lambda: True).summary
+    assert (summary.status, summary.samples) == ("interrupted", 0)
+    assert limit_note(summary) == "nothing was simulated"
+
+
 def test_two_saturated_motors_are_one_saturated_joint() -> None:
     scenario = ROOT / "examples/scenarios/step_2dof.yaml"
     weak = [f"parameters.*.motor_{i}_max_torque=0.05" for i in (1, 2)]
