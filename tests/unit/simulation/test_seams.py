@@ -137,7 +137,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
 
 
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+def test_energies_without_a_law_are_integrated(name: str) -> None:
     law = ACTUATORS.get(name)
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)
@@ -157,19 +157,6 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
-
-
-def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
-    """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
-    with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:
-        fresh = simulation.observe()
-        simulation.reset({"joint_1": 0.3})
-        assert simulation.observe().motor_1_position[0] == 0.3
-        for start in ({"velocities": {"joint_1": 1.0}}, {"initial": {}}, {}):
-            simulation.reset(**start)
-            seen = simulation.observe()
-            np.testing.assert_array_equal(seen.link_position, fresh.link_position)
-            np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
