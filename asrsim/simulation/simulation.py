@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from operator import index
 from pathlib import Path
 from types import TracebackType
@@ -233,7 +232,6 @@ class Simulation:
         velocities: Mapping[str, float] | None = None,
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
-        signals: Scenario | None = None,
     ) -> None:
         """Reset to the start. The simulation gives the same bits as a new one, and follows the scenario's references again.
 
@@ -242,23 +240,17 @@ class Simulation:
             velocities: Joint -> start velocity (rad/s, m/s).
             motors: Joint -> start positions of its motors (rad); other motors start at their link's position.
             parameters: Joint or link -> name -> value, as in `Prepared.vary`.
-            signals: Scenario whose references and external torques replace those of this simulation.
 
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
         """
         self._check_open()
-        if signals is not None:
-            own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
-            self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
         self.prepared.start(start.positions, start.velocities)
         if parameters is not None:
-            self.prepared = self.prepared.with_numbers(parameters)
-        if signals is not None or parameters is not None:
             # Earlier snapshots belong to other parameters and can no longer be restored.
             self._owner = object()
-            self.prepared = self._world.take_over(0, self.prepared, signals=signals is not None)
+            self.prepared = self._world.take_over(0, self.prepared.with_numbers(parameters))
             self.recording.take_over(self.prepared, self.engine, self._world.select(self.prepared))
         positions, speeds = self._world.place(0, start)
         self.recording.renew(positions, speeds)

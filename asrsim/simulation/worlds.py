@@ -32,7 +32,7 @@ from asrsim.simulation.layout import GOALS, HEALTHY
 from asrsim.simulation.observation import Observation, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
+from asrsim.simulation.quantities import WATCHED, Selection
 
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
@@ -406,17 +406,17 @@ class Worlds:
                 self._variants[key] = self._own[world]
         if start.references:
             if self._signals[0] is not start.references:
-                self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
+                self._signals = start.references, inputs_of(self.prepared.with_references(start.references))
             self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs
         self.place(world, start)
 
-    def take_over(self, world: int, varied: Prepared, *, signals: bool = False, settled: bool = False) -> Prepared:
+    def take_over(self, world: int, varied: Prepared, *, settled: bool = False) -> Prepared:
         """Change the parameters of a world, which must then be placed at its start. Returns the parameters with the start.
 
-        signals: whether the signals change too. settled: whether `varied` already starts at equilibrium, if the scenario
-        requires it. A world whose links have other inertias gets its own engine.
+        settled: whether `varied` already starts at equilibrium, if the scenario requires it. A world whose links have other
+        inertias gets its own engine.
         """
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
@@ -429,8 +429,6 @@ class Worlds:
         if selection.lacking != self.selection.lacking:
             self._other[world] = selection
         self.core.take_over(world, varied, engine)
-        if signals:
-            self._inputs[world] = inputs_of(varied)
         return varied
 
     def select(self, varied: Prepared) -> Selection:
@@ -469,33 +467,26 @@ class Worlds:
     # -- whole runs -------------------------------------------------------------------------------------------------
 
     def rollout(
-        self,
-        names: Sequence[str],
-        *,
-        parameters: Numbers | Sequence[Numbers] = (),
-        references: Signals | Sequence[Signals] = (),
-        start: Start | Sequence[Start] | None = None,
-        steps: int | None = None,
+        self, names: Sequence[str], *, start: Start | Sequence[Start] | None = None, steps: int | None = None
     ) -> dict[str, Array]:
         """Run worlds from their start. Returns quantities by name, (worlds, steps + 1, n), at all steps from 0 on.
 
-        Values are NaN where a joint does not record a quantity, and after a world has diverged. The longest of the sequences
-        determines how many worlds run, at most N; a single value applies to all of them. parameters, references: override
-        those of `start`. steps: number of steps; None: those of the scenario. Raises InputError, and RobotError for
-        unphysical parameters.
+        Values are NaN where a joint does not record a quantity, and after a world has diverged.
+
+        Args:
+            names: Quantities to return.
+            start: Start of one world, or of several worlds, at most N; None: one world that starts as the scenario states.
+            steps: Number of steps; None: those of the scenario.
+
+        Raises:
+            InputError: A name or value is wrong.
+            RobotError: Parameters are not physical.
         """
-        lists = [_listed(given) for given in (parameters, references, start)]
-        count = max((len(one) for one in lists if one is not None), default=1)
-        if count > self.count or any(one is not None and len(one) not in (1, count) for one in lists):
-            message = f"there are {self.count} worlds, and all sequences must have the same length"
-            raise InputError(message, key="rollout", value=count, code="worlds")
-        tables, signals, begins = [list(one) * (count // len(one)) if one else [None] * count for one in lists]
-        numbers = np.arange(count)
-        for world, table, own, begin in zip(numbers.tolist(), tables, signals, begins, strict=True):
-            base = begin or Start()
-            self._begin_world(
-                world, replace(base, parameters=_merged(base.parameters, table), references=_merged(base.references, own))
-            )
+        starts = list(start) if isinstance(start, Sequence) else [start or Start()]
+        if len(starts) > self.count:
+            raise InputError(f"there are {self.count} worlds", key="start", value=len(starts), code="worlds")
+        numbers = np.arange(len(starts))
+        self.reset(starts, worlds=numbers)
         return self.record(names, steps=steps, worlds=numbers)
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
@@ -599,28 +590,3 @@ def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str,
             motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
             drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
     return tuple(drives)
-
-
-def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
-    """A copy with other references and external torques of some joints."""
-    own = {joint: {k: v for k, v in table.items() if k != EXTERNAL_TORQUE} for joint, table in signals.items()}
-    torques = {joint: table[EXTERNAL_TORQUE] for joint, table in signals.items() if EXTERNAL_TORQUE in table}
-    changed = prepared.with_references(own)
-    torques = {**changed.scenario.external_torques, **torques}
-    return replace(changed, scenario=replace(changed.scenario, external_torques=torques))
-
-
-def _listed(given: Any) -> list[Any] | None:
-    """The value, or the values for each world, as a list; None if nothing is given."""
-    if given is None or (isinstance(given, Sequence) and not given):
-        return None
-    return list(given) if isinstance(given, Sequence) else [given]
-
-
-def _merged(
-    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None
-) -> Mapping[str, Mapping[str, Any]]:
-    """Two nested tables merged; values of the second override those of the first."""
-    if not second:
-        return first
-    return {joint: {**first.get(joint, {}), **second.get(joint, {})} for joint in {**first, **second}}

@@ -21,7 +21,7 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Start, Worlds
 from support.hanging_chain import INERTIA, MASS, REACH
 from support.paths import EXAMPLES
 from validation.conservation import motors
@@ -229,7 +229,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
         for references, torques in given:
             both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
                     for j in (*references, *torques)}  # fmt: skip
-            found = worlds.rollout(["link_position"], references=both)["link_position"][0]
+            found = worlds.rollout(["link_position"], start=Start(references=both))["link_position"][0]
             scenario = prepared.scenario
             scenario = replace(
                 scenario, references={**scenario.references, **references},
@@ -274,10 +274,10 @@ def test_numbers_that_come_again_give_the_same_bits_from_rest() -> None:
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
     )  # fmt: skip
-    light, heavy = ({"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}} for mass in (0.4, 0.6))
+    light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
     with Worlds(scenario, 2) as worlds:
-        first, again = (worlds.rollout(["link_position"], parameters=[light, heavy])["link_position"] for _ in range(2))
-        turned = worlds.rollout(["link_position"], parameters=[heavy, light])["link_position"][::-1]
+        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
     assert np.array_equal(first, again)
     assert np.array_equal(first, turned)
     assert not np.array_equal(first[0], first[1])
