@@ -80,7 +80,7 @@ def bench_files(
         return [out]
     from asrsim.plots.bench import draw_bench
 
-    return [out, *draw_bench(out, time, results)]
+    return [out, *draw_bench(out, time, results, robot)]
 
 
 def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:

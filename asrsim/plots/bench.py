@@ -1,4 +1,4 @@
-"""Picture of a test bench: torques and positions of springs and motors under the prescribed motion."""
+"""Pictures of a test bench: positions, torques and stiffness of the actuators under the prescribed motion."""
 
 from __future__ import annotations
 
@@ -7,55 +7,44 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.plots import style
+from asrsim.plots.curves import RunCurves
 from asrsim.plots.decimate import decimate
-from asrsim.plots.figures import PER_PAGE, shorten
-from asrsim.plots.layout import Grid, set_title
-from asrsim.plots.legends import legend
+from asrsim.plots.figures import grid_pages
 from asrsim.plots.output import save_figure, styled
-from asrsim.plots.view import draw_curve, show_time, show_values
+from asrsim.plots.panels import PANELS
 from asrsim.plots.world import Curve
-from asrsim.samples import Array
+from asrsim.robot.model import Robot
+from asrsim.samples import Array, JointInfo, RunInfo
 
-ROWS = (
-    ("position", "rad", ("position", "motor_1_position", "motor_2_position")),
-    ("link torque", "N·m", ("link_torque",)),
-    ("stiffness", "N·m/rad", ("stiffness",)),
-)
-"""Rows of the picture: label and unit of the vertical axis, and the columns of `asrsim.simulation.bench.OUTPUTS` drawn there.
-"""
-NAMES = {"position": "link_position"}
+NAMES = {"position": "link_position", "motor_1_effort": "motor_1_torque", "motor_2_effort": "motor_2_torque"}
 """Column names of the bench that differ from the quantity names of the other pictures."""
+SHOWN = ("position", "adjuster", "stiffness", "torque", "motor_torque")
+"""Panels of the picture, see `asrsim.plots.panels.PANELS`."""
 
 
-def draw_bench(path: Path, time: Array, results: Mapping[str, Mapping[str, Array]]) -> list[Path]:
+def draw_bench(path: Path, time: Array, results: Mapping[str, Mapping[str, Array]], robot: Robot) -> list[Path]:
     """Draw the bench's outputs as PNG files beside the table at `path`, three joints per picture, and return the files.
 
-    time: (n,) s; results: joint -> column -> values (n,). Raises OutputError.
+    time: (n,) s; results: joint -> column of `asrsim.simulation.bench.OUTPUTS` -> values (n,). Raises OutputError.
     """
-    joints, files = list(results), []
+    prismatic = {joint.name for joint in robot.joints if joint.kind == "prismatic"}
+    joints = tuple(
+        JointInfo(name=block.joint, actuator=block.actuator, mode=block.mode, prismatic=block.joint in prismatic)
+        for block in robot.actuators
+        if block.joint in results
+    )
+    curves = {}
+    for joint, columns in results.items():
+        for name, values in columns.items():
+            if np.isfinite(values).any():
+                moments, kept = decimate(time, values)
+                curves[joint, NAMES.get(name, name)] = Curve(time=moments, values=kept)
+    run = RunCurves(
+        path=path, info=RunInfo(robot=robot.name, joints=joints, step=0.0), label="", joints=joints, curves=curves,
+        samples=len(time),
+    )  # fmt: skip
+    files = []
     with styled():
-        for first in range(0, len(joints), PER_PAGE):
-            members = joints[first : first + PER_PAGE]
-            figure, axes = Grid(columns=len(members), heights=[style.ROW_HEIGHT] * len(ROWS), title=0.3).figure([], sharex=True)
-            for c, joint in enumerate(members):
-                axes[0, c].set_title(shorten(joint, 40), loc="left")
-                axes[-1, c].set_xlabel("time (s)")
-                for r, (words, unit, columns) in enumerate(ROWS):
-                    curves = {NAMES.get(name, name): _curve(time, results[joint][name]) for name in columns}
-                    curves = {name: curve for name, curve in curves.items() if np.isfinite(curve.values).any()}
-                    show_time(axes[r, c], list(curves.values()))
-                    for name, curve in curves.items():
-                        draw_curve(axes[r, c], curve, colour=style.colour(name), gid=f"{joint}.{name}")
-                    show_values(axes[r, c], list(curves.values()), brief=False)
-                    axes[r, c].set_ylabel(style.axis_label(words, unit))
-                    legend(axes[r, -1], list(curves))
-            set_title(figure, f"test bench · {path.stem}")
-            number = f"_{first // PER_PAGE + 1}" if len(joints) > PER_PAGE else ""
-            files += save_figure(figure, path.parent, f"{path.stem}{number}", ("png",))
+        for page in grid_pages(path.stem, "test bench", [PANELS[key] for key in SHOWN], [run]):
+            files += save_figure(page.figure, path.parent, page.name, ("png",))
     return files
-
-
-def _curve(time: Array, values: Array) -> Curve:
-    time, values = decimate(time, values)
-    return Curve(time=time, values=values)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 QUANTITIES_PER_PAGE = 3
 """Number of quantities (rows of panels) per page."""
+SHOWN = 3
+"""Largest number of runs whose difference is also written as a number."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 
@@ -95,9 +97,7 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
         reference = run.get(joint, REFERENCE)
         if number == 0 and reference is not None and quantity in _BESIDE_REFERENCE:
             inside = _within(reference, pair.simulation)
-            draw_curve(
-                axes, inside, colour=style.colour(REFERENCE), linewidth=2.6, zorder=1.4, gid=f"{joint}.{quantity}.reference"
-            )
+            draw_curve(axes, inside, colour=style.colour(REFERENCE), reference=True, gid=f"{joint}.{quantity}.reference")
             drawn.append(inside)
         draw_curve(
             axes, pair.simulation, colour=colour, zorder=2.3, linewidth=1.9, gid=f"{joint}.{quantity}.simulation.{number}"
@@ -111,43 +111,29 @@ def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
     """Draw simulation minus experiment on the given axes and write the root mean square."""
-    found = [(n, one, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
-    for number, _, pair in found:
+    unit = style.unit(quantity, _info(runs, joint))
+    found = [(n, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
+    for place, (number, pair) in enumerate(found):
         colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
         draw_curve(axes, pair.difference, colour=colour, linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}")
+        if math.isfinite(pair.rmse) and place < SHOWN:
+            share = f" ({100 * pair.nrmse:.{0 if pair.nrmse >= 0.1 else 1}f} %)" if math.isfinite(pair.nrmse) else ""
+            axes.text(
+                1.0 - 0.3 * (min(len(found), SHOWN) - 1 - place), 1.02,
+                f"{'' if place else 'RMSE '}{pair.rmse:.3g} {unit}{share}", transform=axes.transAxes, ha="right", va="bottom",
+                fontsize=7.5, color=colour if len(compared) > 1 else style.GREY,
+            )  # fmt: skip
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)
-    unit = style.unit(quantity, _info(runs, joint))
-    size = max((pair.difference.extent for _, _, pair in found), default=0.0)
+    size = max((pair.difference.extent for _, pair in found), default=0.0)
     whole = max(
-        (float(np.ptp(v)) for _, _, p in found if len(v := p.recording.values[np.isfinite(p.recording.values)])), default=0.0
+        (float(np.ptp(v)) for _, p in found if len(v := p.recording.values[np.isfinite(p.recording.values)])), default=0.0
     )
     if size > 1e-9 * whole:
-        show_values(axes, [pair.difference for _, _, pair in found], brief="N" in unit)
+        show_values(axes, [pair.difference for _, pair in found], brief="N" in unit)
     else:
         # A negligible difference is drawn on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     axes.set_ylabel(f"difference\n({unit or '-'})")
-    texts = [(number, _verdict(one, joint, quantity)) for number, one, _ in found[:3]]
-    for place, (number, text) in enumerate(reversed([entry for entry in texts if entry[1]])):
-        first = number == texts[0][0]
-        axes.text(
-            1.0 - 0.3 * place, 1.02, f"{'RMSE ' if first else ''}{text}", transform=axes.transAxes, ha="right", va="bottom",
-            fontsize=7.5, color=style.variant_colour(number) if len(compared) > 1 else style.GREY,
-        )  # fmt: skip
-
-
-def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
-    """RMS difference and its fraction of the recording's range as text; the mean for several recordings."""
-    found: dict[str, list[float]] = {"rmse": [], "nrmse": []}
-    unit = ""
-    for row in one.rows:
-        if (row.joint, row.quantity) == (joint, quantity) and row.measure in found and math.isfinite(row.value):
-            found[row.measure].append(row.value)
-            unit = row.unit.replace("N m", "N·m") if row.measure == "rmse" else unit
-    if not found["rmse"]:
-        return ""
-    mean, share = (float(np.mean(values)) if values else math.nan for values in found.values())
-    return f"{mean:.3g} {unit}" + (f" ({100 * share:.{0 if share >= 0.1 else 1}f} %)" if math.isfinite(share) else "")
 
 
 def _moved(compared: Sequence[RunComparison]) -> str:

@@ -52,6 +52,7 @@ COLOURS: dict[str, str] = {
     "dy": GREEN,
     "dz": BLUE,
     "force": BLACK,
+    "limit": "#c2185b",
 }
 LINE_STYLES: tuple[Any, ...] = (
     "-",
@@ -69,8 +70,6 @@ COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """Width of a column, height of a row, width of the legends, inch."""
 DPI = 150
 """Resolution of a picture, dots per inch."""
-LIMIT = "#c2185b"
-"""Colour of the limits of joints, torques and deflections."""
 WIDTH = 1.25
 """Line width, pt."""
 
