@@ -48,6 +48,11 @@ class RunCurves:
         return self.curves.get((joint, quantity))
 
 
+def joint_info(runs: Sequence[RunCurves], joint: str) -> JointInfo:
+    """Description of a joint, from the first run that has it."""
+    return next(info for run in runs for info in run.joints if info.name == joint)
+
+
 class CurveSource:
     """Stored and derived quantities of a log's joints, read chunk by chunk.
 

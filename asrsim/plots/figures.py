@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.layout import GAP_Y, Grid, set_title
 from asrsim.plots.legends import LIMIT, legend
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
@@ -111,7 +111,7 @@ def grid_figure(
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], names, several=several, words=words)
     for c, joint in enumerate(joints):
-        axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
+        axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
     figure_title(figure, runs, subject, part)
     return figure
@@ -195,9 +195,9 @@ def _empty(axes: Axes) -> None:
     axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=style.GREY)
 
 
-def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
-    info = next(info for run in runs for info in run.joints if info.name == joint)
-    return f"{shorten(joint, 40)}\n{describe(info)}"
+def joint_title(joint: JointInfo) -> str:
+    """Title of a joint's column: its name, and its actuator and mode."""
+    return f"{shorten(joint.name, 40)}\n{describe(joint)}"
 
 
 def describe(joint: JointInfo) -> str:

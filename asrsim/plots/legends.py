@@ -31,10 +31,11 @@ def legend(
     handles: list[Any] = []
     for name in quantities:
         own = several and name in plain
+        text = (words or {}).get(name) or _WORDS.get(name) or style.plain(style.name(name))
         handles.append(
             Line2D(
                 [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
-                label=(words or {}).get(name) or _entry(name), color=style.BLACK if own else style.colour(name),
+                label=text, color=style.BLACK if own else style.colour(name),
                 linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
             )
         )  # fmt: skip
@@ -96,7 +97,3 @@ _WORDS = {
     "damping_loss": "damping",
     LIMIT: "limits",
 }
-
-
-def _entry(quantity: str) -> str:
-    return _WORDS.get(quantity) or style.symbol(quantity)

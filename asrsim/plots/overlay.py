@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
-from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, shorten
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
+from asrsim.plots.figures import PER_PAGE, Page, figure_title, joint_title
 from asrsim.plots.layout import Grid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.view import draw_curve, show_time, show_values
-from asrsim.plots.world import Curve
-from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,19 +61,17 @@ def overlay_figure(
     grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
     figure, axes = grid.figure([one.label for one in compared], sharex="col")
     for c, joint in enumerate(joints):
-        info = _info(runs, joint)
         for r, quantity in enumerate(quantities):
             draw_overlay(axes[2 * r, c], runs, compared, joint, quantity)
             draw_difference(axes[2 * r + 1, c], runs, compared, joint, quantity)
-        axes[0, c].set_title(f"{shorten(joint, 40)}\n{describe(info) if info else ''}", loc="left")
+        axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left")
         axes[-1, c].set_xlabel("time (s)")
     banded = max((pair.count for one in compared for pair in one.pairs.values()), default=1)
+    has_reference = any((joint, REFERENCE) in run.curves for run in runs for joint in joints)
     for r, quantity in enumerate(quantities):
-        reference = [REFERENCE] if quantity in _BESIDE_REFERENCE and _has_reference(runs, joints) else []
+        names = [quantity, *([REFERENCE] if has_reference and quantity in _BESIDE_REFERENCE else [])]
         words = {quantity: "simulation"}
-        legend(
-            axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded), several=len(compared) > 1
-        )
+        legend(axes[2 * r, -1], names, words=words, extra=_experiment_handles(banded), several=len(compared) > 1)
     figure_title(figure, runs, "simulation and experiment", part, more=_moved(compared))
     return figure
 
@@ -96,13 +92,12 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
             _experiment(axes, pair, ink, f"{joint}.{quantity}.experiment.{number}")
         reference = run.get(joint, REFERENCE)
         if number == 0 and reference is not None and quantity in _BESIDE_REFERENCE:
-            inside = _within(reference, pair.simulation)
-            draw_curve(axes, inside, colour=style.colour(REFERENCE), reference=True, gid=f"{joint}.{quantity}.reference")
-            drawn.append(inside)
+            draw_curve(axes, reference, colour=style.colour(REFERENCE), reference=True, gid=f"{joint}.{quantity}.reference")
+            drawn.append(reference)
         draw_curve(
             axes, pair.simulation, colour=colour, zorder=2.3, linewidth=1.9, gid=f"{joint}.{quantity}.simulation.{number}"
         )
-    unit = style.unit(quantity, _info(runs, joint))
+    unit = style.unit(quantity, joint_info(runs, joint))
     show_values(axes, drawn, brief="N" in unit)
     axes.set_ylabel(style.axis_label(style.name(quantity), unit))
 
@@ -111,7 +106,7 @@ def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
     """Draw simulation minus experiment on the given axes and write the root mean square."""
-    unit = style.unit(quantity, _info(runs, joint))
+    unit = style.unit(quantity, joint_info(runs, joint))
     found = [(n, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
     for place, (number, pair) in enumerate(found):
         colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
@@ -142,12 +137,6 @@ def _moved(compared: Sequence[RunComparison]) -> str:
     return f"recording {', '.join(list(lags)[:4])}" if lags else ""
 
 
-def _within(curve: Curve, other: Curve) -> Curve:
-    """Part of a curve within the time span of the other curve."""
-    inside = (curve.time >= other.time[0]) & (curve.time <= other.time[-1])
-    return Curve(time=curve.time[inside], values=curve.values[inside])
-
-
 def _experiment(axes: Axes, pair: Pair, ink: str, gid: str) -> None:
     if pair.low is not None and pair.high is not None:
         axes.fill_between(pair.low.time, pair.low.values, pair.high.values, color=ink, alpha=0.18, linewidth=0)
@@ -164,11 +153,3 @@ def _experiment_handles(count: int) -> list[Any]:
         Line2D([], [], color=style.EXPERIMENT, linewidth=1.2, label=f"experiment,\nmean of {count} runs"),
         Patch(color=style.EXPERIMENT, alpha=0.18, linewidth=0, label="their range"),
     ]
-
-
-def _has_reference(runs: Sequence[RunCurves], joints: Sequence[str]) -> bool:
-    return any(run.get(joint, REFERENCE) is not None for run in runs for joint in joints)
-
-
-def _info(runs: Sequence[RunCurves], joint: str) -> JointInfo | None:
-    return next((info for run in runs for info in run.joints if info.name == joint), None)

@@ -153,7 +153,6 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
             axes, curve, colour=colour, linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
             reference=reference, gid=f"{joint}.{name}.{number}",
             alpha=0.35 if reference and several and not shared else None,
-            label=style.symbol(name) if len(runs) == 1 else f"{style.symbol(name)} {style.plain(runs[number].label)}",
         )  # fmt: skip
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])

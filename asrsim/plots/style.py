@@ -144,12 +144,6 @@ def darker(colour_text: str) -> str:
     return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
 
 
-def symbol(quantity: str) -> str:
-    """Short symbol of a quantity for legends, in mathtext."""
-    known = KNOWN.get(quantity)
-    return known.label if known else plain(quantity.replace("_", " "))
-
-
 def name(quantity: str) -> str:
     """Name of a quantity in words."""
     return quantity.replace("_", " ")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.figures import describe, joint_names
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
@@ -38,7 +38,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
     """Section of each joint: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     sections = []
     for joint in joint_names(runs):
-        info = next(info for run in runs for info in run.joints if info.name == joint)
+        info = joint_info(runs, joint)
         plots = []
         for key in (*JOINT_PANELS, *ENERGY_PANELS):
             panel = PANELS[key]
