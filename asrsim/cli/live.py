@@ -94,7 +94,7 @@ def live(
             with Interruption("") as interruption:
                 summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
     if json:
-        say_json({"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]})
+        say_json({"ok": summary.ok, "runs": [summary.as_dict()]})
     else:
         print_live(session, summary, plugin or [], quiet=quiet)
     if not summary.ok:
