@@ -1,4 +1,4 @@
-"""`asrsim sweep`: runs a varied scenario many times, and writes rows, a table, pictures and a page."""
+"""`asrsim sweep`: runs a varied scenario many times, and writes rows, a table and pictures."""
 
 from __future__ import annotations
 
@@ -40,10 +40,6 @@ def sweep(
         Path | None,
         typer.Option(help="File with keys, mean and covariance: joint distribution of these keys.", show_default=False),
     ] = None,
-    signal: Annotated[
-        list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
-    ] = None,
-    rate: Annotated[float, typer.Option(min=1e-6, help="Rate of kept signals, Hz.")] = 100.0,
     workers: Annotated[
         int | None, typer.Option("--workers", "-j", min=1, help="Number of processes.", show_default="one per core")
     ] = None,
@@ -62,7 +58,6 @@ def sweep(
     ] = None,
     plugin: Plugins = None,
     plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
     json: Json = False,
 ) -> None:
@@ -80,8 +75,7 @@ def sweep(
 
     given: dict[str, Any] = {
         "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
-        "fit": fit, "signals": signal or [], "rate": rate,
-        "plugins": plugin or [],
+        "fit": fit, "plugins": plugin or [],
     }  # fmt: skip
     with json_errors(json):
         load_plugins(plugin)
@@ -95,7 +89,7 @@ def sweep(
                 study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet or json
             )
         if table is not None:
-            _show(table, result or [], plot=plot and not code, report=report and not code, quiet=quiet, json=json)
+            _show(table, result or [], plot=plot and not code, quiet=quiet, json=json)
     if code:
         raise typer.Exit(code)
 
@@ -110,7 +104,7 @@ def _swept(
     from asrsim.sweeps import sweep
     from asrsim.sweeps.run import study_of
 
-    defaults = {"design": "random", "seed": 0, "rate": 100.0}
+    defaults = {"design": "random", "seed": 0}
     study = study_of(path, over, {name: value for name, value in given.items() if value and value != defaults.get(name)})
     for warning in study.joint.warnings if study.joint else ():
         complain(f"warning {warning}")
@@ -137,20 +131,15 @@ def _opened(folder: Path, run: int | None, out: Path | None, plugins: list[Path]
     return None
 
 
-def _show(table: Table, results: list[str], *, plot: bool, report: bool, quiet: bool, json: bool) -> None:
+def _show(table: Table, results: list[str], *, plot: bool, quiet: bool, json: bool) -> None:
     from asrsim.cli.console import say, say_json, say_written
     from asrsim.sweeps.show import as_dict, say_summary
 
     files: list[Path] = []
-    if len(table):
-        if plot:
-            from asrsim.sweeps.pictures import draw_sweep
+    if plot and len(table):
+        from asrsim.sweeps.pictures import draw_sweep
 
-            files += draw_sweep(table, results=results)
-        if report:
-            from asrsim.sweeps.page import write_page
-
-            files.append(write_page(table, results=results))
+        files = draw_sweep(table, results=results)
     if json:
         say_json({**as_dict(table), "files": [str(path) for path in (*table.files, *files)]})
     elif not quiet:
