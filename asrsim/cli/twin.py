@@ -17,13 +17,15 @@ def twin(
         Path, typer.Option("--experiment", "-e", metavar="FILE", help="Recording of commands and link positions.")
     ],
     bandwidth: Annotated[
-        float | None, typer.Option(help="Hz, of the observer.", show_default="8, at most a twentieth of the rate")
+        float | None, typer.Option(help="Bandwidth of the observer, Hz.", show_default="8, at most a twentieth of the rate")
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    lag: Annotated[float, typer.Option(help="s by which the clock of the positions is ahead of the commands'.")] = 0.0,
+    lag: Annotated[
+        float, typer.Option(help="Time by which the clock of the positions is ahead of the clock of the commands, s.")
+    ] = 0.0,
     variant: Annotated[
-        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
+        str | None, typer.Option(help="Variant of the scenario.", show_default="the only one", autocompletion=variants)
     ] = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
@@ -34,8 +36,8 @@ def twin(
 ) -> None:
     """Find the external torques on a robot, and the stiffness of its joints, from a recording of commands and link positions.
 
-    A simulation gets the commands and is pulled onto the positions; an alarm tells contacts, or a robot that is no longer the
-    modelled one.
+    A simulation gets the commands and is pulled to the measured positions. An alarm means contact, or a robot that differs from
+    its model.
 
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
@@ -48,7 +50,7 @@ def twin(
 
         load_plugins(plugin)
         with (
-            Interruption("asrsim: stopping; what is found so far is kept (Ctrl-C again to abort)") as interruption,
+            Interruption("asrsim: stopping; the results so far are kept (Ctrl-C again to abort)") as interruption,
             FractionBar(show=not quiet and not json) as bar,
         ):
             found = follow(
@@ -72,7 +74,7 @@ def twin(
         for note in found.notes[:20]:
             say(note)
         if len(found.notes) > 20:
-            say(f"and {len(found.notes) - 20} notes more (--json prints all)")
+            say(f"and {len(found.notes) - 20} further notes (--json prints all)")
         say_written(files)
     if found.interrupted:
         raise typer.Exit(INTERRUPTED)
