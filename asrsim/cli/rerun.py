@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json, into_folder
+from asrsim.cli.options import Json
 
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
@@ -18,7 +18,6 @@ SHOWN = 10
 
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
-    out: Annotated[Path | None, into_folder("Folder for the repeated run's log.", "not written")] = None,
     plugin: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."),
@@ -26,7 +25,6 @@ def rerun(
     trust_plugins: Annotated[
         bool, typer.Option("--trust-plugins", help="Run the Python code of actuators stored in the log.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another run in --out.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print differences only.")] = False,
     json: Json = False,
 ) -> None:
@@ -50,14 +48,12 @@ def rerun(
         say_problems(unreadable_logs(log), "warning")
         with Interruption() as interruption:
             for one in logs:
-                place = out if out is None or len(logs) == 1 else out / one.parent.name
                 with RunBar(one.name, open_log(one).duration, show=not quiet and not json) as progress:
-                    repetitions.append(
-                        repeat(
-                            one, out=place, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,
-                            progress=progress.update, stop=interruption.stop,
-                        )
+                    repetition = repeat(
+                        one, plugins=plugin or [], trust_plugins=trust_plugins, progress=progress.update,
+                        stop=interruption.stop,
                     )  # fmt: skip
+                repetitions.append(repetition)
                 if not json:
                     _print(repetitions[-1], quiet=quiet)
                 if interruption.requested:
@@ -88,5 +84,3 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
     verdict = "identical, bit for bit" if repetition.identical else "different" if repetition.samples else "nothing to compare"
     say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
-    if repetition.log is not None:
-        say(f"wrote {repetition.log}")

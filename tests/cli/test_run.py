@@ -332,12 +332,9 @@ def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command) -> None:
     shutil.move(log_of(tiny), log)
     tiny.scenario.unlink()
     tiny.robot.unlink()
-    outcome = asrsim_command("rerun", log, "--out", "again")
+    outcome = asrsim_command("rerun", log)
     assert outcome.code == 0
-    assert "identical" in outcome.out
-    again = read_log(tiny.folder / "again" / "log.mcap")
-    assert again.samples.time[-1] == 0.4
-    assert asrsim_command("rerun", tiny.folder / "again" / "log.mcap").code == 0
+    assert "801 samples compared: identical" in outcome.out
 
 
 def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
@@ -365,7 +362,7 @@ def test_one_of_many_that_differs_decides_and_further_series_are_counted(tiny, a
     values = {name: column + 1.0 for name, column in log.samples.values.items()}
     with LogWriter(tiny.folder / "b" / "log.mcap", log.info) as writer:
         writer.write(replace(log.samples, values=values))
-    other = asrsim_command("rerun", tiny.folder / "b" / "log.mcap", "--overwrite")
+    other = asrsim_command("rerun", tiny.folder / "b" / "log.mcap")
     said = [line for line in other.err.splitlines() if line.startswith("differs")]
     assert other.code == 1
     assert len(said) > 2
@@ -397,9 +394,8 @@ def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
     assert refused.code == 1
     assert "--trust-plugins" in refused.err
     assert "my_drive" not in ACTUATORS.names()
-    trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins", "--out", "again")
+    trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins")
     assert "identical" in trusted.out
-    assert read_log(tiny.folder / "again" / "log.mcap").info.attachments == read_log(log_of(tiny)).info.attachments
 
 
 @pytest.mark.parametrize("name", COMMANDS)

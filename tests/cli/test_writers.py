@@ -39,7 +39,6 @@ def place(tiny, asrsim_command) -> Path:
 
 WRITERS = {
     "run": ("run step.yaml --set duration=0.1 --out out --report", ["log.mcap", "summary.json", "report.html", "joints.png"]),
-    "rerun": ("rerun made/log.mcap --out out", ["log.mcap"]),
     "plot": ("plot made/log.mcap --out out", ["joints.png", "energy.png"]),
     "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
@@ -56,7 +55,7 @@ CASES = [(name, file) for name, (_, files) in WRITERS.items() for file in files]
 def test_a_file_of_somebody_else_stays(place: Path, asrsim_command, name: str, file: str) -> None:
     (place / "out").mkdir()
     (place / "out" / file).write_text(HAND)
-    outcome = asrsim_command(*WRITERS[name][0].split(), *(["--overwrite"] if name in ("run", "rerun", "ilc") else []))
+    outcome = asrsim_command(*WRITERS[name][0].split(), *(["--overwrite"] if name in ("run", "ilc") else []))
     assert outcome.code == 1
     assert file in outcome.err
     assert (place / "out" / file).read_text() == HAND
@@ -91,7 +90,6 @@ def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, na
     [
         "bench pendulum.urdf motion.csv --out pendulum.urdf", "bench pendulum.urdf motion.csv --out motion.csv",
         "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
-        "rerun made/log.mcap --out made", "rerun made/log.mcap --out made --overwrite",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
     ],
 )  # fmt: skip
@@ -106,7 +104,6 @@ def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str
     ("arguments", "said"),
     [
         ("render made --out film.gif", "must be a folder, but film.gif has the suffix of a file"),
-        ("rerun made/log.mcap --out made/log.mcap", "log.mcap has the suffix of a file"),
         ("init pendulum.urdf --out here", "must end in .yaml or .yml, not here"),
         ("report made --out page", "must end in .html or .htm, not page"),
     ],
@@ -165,7 +162,7 @@ def test_a_summary_names_nothing_to_be_removed(place: Path, asrsim_command) -> N
 
 def test_a_folder_in_use_is_refused(place: Path, asrsim_command) -> None:
     with owned(place / "made"):
-        for arguments in ("run step.yaml --out made", "rerun made/log.mcap --out made", "ilc lift.yaml --out made"):
+        for arguments in ("run step.yaml --out made", "ilc lift.yaml --out made"):
             outcome = asrsim_command(*arguments.split())
             assert outcome.code == 1
             assert "is in use" in outcome.err

@@ -11,7 +11,7 @@ import pytest
 
 from asrsim.actuators import QbMove
 from asrsim.errors import ScenarioError
-from asrsim.kinematics import ClikSettings, PoseTrajectory, follow, plan
+from asrsim.kinematics import PoseTrajectory, follow, plan
 from asrsim.kinematics.trajectory import minimum_jerk
 from asrsim.scenario.data import CartesianPose, CartesianTask
 from support.robots import drive_with
@@ -83,7 +83,7 @@ def test_the_loop_tracks_the_closed_form_solution():
 def test_an_initial_error_decays_with_the_gain():
     trajectory = PoseTrajectory.through(line((0.0, 0.35, 0.1)), "minimum_jerk")
     time = np.arange(0, 1.0, 1e-3)
-    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.349, 0.1), time, settings=ClikSettings(gain=5.0, damping=1e-6))
+    path = follow(Planar2R(), "tip", ORIGIN, trajectory, elbow(0.349, 0.1), time, gain=5.0, damping=1e-6)
     assert np.allclose(path.position_error, 1e-3 * np.exp(-5.0 * time), atol=5e-6)
 
 

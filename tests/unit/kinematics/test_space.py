@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from asrsim.kinematics import ClikSettings, PoseTrajectory, follow
+from asrsim.kinematics import PoseTrajectory, follow
 from asrsim.kinematics.trajectory import INTERPOLATIONS
 from asrsim.robot.poses import roll_pitch_yaw
 from asrsim.scenario.data import CartesianPose
@@ -82,7 +82,7 @@ def test_an_arm_of_six_joints_reaches_the_orientation() -> None:
     worst = []
     for step in (4e-3, 2e-3):
         time = np.arange(0.0, 3.3, step)
-        path = follow(model, "tool", point, trajectory, start, time, settings=ClikSettings(damping=1e-5))
+        path = follow(model, "tool", point, trajectory, start, time, damping=1e-5)
         wanted, rotations = trajectory.at(time)
         reached = [model.pose(q, "tool", point) for q in path.positions]
         error = np.array([np.r_[p - w, (r - m).ravel()] for (p, r), w, m in zip(reached, wanted, rotations, strict=True)])
