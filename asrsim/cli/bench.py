@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json, Plugins, into_file, load_plugins
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say_written
+from asrsim.cli.options import Plot, into_file
+from asrsim.errors import Problem, RecordingError
 from asrsim.outfile import check_output, csv_text, write_text
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque
 """Possible columns of a joint; position and velocity are required."""
 
 
+@command("Print nothing.")
 def bench(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file.", show_default=False)],
     motion: Annotated[
@@ -37,11 +40,8 @@ def bench(
         float | None,
         typer.Option(help="Length of the first step in s; by default that of the second step, for leapfrog a start from rest."),
     ] = None,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option(help="Draw positions, torques and stiffness beside the table.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+) -> Done:
     """Apply a prescribed link motion to the actuators, as on a test bench.
 
     Each row of the CSV is a step. The output has time, and for each joint position, velocity, references,
@@ -49,15 +49,8 @@ def bench(
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    from asrsim.cli.console import json_errors, say_json, say_written
-
-    with json_errors(json):
-        load_plugins(plugin)
-        files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
-    if json:
-        say_json({"ok": True, "files": [str(path) for path in files]})
-    elif not quiet:
-        say_written(files)
+    files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
+    return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
 
 
 def bench_files(
@@ -114,12 +107,7 @@ def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
     required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
     problems = [
         Problem(
-            "is not a column of the bench",
-            file=path,
-            line=1,
-            key=name,
-            hint=_hint(name, valid, actuated),
-            code="unknown-column",
+            "is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid), meant=name, code="unknown-column"
         )
         for name in names
         if name not in valid
@@ -132,12 +120,3 @@ def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
     if problems:
         raise RecordingError(problems)
     return joints
-
-
-def _hint(name: str, valid: list[str], actuated: list[str]) -> str:
-    first, _, again = name.partition("#")
-    if again and first in valid:
-        return "The header contains it twice."
-    if name in actuated:
-        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
-    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
+from asrsim.cli.command import Json, Plugins, load_plugins
+from asrsim.cli.options import Overrides, into_folder
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task

@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import variants
+
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
-Plugins = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--plugin", metavar="FILE", help="Python file with your own actuators, signals, measures, readers; may be repeated."
-    ),
+Scenario = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)]
+Variant = Annotated[
+    str | None, typer.Option(help="Variant of the scenario.", show_default="the only one", autocompletion=variants)
+]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option("--variant", help="This variant only; may be repeated.", show_default="all", autocompletion=variants),
 ]
 Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
 Packages = Annotated[
@@ -35,7 +39,8 @@ Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording w
 Align = Annotated[
     str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="Alignment of the recording's time.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
+Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace results that another scenario or study wrote.")]
 Start = Annotated[float | None, typer.Option(help="Start of the pictures, s.", show_default="the log's start")]
 End = Annotated[float | None, typer.Option(help="End of the pictures, s.", show_default="the log's end")]
 
@@ -73,15 +78,6 @@ def check_window(start: float | None, end: float | None) -> None:
             raise typer.BadParameter("must be a number of seconds", param_hint=name)
     if start is not None and end is not None and not end > start:
         raise typer.BadParameter(f"must be after --start {start:g}", param_hint="--end")
-
-
-def load_plugins(paths: Sequence[Path] | None) -> None:
-    """Register the actuators of users' files. Raises ActuatorError."""
-    if paths:
-        from asrsim.actuators.user import load_plugin_file
-
-        for path in paths:
-            load_plugin_file(path)
 
 
 def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:

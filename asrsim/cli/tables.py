@@ -108,11 +108,9 @@ def _print_blocks(blocks: list[ActuatorBlock], slides: Container[str]) -> None:
             styles.append("")
         section = part
         name = value.name if used else f"{value.name} *"
-        rows.append((name, f"{value.value:.6g}", unit_of(value.unit), _origin(value, blocks)))
+        rows.append((name, f"{value.value:.6g}", unit_of(value.unit), _origin(value)))
         styles.append("" if used and value.origin != "default" else "dim")
     say_rows(("parameter", "value", "unit", "from"), rows, right=(1,), styles=styles)
-    if mode.motor and mode.controller and any(values[f"motor_{i}_torque_constant"] for i in range(1, actuator.motors + 1)):
-        say("controllers of electric motors give voltage: gains in V for N m (in A where the resistance is 0)", "dim")
     if not all(_is_used(_part(name), name, mode) for name in first.parameters):
         say(f"* not used in mode {mode.number}", "dim")
 
@@ -129,25 +127,10 @@ def _is_used(part: str, name: str, mode: Mode) -> bool:
     return mode.spring
 
 
-def _origin(value: ParameterValue, blocks: list[ActuatorBlock]) -> str:
+def _origin(value: ParameterValue) -> str:
     if value.origin == "tag":
-        where = f", line {value.line}" if value.line else ""
-        more = f" and {len(blocks) - 1} more" if len(blocks) > 1 and where else ""
-        written = f" {value.text}" if not _plain(value.text) else ""
-        return f"<{value.tag}>{where}{more}{written}"
-    if value.origin == "scenario":
-        return "scenario"
-    if value.origin == "mode default":
-        return f"default of mode 1 <{value.tag}>"
-    return f"default <{value.tag}>"
-
-
-def _plain(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        return f"<{value.tag}>" + (f", line {value.line}" if value.line else "")
+    return value.origin if value.origin == "scenario" else f"{value.origin} <{value.tag}>"
 
 
 def _print_figures(report: FileReport, step: float, slides: Container[str]) -> None:

@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.completion import variants
-from asrsim.cli.options import ColumnMap, Json, Overrides, Plugins, Rate, into_folder, load_plugins, mapping_of
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_table, say_written
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
+from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder, mapping_of
 
 
+@command()
 def twin(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario of the robot.", show_default=False)],
+    scenario: Scenario,
     experiment: Annotated[
         Path, typer.Option("--experiment", "-e", metavar="FILE", help="Recording of commands and link positions.")
     ],
@@ -22,16 +25,13 @@ def twin(
     mapping: ColumnMap = None,
     rate: Rate = None,
     lag: Annotated[float, typer.Option(help="s by which the clock of the positions is ahead of the commands'.")] = 0.0,
-    variant: Annotated[
-        str | None, typer.Option(help="Which variant.", show_default="the only one", autocompletion=variants)
-    ] = None,
+    variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw a picture.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+    *,
+    quiet: bool,
+) -> Done:
     """Find the external torques on a robot, and the stiffness of its joints, from a recording of commands and link positions.
 
     A simulation gets the commands and is pulled onto the positions; an alarm tells contacts, or a robot that is no longer the
@@ -39,27 +39,18 @@ def twin(
 
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
-    from asrsim.cli.console import json_errors, say, say_json, say_table, say_written
+    from asrsim.cli.progress import FractionBar
+    from asrsim.twin.follow import follow, write
 
-    with json_errors(json):
-        from asrsim.cli.interrupt import INTERRUPTED, Interruption
-        from asrsim.cli.progress import FractionBar
-        from asrsim.twin.follow import follow, write
+    message = "asrsim: stopping; what is found so far is kept (Ctrl-C again to abort)"
+    with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
+        found = follow(
+            scenario, experiment, bandwidth=bandwidth, mapping=mapping_of(mapping), rate=rate, lag=lag, variant=variant,
+            overrides=overrides or (), progress=lambda share: bar.update("twin", share), stop=interruption.stop,
+        )  # fmt: skip
+    files, rows = write(found, out, plot=plot), found.rows()
 
-        load_plugins(plugin)
-        with (
-            Interruption("asrsim: stopping; what is found so far is kept (Ctrl-C again to abort)") as interruption,
-            FractionBar(show=not quiet and not json) as bar,
-        ):
-            found = follow(
-                scenario, experiment, bandwidth=bandwidth, mapping=mapping_of(mapping), rate=rate, lag=lag, variant=variant,
-                overrides=overrides or (), progress=lambda share: bar.update("twin", share), stop=interruption.stop,
-            )  # fmt: skip
-        files = write(found, out, plot=plot)
-    rows = found.rows()
-    if json:
-        say_json({"ok": True, "joints": rows, "notes": list(found.notes), "files": [str(path) for path in files]})
-    elif not quiet:
+    def text() -> None:
         say_table([
             ("joint", [row["joint"] for row in rows], False),
             ("external torque", [_number(row["external_torque_rms"], "{:.3g} N m rms") for row in rows], True),
@@ -74,8 +65,9 @@ def twin(
         if len(found.notes) > 20:
             say(f"and {len(found.notes) - 20} notes more (--json prints all)")
         say_written(files)
-    if found.interrupted:
-        raise typer.Exit(INTERRUPTED)
+
+    data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": [str(path) for path in files]}
+    return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)
 
 
 def _range(ends: list[float] | None) -> str:

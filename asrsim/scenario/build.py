@@ -11,10 +11,10 @@ from asrsim.document.node import Node
 from asrsim.document.reading import Reading
 from asrsim.plain import mapped
 from asrsim.samples import TIP
-from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.joint_keys import LOCKED
 from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.kinds import default_engine, prescribes_motion
 from asrsim.signals.pieces import Constant
 
 MAX_STEPS = 10**10

@@ -16,9 +16,9 @@ from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.apply import laid_on
-from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
+from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 

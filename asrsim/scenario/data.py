@@ -15,8 +15,7 @@ from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File,
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.samples import Array
-from asrsim.scenario.choices import default_engine, engines, steppings
-from asrsim.scenario.claim_keys import CLAIMS, Expectation
+from asrsim.scenario.goal_keys import CLAIMS, LEARNING, TASK, CartesianPose, CartesianTask, Expectation, Learning
 from asrsim.scenario.joint_keys import (
     ACTUATORS_BY_JOINT,
     DAMPING_BY_JOINT,
@@ -31,10 +30,18 @@ from asrsim.scenario.joint_keys import (
     GivenActuator,
     LinkDamping,
 )
-from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, FolderName, Vector
-from asrsim.scenario.learning_keys import LEARNING, Learning
-from asrsim.scenario.manager import ManagerFile
-from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
+from asrsim.scenario.kinds import (
+    ORIGIN,
+    POSITION,
+    RPY,
+    SIGNALS_BY_JOINT,
+    FolderName,
+    ManagerFile,
+    Vector,
+    default_engine,
+    engines,
+    steppings,
+)
 from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
 

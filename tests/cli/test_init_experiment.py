@@ -154,7 +154,7 @@ def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Pat
     stairs = 0.05 + 0.1 * np.floor(TIME / 0.07 + 1e-9)
     rows = [f"{zero + t:.{decimals}f},{q:.6f},{q:.6f},0" for t, q in zip(TIME, stairs, strict=True)]
     (tmp_path / "lab.csv").write_text("\n".join(["time [s],q1,q1_ref,current", *rows]) + "\n")
-    _, scenario = make(tmp_path, tmp_path / "lab.csv", schema=False)
+    _, scenario = make(tmp_path, tmp_path / "lab.csv")
     samples = simulate(scenario).samples
     assert samples is not None
     start = round(zero, decimals) if 0.0 <= zero <= 0.8 else 0.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import resource
 import shutil
 import signal
@@ -17,7 +16,6 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.cli.app import COMMANDS
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from support.paths import ROOT
@@ -241,16 +239,7 @@ def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_an_interruption_that_a_compiler_swallows_ends_the_run_at_the_next_question() -> None:
-    from asrsim.cli.interrupt import Interruption
-
-    with Interruption() as interruption:
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        assert interruption.stop()
-
-
-@pytest.mark.parametrize("place", ["asrsim.cli.app", "asrsim.robot", "at the end"])
+@pytest.mark.parametrize("place", ["asrsim.robot", "at the end"])
 def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
     """While a library is imported, in the command, and behind it, where it is too late; in a process of its own."""
     code = (
@@ -358,23 +347,6 @@ def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
     ]
 
 
-def test_one_of_many_that_differs_decides_and_further_series_are_counted(tiny, asrsim_command) -> None:
-    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2", "--out", tiny.folder / "a")
-    log = read_log(next((tiny.folder / "a").rglob("log.mcap")))
-    (tiny.folder / "b").mkdir()
-    values = {name: column + 1.0 for name, column in log.samples.values.items()}
-    with LogWriter(tiny.folder / "b" / "log.mcap", log.info) as writer:
-        writer.write(replace(log.samples, values=values))
-    other = asrsim_command("rerun", tiny.folder / "b" / "log.mcap", "--overwrite")
-    said = [line for line in other.err.splitlines() if line.startswith("differs")]
-    assert other.code == 1
-    assert len(said) > 2
-    assert int(said[-1].split()[1]) + len(said) - 1 == len(values)
-    both = asrsim_command("rerun", tiny.folder)
-    assert both.code == 1
-    assert both.out.count("identical, bit for bit") == both.out.count(": different") == 1
-
-
 def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
     # Without stops, which would hold the link.
     tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="continuous"'))
@@ -400,15 +372,6 @@ def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
     trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins", "--out", "again")
     assert "identical" in trusted.out
     assert read_log(tiny.folder / "again" / "log.mcap").info.attachments == read_log(log_of(tiny)).info.attachments
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_help_with_an_example(asrsim_command, name: str) -> None:
-    outcome = asrsim_command(name, "--help")
-    assert outcome.code == 0
-    assert f"Example: asrsim {name}" in outcome.out
-    usage = outcome.out.splitlines()[0]
-    assert re.search(rf" {name} \[OPTIONS\]( [A-Z]+| \[[A-Z]+\](\.\.\.)?)*$", usage), usage
 
 
 def test_version_and_unknown_commands(asrsim_command) -> None:

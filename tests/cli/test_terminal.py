@@ -11,18 +11,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from asrsim.cli.console import SHOWN, problem_lines, shown, styled
+from asrsim.cli.console import SHOWN, problem_lines
 from asrsim.errors import Problem
 from asrsim.report.html import script_json
 from support.paths import ROOT
-
-
-def test_our_own_styles_stay_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("asrsim.cli.console.is_terminal", lambda stream=None: True)
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    text = styled("good", "green") + " \x1b[2J\x1b[5m"
-    assert shown(text, styles=True) == "\x1b[32mgood\x1b[0m \\x1b[2J\\x1b[5m"
-    assert "\x1b" not in shown(text)
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])

@@ -11,7 +11,7 @@ from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, zero_phase
 from asrsim.learning import learn as learn_by
 from asrsim.learning.playback import write_inputs
-from asrsim.scenario.learning_keys import Filter, Learning
+from asrsim.scenario.goal_keys import Filter, Learning
 from asrsim.signals import parse_signal
 from asrsim.signals.pieces import Constant
 

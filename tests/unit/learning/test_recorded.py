@@ -118,5 +118,5 @@ def test_the_last_recording_may_be_given_again(plant, tmp_path):
     assert steps[1].trials[0].largest == once.trials[0].largest < steps[0].trials[0].largest
     assert (tmp_path / "twice" / "next.csv").read_text() == (tmp_path / "once" / "next.csv").read_text()
     (tmp_path / "twice" / "hardware.json").unlink()
-    with pytest.raises(InputError, match="begin anew"):
+    with pytest.raises(InputError, match="start again"):
         next_input(plant, tmp_path / "twice", late)
