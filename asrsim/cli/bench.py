@@ -101,22 +101,16 @@ def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
 
 def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
     """Joints in the header, in the robot's order. Raises RecordingError for unknown and missing columns."""
-    actuated = [joint.name for joint in robot.moving_joints if any(block.joint == joint.name for block in robot.actuators)]
-    valid = ["time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS)]
+    blocks = {block.joint for block in robot.actuators}
+    actuated = [joint.name for joint in robot.moving_joints if joint.name in blocks]
+    valid = ("time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS))
     joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
     required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
-    problems = [
-        Problem(
-            "is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid), meant=name, code="unknown-column"
+    wrong = {name: ("is not a column of the bench", "unknown-column") for name in names if name not in valid}
+    wrong |= {name: ("column is missing", "missing-column") for name in required if name not in names}
+    if wrong:
+        raise RecordingError(
+            Problem(message, file=path, line=1, key=name, choices=valid, meant=name, code=code)
+            for name, (message, code) in wrong.items()
         )
-        for name in names
-        if name not in valid
-    ]
-    problems += [
-        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
-        for name in required
-        if name not in names
-    ]
-    if problems:
-        raise RecordingError(problems)
     return joints

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.plain import mapped
 from asrsim.robot import ActuatorBlock, Robot, StepFigures, read_robot, step_figures, step_findings
 from asrsim.robot.engine_text import usable_shapes
 
@@ -41,24 +42,26 @@ class FileReport:
         if self.title:
             data["variants"] = self.title
         if self.robot is not None:
-            data["robot"] = self.robot.name
-            data["links"] = len(self.robot.links)
-            data["joints"] = [joint.name for joint in self.robot.moving_joints]
-            data["passive_springs"] = {
-                joint.name: {"stiffness": joint.spring_stiffness, "reference": joint.spring_reference}
-                for joint in self.robot.moving_joints
-                if joint.spring_stiffness
+            moving = self.robot.moving_joints
+            data |= {
+                "robot": self.robot.name,
+                "links": len(self.robot.links),
+                "joints": [joint.name for joint in moving],
+                "passive_springs": {
+                    joint.name: {"stiffness": joint.spring_stiffness, "reference": joint.spring_reference}
+                    for joint in moving
+                    if joint.spring_stiffness
+                },
+                "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
+                "actuators": [_block(block) for block in self.robot.actuators],
+                "step": self.step,
+                "figures": [vars(entry) for entry in self.figures],
             }
-            data["mimic"] = {joint.name: vars(joint.mimic) for joint in self.robot.moving_joints if joint.mimic is not None}
-            data["actuators"] = [_block(block) for block in self.robot.actuators]
-        if self.step is not None:
-            data["step"] = self.step
-            data["figures"] = [{key: number(value) for key, value in vars(entry).items()} for entry in self.figures]
         if self.substeps is not None:
-            data["substeps"] = {key: number(value) for key, value in self.substeps.items()}
+            data["substeps"] = self.substeps
         data["errors"] = [problem.as_dict() for problem in self.errors]
         data["warnings"] = [problem.as_dict() for problem in self.warnings]
-        return data
+        return mapped(data, number)  # type: ignore[no-any-return]
 
 
 def robot_report(
@@ -81,6 +84,7 @@ def scenario_report(path: Path) -> FileReport:
     """Findings in a scenario file, its variants and their robots; the table shows the first variant."""
     from asrsim.scenario import read_scenarios
     from asrsim.scenario.check import robot_of
+    from asrsim.scenario.load import distinct
 
     report = FileReport(path=path, kind="scenario")
     try:
@@ -99,8 +103,8 @@ def scenario_report(path: Path) -> FileReport:
     return replace(
         next((one for one in found if one.robot is not None), report),
         title=", ".join(scenario.variant for scenario in scenarios),
-        errors=unique([*errors, *(problem for one in found for problem in one.errors)]),
-        warnings=unique([problem for one in found for problem in one.warnings]),
+        errors=tuple(distinct([*errors, *(problem for one in found for problem in one.errors)])),
+        warnings=tuple(distinct(problem for one in found for problem in one.warnings)),
     )
 
 
@@ -144,14 +148,6 @@ def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
     return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
 
 
-def unique(problems: list[Problem]) -> tuple[Problem, ...]:
-    """Problems without repetitions (variants share most findings)."""
-    seen: dict[str, Problem] = {}
-    for problem in problems:
-        seen.setdefault(str(problem), problem)
-    return tuple(seen.values())
-
-
 def number(value: object) -> object:
     """Value for JSON: infinite numbers become text."""
     if isinstance(value, float) and not math.isfinite(value):
@@ -170,7 +166,6 @@ def _block(block: ActuatorBlock) -> dict[str, Any]:
         "sample_time": block.sample_time,
         "line": block.line,
         "parameters": [
-            {key: number(entry) for key, entry in vars(value).items() if entry not in ("", None)}
-            for value in block.parameters.values()
+            {key: entry for key, entry in vars(value).items() if entry not in ("", None)} for value in block.parameters.values()
         ],
     }

@@ -22,7 +22,6 @@ from asrsim.cli.options import (
     Variant,
     into_folder,
     lag_of,
-    mapping_of,
 )
 from asrsim.cli.recording_table import say_columns
 
@@ -76,7 +75,7 @@ def ilc(
     folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(chosen)
     try:
         if recording is not None:
-            return _next(plant, folder, recording, mapping_of(mapping), lag_of(align))
+            return _next(plant, folder, recording, mapping, lag_of(align))
         return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
     except KeyboardInterrupt:
         complain(f"\nasrsim: interrupted; the trials so far are in {folder / 'state.npz'}: continue with --resume")
@@ -111,7 +110,7 @@ def _learn(
 
 
 def _next(
-    plant: Plant, folder: Path, recording: Path, mapping: tuple[str, ...] | Path | None, lag: LagChoice
+    plant: Plant, folder: Path, recording: Path, mapping: list[str] | None, lag: LagChoice
 ) -> Done:  # fmt: skip
     from asrsim.learning.hardware import NEXT, next_input
     from asrsim.learning.session import trial_data

@@ -97,13 +97,6 @@ def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
     return {name: Path(folder) for name, folder in pairs(texts, option).items()}
 
 
-def mapping_of(texts: Sequence[str] | None) -> tuple[str, ...] | Path | None:
-    """Value of `--map`: columns, or the path of a YAML file with them."""
-    if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
-        return Path(texts[0])
-    return tuple(texts) if texts else None
-
-
 def lag_of(text: str) -> LagChoice:
     """Value of `--align`. Raises typer's BadParameter."""
     if text in ("auto", "off", "start"):

@@ -10,7 +10,7 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
-from asrsim.cli.options import Align, ColumnMap, End, Rate, Start, check_window, into_folder, lag_of, mapping_of
+from asrsim.cli.options import Align, ColumnMap, End, Rate, Start, check_window, into_folder, lag_of
 from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def plot(
     found = [log for place in logs or () for log in find_logs(place)]
     job = PlotJob(
         logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
-        experiments=tuple(experiment or ()), mapping=mapping_of(mapping), rate=rate,
+        experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,
         joints=tuple(joint) if joint else None, quantities=tuple(quantity) if quantity else None,
         lag=lag_of(align), lag_limit=max_lag, formats=tuple(formats or ("png",)),
         bode=bode, band=band, given=given, output=output, start=start, end=end,

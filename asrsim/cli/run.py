@@ -11,7 +11,7 @@ import typer
 
 from asrsim.cli.command import Done, command
 from asrsim.cli.completion import engines
-from asrsim.cli.console import complain, error_as_dict, error_lines
+from asrsim.cli.console import error_as_dict
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, into_folder
 
@@ -98,23 +98,15 @@ def run(
             if failure is not None or interruption.requested:
                 break
     if failure is not None and not json:
-        _complain_of(*failure, alone=len(loaded) == 1)
+        if len(loaded) > 1:
+            failure[1].add_note(f"{failure[0]} could not be run; the variants after it were not tried")
+        raise failure[1]
     good = failure is None and all(entry.summary.ok for entry in done)
     errors = [] if failure is None else [{"variant": failure[0], **error_as_dict(failure[1])}]
     return Done(
         data={"ok": good, "runs": [entry.summary.as_dict() for entry in done], "errors": errors},
         code=INTERRUPTED if interruption.requested else int(not good),
     )
-
-
-def _complain_of(title: str, error: AsrsimError, *, alone: bool) -> None:
-    lines = error_lines(error)
-    where = "" if alone else f"{title}: "
-    complain(f"asrsim: {where}{lines[0]}" if len(lines) == 1 else f"asrsim: {where}{len(lines)} problems:")
-    for line in lines if len(lines) > 1 else ():
-        complain(line)
-    for note in getattr(error, "__notes__", []):
-        complain(f"asrsim: {note}")
 
 
 def _with_files(executed: Executed, **files: Any) -> Executed:

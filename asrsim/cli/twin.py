@@ -10,7 +10,7 @@ import typer
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder, mapping_of
+from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, into_folder
 
 
 @command()
@@ -45,7 +45,7 @@ def twin(
     message = "asrsim: stopping; what is found so far is kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = follow(
-            scenario, experiment, bandwidth=bandwidth, mapping=mapping_of(mapping), rate=rate, lag=lag, variant=variant,
+            scenario, experiment, bandwidth=bandwidth, mapping=mapping, rate=rate, lag=lag, variant=variant,
             overrides=overrides or (), progress=lambda share: bar.update("twin", share), stop=interruption.stop,
         )  # fmt: skip
     files, rows = write(found, out, plot=plot), found.rows()

@@ -1,8 +1,9 @@
 """Learning on the real robot, trial by trial: the next input follows from each recording; files keep the state in between.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
-twin and plants drawn from the posterior of the fit, predict the error of the next trial: the change of the input is halved until
-no prediction exceeds 1.2 times the best error. If that fails, and with the other laws, a warning is given before the trial.
+twin, and plants drawn from the posterior of the fit, predict the error of the next trial: the change of the input is halved
+until no prediction exceeds 1.2 times the best error. If that fails, and with the other laws, a warning is given before the
+trial.
 """
 
 from __future__ import annotations

@@ -14,7 +14,6 @@ from asrsim.learning.plant import Plant
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plain import mapped
 from asrsim.samples import Array
-from asrsim.scenario.joint_keys import INVERSE_DYNAMICS
 
 DIGITS = 3
 """Digits of a claimed error, which is rounded up. A replay on the same plant repeats the error bit for bit."""
@@ -49,6 +48,8 @@ def write_playback(
     data["name"] = "_".join([scenario.name, *variant, inputs.stem])
     # The error of a replay is relative to the motion to be learned.
     data["desired"] = learned.get("trajectory", {})
+    if scenario.inverse_dynamics:
+        data["inverse_dynamics"] = {**scenario.inverse_dynamics, **dict.fromkeys(plant.joints, False)}
     data["references"] = _references(data.get("references", {}), plant, os.path.relpath(inputs, folder))
     if desired is not None:
         if not plant.prepared.stepping.released:
@@ -72,15 +73,12 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
-        own.pop(INVERSE_DYNAMICS, None)
         own[name] = {"playback": {"file": inputs, "column": joint}}
-        if common.get(INVERSE_DYNAMICS):
-            own[INVERSE_DYNAMICS] = False
     # Entries that every joint replaces would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives if drive.mode
-        for name in (*drive.mode.references, INVERSE_DYNAMICS) if name not in references.get(drive.name, {})
+        for name in drive.mode.references if name not in references.get(drive.name, {})
     }  # fmt: skip
     left = {name: signal for name, signal in common.items() if name in missed}
     return ({"*": left} if left else {}) | references

@@ -22,7 +22,6 @@ from asrsim.scenario.joint_keys import (
     EFFECTS_BY_JOINT,
     INITIAL,
     MODE,
-    MOTION,
     PARAMETERS,
     RANGES_BY_JOINT,
     REFERENCES,
@@ -173,11 +172,7 @@ class Scenario:
         doc="no torque that drives a joint further beyond its velocity limit, as Gazebo has it; `auto`: in toolbox stepping",
     )
     motion: Mapping[str, Signal] = declare(
-        MOTION,
-        default={},
-        unit="rad",
-        shown="locked",
-        doc="bench: `locked`, or a signal (or `locked`) a joint; a CSV by `playback`",
+        SIGNALS_BY_JOINT, default={}, unit="rad", shown="locked", doc="bench: link positions; a CSV by `playback`"
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
@@ -193,13 +188,14 @@ class Scenario:
     """Namespace from the manager file, which replaces that of the actuator blocks."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
         REFERENCES,
-        spread=True,
         default={},
-        doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "
-        "`inverse_dynamics: true` makes the first a desired motion of the link, whose input is computed",
+        doc="the actuators' references, by the names of their mode; a missing reference stays at its start",
     )
-    inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
-    """Joint or `"*"` -> whether its first reference is a desired link motion, for which the input is computed."""
+    inverse_dynamics: Mapping[str, bool] = declare(
+        MapOf(of=Boolean(), bare=True),
+        default={},
+        doc="true: the joint's first reference is a desired motion of the link, for which the input is computed",
+    )
     desired: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,
         default={},

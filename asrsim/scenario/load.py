@@ -77,7 +77,7 @@ def read_scenarios(
             reading = Reading(base=path.parent)
             found.append(build_scenario(changed, reading, name=path.stem, variant=name, path=path, text=text))
             faults += reading.problems
-    return tuple(found), _distinct(faults)
+    return tuple(found), distinct(faults)
 
 
 def _with_robot(root: Node, robot: str | Path | None) -> Node:
@@ -104,7 +104,7 @@ def scenario_from_data(
     reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
-        raise ScenarioError(_distinct(reading.problems))
+        raise ScenarioError(distinct(reading.problems))
     return scenario
 
 
@@ -153,6 +153,6 @@ def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
     return merged, problems
 
 
-def _distinct(problems: Iterable[Problem]) -> list[Problem]:
+def distinct(problems: Iterable[Problem]) -> list[Problem]:
     """Problems without repetitions, as variants share most problems."""
     return list({str(problem): problem for problem in problems}.values())

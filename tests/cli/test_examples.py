@@ -22,6 +22,10 @@ FASTER = {
     "report out/step_2dof": ["--no-film"],
     "sweep examples": ["--set", "duration=0.1", "--workers", "1"],
     "twin lab": ["--no-plot"],
+    "run lab.yaml": ["--no-plot"],
+    "ilc examples": ["--set", "step=0.002"],
+    "run out/ilc_2dof": ["--no-plot"],
+    "plot out/step_2dof --format": ["--joint", "joint_1"],
 }
 """Words of a command -> options that make it faster here."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))

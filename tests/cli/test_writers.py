@@ -145,7 +145,7 @@ def test_a_summary_names_nothing_to_be_removed(place: Path, asrsim_command) -> N
     (place / "made/thesis.tex").write_text(HAND)
     data["files"] = {"plots": [str(place / "made/thesis.tex"), "thesis.tex"], "log": "../step.yaml"}
     summary.write_text(json.dumps(data))
-    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
+    assert asrsim_command(*["run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot", "--overwrite"]).code == 0
     assert (place / "made/thesis.tex").read_text() == HAND
 
 
@@ -157,7 +157,7 @@ def test_a_folder_in_use_is_refused(place: Path, asrsim_command) -> None:
             assert "is in use" in outcome.err
         with pytest.raises(OutputError, match="is in use"):
             asrsim.run(place / "step.yaml", out=place / "made")
-    assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot").code == 0
+    assert asrsim_command(*["run", "step.yaml", "--set", "duration=0.1", "--out", "made", "--no-plot", "--overwrite"]).code == 0
 
 
 def begin(place: Path, size: int = 50_000) -> subprocess.Popen:

@@ -84,9 +84,15 @@ def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
 def test_the_playback_of_some_joints_leaves_the_others_as_they_were(tmp_path, computed):
     """The other joint's input, if it is computed, follows from what the learned one is to do."""
     motion = {"minimum_jerk": {"duration": 0.25, "to": 0.2}}
-    everyone = {"equilibrium_position": motion, "stiffness_preset": 0.4, "inverse_dynamics": computed}
+    everyone = {"equilibrium_position": motion, "stiffness_preset": 0.4}
     learning = {"tolerance": 1e-6, "max_iterations": 2, "trajectory": {"joint_1": motion}}
-    scenario = make_scenario(EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.4, references={"*": everyone}, ilc=learning)
+    scenario = make_scenario(
+        EXAMPLES / "urdf" / "dof2_vertical.urdf",
+        duration=0.4,
+        references={"*": everyone},
+        ilc=learning,
+        inverse_dynamics=computed,
+    )
     chosen = make_plant(scenario)
     session = run_session(chosen, tmp_path, picture=False)
     replayed = load_scenario(tmp_path / "learned.yaml")[0]
@@ -136,8 +142,10 @@ def test_a_run_whose_input_is_computed_follows_the_motion_and_its_log_repeats_it
     wanted = {"minimum_jerk": {"duration": 1.0, "to": 0.4}}
     errors = []
     for computed in (False, True):
-        joint = {"equilibrium_position": wanted, "stiffness_preset": 0.2, "inverse_dynamics": computed}
-        scenario = make_scenario(CUBE, duration=1.5, step=2e-3, references={"joint_1": joint}, desired={"joint_1": wanted})
+        joint = {"equilibrium_position": wanted, "stiffness_preset": 0.2}
+        scenario = make_scenario(
+            CUBE, duration=1.5, step=2e-3, references={"joint_1": joint}, desired={"joint_1": wanted}, inverse_dynamics=computed
+        )
         result = asrsim.run(scenario, out=tmp_path / str(computed))
         motion = scenario.desired["joint_1"].values(result.time)
         errors.append(float(np.abs(result["joint_1"]["link_position"] - motion).max()))

@@ -87,7 +87,7 @@ substeps: 2
 motor_substeps: auto
 substep_cap: 50
 engine: bench
-motion: {a: {sinusoid: {amplitude: 1, frequency: 1}}, b: locked}
+motion: {a: {sinusoid: {amplitude: 1, frequency: 1}}}
 compiled: false
 modes: 6
 parameters: {"*": {spring_k1: 1e-3, motor_1_max_position: inf}, a: {max_def: 0.5}}
@@ -115,7 +115,6 @@ expect:
     assert scenario.package_paths == {"arm_description": tmp_path / "meshes"}
     assert not scenario.fixed_base
     assert scenario.log_every == 4
-    assert scenario.motion["b"] == Constant(value=0.1)  # locked where the joint starts
     assert scenario.modes == {"*": 6}
     assert scenario.parameters["*"]["motor_1_max_position"] == float("inf")
     assert scenario.joint_order == ("b", "a")
