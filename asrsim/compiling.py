@@ -73,10 +73,11 @@ def compile_function(
 
 @dataclass(frozen=True)
 class PackedFunction:
-    """A compiled function that takes the addresses of a record, a state, an exchange and wrenches, and a number."""
+    """A compiled function that takes the addresses of a record, a state, an exchange, wrenches and lengths, and the number of
+    pieces of a kick."""
 
     address: int
-    call: Callable[[int, int, int, int, float], None]
+    call: Callable[..., None]
     """Function to call from Python; it releases the interpreter's lock."""
     owner: Any
 
@@ -84,16 +85,17 @@ class PackedFunction:
 def compile_packed(
     function: Any,
     record: Any,
-    sizes: Callable[[Any], tuple[int, int, int]],
+    sizes: Callable[[Any], tuple[int, int, int, int]],
     *,
     names: Mapping[str, Any] | None = None,
     version: str = "",
     inline: tuple[str, ...] = (),
 ) -> PackedFunction:
-    """`function(record, state, exchange, wrenches, fraction)` compiled for records of this type with arrays of any size; see
+    """`function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
     `asrsim.packed` and `asrsim.engines.base.Native`.
 
-    sizes: function that maps a record to the number of values of a state, and the numbers of rows of exchange and wrenches.
+    sizes: function that maps a record to the number of values of a state, the number of rows of an exchange for each piece, and
+    the numbers of rows and columns of the wrenches for each piece.
     Other arguments as in `compile_function`.
     """
     import ctypes
@@ -102,9 +104,8 @@ def compile_packed(
 
     kind = type_of(record)
     given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
-    callback = compile_law(_at_address, given, "aaaad", version=f"{version}\n{kind}", inline=inline)
-    words = ctypes.c_ssize_t
-    call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
+    callback = compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(callback.address)
     return PackedFunction(callback.address, call, callback)
 
 
@@ -115,10 +116,13 @@ def _unbound(*arguments: Any) -> Any:
 _unpacked = _function = _sizes = _table = _unbound
 
 
-def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction: float) -> None:
+def _at_address(address: int, state: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
     record = _unpacked(address)
-    size, joints, pushes = _sizes(record)
-    _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
+    size, joints, rows, columns = _sizes(record)
+    _function(
+        record, _table(state, 1, 1, size)[0, 0], _table(exchange, pieces, joints, 5), _table(wrenches, pieces, rows, columns),
+        _table(lengths, 1, 1, pieces)[0, 0],
+    )  # fmt: skip
 
 
 def compile_law(

@@ -83,7 +83,7 @@ def live(
         with Interruption("") as interruption:
             summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
     return Done(
-        data={"ok": summary.ok, "runs": [each.as_dict() for each in session.summaries]},
+        data={"ok": summary.ok, "runs": [summary.as_dict()]},
         always=lambda: print_live(session, summary, plugin, quiet=quiet),
         code=int(not summary.ok),
     )

@@ -1,4 +1,4 @@
-"""`asrsim sweep`: runs a varied scenario many times, and writes rows, a table, pictures and a page."""
+"""`asrsim sweep`: runs a varied scenario many times, and writes rows, a table and pictures."""
 
 from __future__ import annotations
 
@@ -44,10 +44,6 @@ def sweep(
         Path | None,
         typer.Option(help="File with keys, mean and covariance: joint distribution of these keys.", show_default=False),
     ] = None,
-    signal: Annotated[
-        list[str] | None, typer.Option(metavar="JOINT.QUANTITY", help="Keep this signal of every run; may be repeated.")
-    ] = None,
-    rate: Annotated[float, typer.Option(min=1e-6, help="Rate of kept signals, Hz.")] = 100.0,
     workers: Annotated[
         int | None, typer.Option("--workers", "-j", min=1, help="Number of processes.", show_default="one per core")
     ] = None,
@@ -65,7 +61,6 @@ def sweep(
         typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that vary"),
     ] = None,
     plot: Plot = True,
-    report: Annotated[bool, typer.Option("--report/--no-report", help="Write a page for the browser.")] = True,
     *,
     plugin: list[Path],
     quiet: bool,
@@ -82,7 +77,7 @@ def sweep(
     """
     given: dict[str, Any] = {
         "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
-        "fit": fit, "signals": signal or [], "rate": rate, "plugins": plugin,
+        "fit": fit, "plugins": plugin,
     }  # fmt: skip
     if run is not None:
         return _repeated(study, run, out, plugin, quiet=quiet)
@@ -97,10 +92,6 @@ def sweep(
         from asrsim.sweeps.pictures import draw_sweep
 
         files += draw_sweep(table, results=result or [])
-    if len(table) and report and not code:
-        from asrsim.sweeps.page import write_page
-
-        files.append(write_page(table, results=result or []))
     from asrsim.sweeps.show import as_dict, say_summary
 
     def text() -> None:
@@ -122,7 +113,7 @@ def _swept(
     from asrsim.sweeps import sweep
     from asrsim.sweeps.run import study_of
 
-    defaults = {"design": "random", "seed": 0, "rate": 100.0}
+    defaults = {"design": "random", "seed": 0}
     study = study_of(path, over, {name: value for name, value in given.items() if value and value != defaults.get(name)})
     for warning in study.joint.warnings if study.joint else ():
         complain(f"warning {warning}")

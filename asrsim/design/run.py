@@ -181,7 +181,7 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
     """(n, n) Fisher matrix of recordings, after what belongs to the recordings themselves is estimated too."""
     whole = fit.whole
-    slopes = jacobian(whole, np.zeros(len(whole.layout)), central=True)
+    slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
     keys = [entry.parameter.key for entry in layout.entries]
     shared = [entry.parameter.key if entry.track is None else "" for entry in whole.layout.entries]

@@ -1,14 +1,10 @@
-"""Torque balances along the recorded motion, without a simulation. Filtered recorded positions give velocities and
-accelerations; each spring, motor and link has a balance.
-
-- `regressed` finds parameters for which the torques balance. Noise of the positions biases them; the search starts from them.
-- `TorqueTrack` is for joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate.
-  Therefore the torque that the motion needs is compared with the recorded torque (equation error).
+"""Joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate. Therefore the torque
+that the recorded motion needs is compared with the recorded torque (equation error).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +12,8 @@ from numpy.typing import NDArray
 
 from asrsim.errors import RobotError
 from asrsim.identification.data import Channel, Data
-from asrsim.identification.door import EXTERNAL, Door, Drive, electric_of, link_motion, over_arrays
-from asrsim.identification.layout import Layout
+from asrsim.identification.door import EXTERNAL, Door, Drive
 from asrsim.identification.noise import fine_noise, smoothed
-from asrsim.identification.problem import Problem
 from asrsim.identification.track import Playing, Track, numbers_of
 from asrsim.robot.model import Link, Robot
 from asrsim.samples import Array
@@ -105,208 +99,6 @@ def bandwidth(time: Array, channel: Channel) -> float:
     level = max(channel.noise, channel.quantum) ** 2 * n * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
     loud = np.flatnonzero(power > LOUD * level + 1e-300)
     return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
-
-
-def _size(torques: Array) -> float:
-    return max(float(np.sqrt(np.mean(torques**2))), 1e-12)
-
-
-# -- starts from regression --------------------------------------------------------------------------------------------------
-
-ROWS = 200
-"""Largest number of rows that are compared in a recording."""
-SPOILT = 0.05
-"""Fraction of a recording at each end that is left out, since the filter distorts it."""
-WEAK = 1e-3
-"""Weight of the start values: parameters without influence on a balance keep them."""
-BALANCED = 0.3
-"""Largest relative imbalance of a solution near the start; above it a linear regression is tried."""
-STRAIGHT = 1e-6
-"""Largest relative deviation from linearity at which the torques count as linear in a parameter."""
-STEPS, INSIDE = 60, 1e-6
-"""Largest number of evaluations of the refinement; distance of its start from the bounds."""
-NONE = 0.1
-"""Fraction of its start value that a loss keeps if the balance estimates it as zero."""
-
-
-def regressed(problem: Problem, x: Array) -> Array | None:
-    """Parameter vector for which the torques balance; None if the recordings have no balance."""
-    layout = problem.layout
-    tracks = [(number, problem.tracks[number]) for number in problem.fitted]
-    balances = [(number, _Balance(track)) for number, track in tracks if not isinstance(track, TorqueTrack)]
-    low, high = layout.bounds
-
-    def left(there: Array) -> Array:
-        rows = [row for number, one in balances for row in one.rows(layout.table(there, number))]
-        return np.concatenate(rows) if rows else np.zeros(0)
-
-    try:
-        if not len(left(x)):
-            return None
-        begin = np.clip(x, low + INSIDE, high - INSIDE)
-        found = _near(left, begin, low, high)
-        if np.mean(left(found) ** 2) > BALANCED**2:
-            far = np.clip(linear_fit(left, begin, layout), low + INSIDE, high - INSIDE)
-            found = min(found, _near(left, far, low, high), key=lambda there: float(np.mean(left(there) ** 2)))
-    except RobotError:
-        return None
-    # A loss that is estimated as zero may be small. At zero its derivative would vanish.
-    losses = [not entry.parameter.logarithmic and entry.parameter.low == 0.0 for entry in layout.entries]
-    some = [entry.place(NONE * entry.start) if loss else -np.inf for entry, loss in zip(layout.entries, losses, strict=True)]
-    return np.maximum(found, some)
-
-
-def _near(left: Callable[[Array], Array], start: Array, low: Array, high: Array) -> Array:
-    """Parameter vector for which the torques balance, by nonlinear least squares from a start."""
-    from scipy.optimize import least_squares
-
-    found = least_squares(
-        lambda there: np.append(left(there), WEAK * (there - start)), start, bounds=(low, high), loss="soft_l1", x_scale=0.3,
-        max_nfev=STEPS, ftol=1e-3, xtol=1e-3,
-    )  # fmt: skip
-    return np.asarray(found.x, dtype=np.float64)
-
-
-def linear_fit(left: Callable[[Array], Array], x: Array, layout: Layout) -> Array:
-    """Parameter vector for which the torques balance, by one linear regression over the parameters in which torques are
-    linear.
-    """
-    from scipy.optimize import lsq_linear
-
-    plain, base, there = layout.values(x), left(x), x.copy()
-    sizes = np.array([abs(v) or entry.parameter.size for v, entry in zip(plain.tolist(), layout.entries, strict=True)])
-    columns, linear = [], []
-    for i, entry in enumerate(layout.entries):
-        moved = [x.copy(), x.copy()]
-        for count, one in enumerate(moved, start=1):
-            one[i] = entry.place(float(plain[i] + count * sizes[i]))
-        once, twice = (left(one) - base for one in moved)
-        size = float(np.linalg.norm(once))
-        if size > 0.0 and float(np.linalg.norm(twice - 2.0 * once)) < STRAIGHT * size:
-            columns.append(once / size)
-            linear.append((i, float(sizes[i]) / size))
-    if not linear:
-        return x
-    least = [(layout.entries[i].parameter.low - plain[i]) / unit for i, unit in linear]
-    # The step to an infinite bound may be nan; lsq_linear ignores it.
-    with np.errstate(invalid="ignore"):
-        found = lsq_linear(np.column_stack(columns), -base, bounds=(np.minimum(least, -1e-12), np.inf))
-    for (i, unit), move in zip(linear, found.x.tolist(), strict=True):
-        there[i] = layout.entries[i].place(max(float(plain[i]) + unit * move, INSIDE * float(sizes[i])))
-    return there
-
-
-class _Balance:
-    """Torque balances of the springs, motors and links of one recording."""
-
-    def __init__(self, track: Track) -> None:
-        self._door, self._scenario = track.door, track.scenario
-        self._recorded = {(one.joint, one.quantity): one for one in track.channels}
-        step = max(self._scenario.step, float(np.median(np.diff(track.channels[0].time))))
-        first, last = (end(float(c.time[i]) for c in track.channels) for end, i in ((max, 0), (min, -1)))
-        self._time = np.arange(first, last, step)
-        edge = max(int(SPOILT * len(self._time)), 4)
-        kept = slice(edge, len(self._time) - edge, max(1, len(self._time) // ROWS))
-        loud = [bandwidth(self._time, c) for key, c in self._recorded.items() if key[1].endswith(("position", "deflection"))]
-        self._grid = Grid(self._time, min(0.3, 2.0 * step * max(loud, default=1.0)), kept)
-        drives = self._door.drives
-        self._goals = [self._goals_of(drive) for drive in drives]
-        self._motors = [self._motors_of(drive, goals) for drive, goals in zip(drives, self._goals, strict=True)]
-        moved = [self._link_of(drive, goals) for drive, goals in zip(drives, self._goals, strict=True)]
-        self._links = [None if one is None else self._grid.motion(one) for one in moved]
-        known = [link for link in self._links if link is not None]
-        whole = len(known) == len(drives) and self._scenario.engine != "bench"
-        self._moving = Links(self._door, self._grid, known) if whole else None
-        self._commands = [[None if one is None else self._grid.smooth(one) for one in goals] for goals in self._goals]
-        torques = [key for key in self._recorded if "elastic_torque" in key[1]]
-        self._torques = {key: self._grid.smooth(one) for key in torques if (one := self._sampled(*key)) is not None}
-
-    def _sampled(self, joint: str, quantity: str) -> Array | None:
-        one = self._recorded.get((joint, quantity))
-        return None if one is None else np.interp(self._time, one.time, one.values)
-
-    def _goals_of(self, drive: Drive) -> list[Array | None]:
-        """References of motors 1 and 2 on the grid."""
-        if drive.mode is None or drive.actuator is None:
-            return [None, None]
-        signals = self._scenario.references_of(drive.name)
-        given = [signals[name].values(self._time) if name in signals else None for name in drive.mode.references]
-        first, second = (*given, None)[:2]
-        if not drive.mode.mapped or first is None:
-            return [first, second]
-        preset = np.zeros_like(self._time) if second is None else second
-        pairs = map(drive.actuator.motor_references, first.tolist(), preset.tolist())
-        return list(np.array(list(pairs)).T)
-
-    def _places_of(self, drive: Drive, goals: Sequence[Array | None]) -> list[Array | None]:
-        """Positions of the motors; a motor without dynamics stands at its reference."""
-        found = [self._sampled(drive.name, f"motor_{i}_position") for i in (1, 2)]
-        return [goals[i] if one is None and i >= drive.dynamic_motors else one for i, one in enumerate(found)]
-
-    def _motors_of(self, drive: Drive, goals: Sequence[Array | None]) -> list[Motion] | None:
-        """Motions of the motors and of the stiffness adjuster; None if one of them is unknown."""
-        if drive.actuator is None or drive.mode is None or not drive.mode.spring:
-            return None
-        count = 2 if drive.actuator.motors > 1 or drive.actuator.adjuster else 1
-        found = [self._grid.motion(one) for one in self._places_of(drive, goals)[:count] if one is not None]
-        return found if len(found) == count else None
-
-    def _link_of(self, drive: Drive, goals: Sequence[Array | None]) -> Array | None:
-        """Positions of a link: recorded, prescribed, or computed from the deflection."""
-        values, bend = self._sampled(drive.name, "link_position"), self._sampled(drive.name, "deflection")
-        if values is None and self._scenario.engine == "bench":
-            return link_motion(self._scenario, drive.name).values(self._time)
-        if values is None and bend is not None and drive.actuator is not None:
-            both = [np.zeros_like(bend) if one is None else one for one in self._places_of(drive, goals)]
-            return np.asarray(over_arrays(drive.actuator.equilibrium_position)(*both) - bend)
-        return values
-
-    def rows(self, values: Mapping[str, float]) -> Iterator[Array]:
-        """Imbalance of each spring, motor and link, relative to its driving torque. Raises RobotError."""
-        varied = self._door.varied(numbers_of(values))
-        for j, (drive, motors, link) in enumerate(zip(varied.drives, self._motors, self._links, strict=True)):
-            springs = self._springs(drive, motors, link)
-            for i, torque in enumerate(springs, start=1):
-                if (measured := self._torques.get((drive.name, f"elastic_torque_{i}"))) is not None:
-                    yield (torque - measured) / _size(measured)
-                goal = self._commands[j][i - 1]
-                if i <= drive.dynamic_motors and motors is not None and goal is not None:
-                    yield _of_motor(drive, i, motors[i - 1], goal, torque)
-            if self._moving is not None and link is not None:
-                yield self._of_link(self._moving, varied.robot, drive, j, link, springs)
-
-    def _springs(self, drive: Drive, motors: list[Motion] | None, link: Motion | None) -> list[Array]:
-        """Torque of each spring on the link."""
-        if motors is None or link is None or drive.actuator is None:
-            return []
-        second = motors[1].place if len(motors) > 1 else np.zeros_like(link.place)
-        found = over_arrays(drive.actuator.elastic_torques)(link.place, motors[0].place, second, drive.elastic)
-        return [one + 0.0 * link.place for one in found[: drive.actuator.motors]]
-
-    def _of_link(self, links: Links, robot: Robot, drive: Drive, j: int, link: Motion, springs: Sequence[Array]) -> Array:
-        """Torque that a link's motion needs, minus the torque that drives it."""
-        inertial, push = links.inertial(robot)[:, j], sum(springs, np.zeros_like(link.place))
-        command = self._commands[j][0]
-        if command is not None and drive.mode is not None and not drive.mode.spring:
-            push = command if drive.mode.number == 0 else drive.values["controller_1_proportional"] * (command - link.place)
-        # If all torques scale with free parameters, scaling by one side alone would favour vanishing torques.
-        measure = np.sqrt(_size(push) * _size(inertial)) if np.any(push) else _size(inertial)
-        return np.asarray((links.needed(drive, robot, j, 0.0 * self._time) - push) / measure)
-
-
-def _of_motor(drive: Drive, i: int, motor: Motion, command: Array, load: Array) -> Array:
-    """Torques of inertia, friction and spring of motor i, minus the torque that drives it, relative to that torque."""
-    numbers, lag, mode = drive.values, drive.values[f"motor_{i}_damping"], drive.mode
-    assert mode is not None  # motors without one have no dynamics
-    if mode.controller:
-        push = numbers[f"controller_{i}_proportional"] * (command - motor.place)
-        lag += numbers[f"controller_{i}_derivative"]
-    else:
-        electric = electric_of(numbers, i, mode)
-        push, lag = electric.gain * command, lag + electric.lag
-    needed = numbers[f"motor_{i}_inertia"] * motor.rate + lag * motor.velocity + load
-    needed = needed + numbers[f"motor_{i}_friction_torque"] * motor.sign
-    return np.where(np.abs(push) < numbers[f"motor_{i}_max_torque"], needed - push, 0.0) / _size(push)
 
 
 # -- joints that a recorded torque drives ------------------------------------------------------------------------------------

@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.electric import electric_of
 from asrsim.actuators.user import load_plugin_file
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
-from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.quantities import QUANTITIES
 from asrsim.robot import Robot, check_two_motors
@@ -26,8 +24,7 @@ from asrsim.simulation.worlds import Start, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "electric_of",
-    "link_motion", "load_plugin_file", "over_arrays",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "load_plugin_file",
 ]  # fmt: skip
 
 SOURCES = ("link_position", "motor_1_position", "motor_2_position")

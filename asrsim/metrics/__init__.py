@@ -7,7 +7,7 @@ from asrsim.metrics.frequency import frequency_response
 from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, Measure, measure
 from asrsim.metrics.output import MetricRow, write_metrics_csv, write_metrics_json
-from asrsim.metrics.summary import JointSummary, summaries, summarise
+from asrsim.metrics.summary import JointSummary, summarise
 
 __all__ = [
     "MEASURES",
@@ -20,7 +20,6 @@ __all__ = [
     "evaluate_expectation",
     "frequency_response",
     "measure",
-    "summaries",
     "summarise",
     "write_metrics_csv",
     "write_metrics_json",

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics.lag import Lag, estimate_lag
+from asrsim.metrics.lag import TRUSTED, Lag, estimate_lag
 from asrsim.quantities import DERIVED
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import wrong_unit
@@ -111,8 +111,6 @@ def _moves(values: Array) -> bool:
 
 LagChoice = float | Literal["auto", "off", "start"]
 """auto: by cross-correlation; off: clocks unchanged; start: aligns the first samples; a number: delay of the recording, s."""
-TRUSTED = 0.6
-"""Correlation below which an estimated lag is rejected."""
 _CLEARLY = 0.1
 """Gain in correlation from which a series with reversed sign is taken to be reversed."""
 _GAP = 3.0

@@ -1,7 +1,7 @@
 """The loop over worlds and substeps; the same source runs as Python or compiled.
 
 In a substep, sensors are read, motors move and their springs load the links; the engine moves the links; the energy balance is
-updated. If an input jumps, the kick is split into pieces with separate inputs.
+updated. If an input jumps, the kick is split into pieces with separate inputs, which act on the links one after the other.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from asrsim.simulation.layout import (
     FREE_BEFORE,
     HEALTHY,
     LAST_ENGINE_VELOCITY,
+    LAW_ENERGY,
     LINK_IMPLICITNESS,
     MOTOR_PUSHES,
     MOTORS,
@@ -52,6 +53,7 @@ from asrsim.simulation.layout import (
     RAN_AWAY,
     STAGGERED,
     STEP,
+    STIFFNESS,
     TORQUE,
     VELOCITY,
     WEIGHT_LAST,
@@ -67,34 +69,27 @@ ENDLESS = 1e300
 
 def run(
     which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
-    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, cuts: Any, fractions: Any,
-    on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
+    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, lengths: Any, cuts: Any,
+    exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 3) the worlds, the number of each one's inputs, and its place in `out`; first: row of the
-    inputs at which the call begins; every: rows are recorded at multiples of so many substeps;
+    which: (m, 4) the worlds, and for each its set of inputs and references, its place in `out`, and its set of wrenches,
+    lengths and cuts; first: row of the inputs at which the call begins; every: rows are recorded at multiples of so many
+    substeps;
     watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
-    (worlds, ...); inputs, references: (sets, n, joints, ...); wrenches: (sets, n, w, 6); cuts: (sets, c, 3) rows
-    in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
-    parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
-    exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
+    (worlds, ...); inputs, references, wrenches, lengths, cuts: see :class:`asrsim.simulation.inputs.Given`; exchange: (pieces,
+    joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
     are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
     each world, and its references.
     """
     for chosen in range(len(which)):
-        w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
+        w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
         row = recorded = cut = 0
-        s_all, p_all, x, u_all, pushes, own_cuts = (
-            states[w],
-            constants[w],
-            engine_states[w],
-            inputs[own_set],
-            wrenches[own_set],
-            cuts[own_set],
-        )
+        s_all, p_all, x, u_all = states[w], constants[w], engine_states[w], inputs[own_set]
+        pushes, own_lengths, own_cuts = wrenches[timing], lengths[timing], cuts[timing]
         while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
             cut += 1
         for step in range(first, first + count):
@@ -103,12 +98,9 @@ def run(
             substep = done[w]
             asked = substep % every == 0
             jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
-            length, first_piece, last_piece = 1.0, 0, 0
+            begin, end, on_time = step, step + 1, step
             if jumped:
-                first_piece, last_piece = own_cuts[cut][1], own_cuts[cut][2]
-                length = 0.0
-                for piece in range(first_piece, last_piece):
-                    length += fractions[piece]
+                begin, end, on_time = own_cuts[cut][1], own_cuts[cut][2], own_cuts[cut][3]
                 cut += 1
             for j in range(len(kinds)):
                 s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
@@ -117,25 +109,18 @@ def run(
                 if k[CONTROLLERS]:
                     read_sensors(s, p, k, z, u)
                 if jumped:
-                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j, whole)
+                    torque = _in_pieces(s, p, k, z, v, u_all, own_lengths, begin, end, on_time, j, whole, exchange)
                 else:
-                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE, whole)
-                    s[BRAKE] = limit(s, p, v)
-                    s[PUSH] = push_of(s, p, u[EXTERNAL])
-                    torque = s[APPLIED] + s[PUSH]
-                s[DRAG] = damping_of(s, p)
-                exchange[j, E_TORQUE] = torque
-                exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
-                exchange[j, E_FRICTION] = friction_of(s, p, v)
+                    torque = _load(s, p, k, z, v, u, z[STEP], DRIVE_TORQUE, whole, exchange, 0, j)
                 if not abs(torque) < ENDLESS:
                     fault[w, 0], fault[w, 1] = NO_VALUE, j
                     break
             if fault[w, 0] != HEALTHY:
                 break
-            engine_step(engine, record, x, exchange, pushes[step], length if substep == 0 else 1.0)
+            engine_step(engine, record, x, exchange, pushes[begin:end], own_lengths[begin:end], end - begin)
             for j in range(len(kinds)):
                 s, p, k = s_all[j], p_all[j], kinds[j]
-                velocity = exchange[j, E_VELOCITY]
+                velocity = exchange[end - begin - 1, j, E_VELOCITY]
                 _read_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
@@ -149,7 +134,7 @@ def run(
                 s[LAST_ENGINE_VELOCITY] = (
                     2.0 * s[ENGINE_VELOCITY] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[ENGINE_VELOCITY]
                 )
-                s[ENGINE_VELOCITY], s[POSITION] = velocity, exchange[j, E_POSITION]
+                s[ENGINE_VELOCITY], s[POSITION] = velocity, exchange[end - begin - 1, j, E_POSITION]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
@@ -161,6 +146,68 @@ def run(
                 rows[w, j, c] = out[place, row - 1, j, c]
             for c in range(len(references[own_set][recorded][j])):
                 given[w, j, c] = references[own_set][recorded][j][c]
+
+
+def _load(
+    s: Any, p: Any, k: Any, z: Any, v: float, u: Any, h: float, note: int, whole: bool, exchange: Any, piece: int, j: int
+) -> float:  # fmt: skip
+    """Torque on the link in N m in a kick of h s, or in a piece of it; also advances the joint, and writes torque, damping and
+    friction to the exchange. note, whole: see `asrsim.simulation.joint.advance`."""
+    advance(s, p, k, z, u, h, note, whole)
+    s[BRAKE] = limit(s, p, v)
+    s[PUSH] = push_of(s, p, u[EXTERNAL])
+    s[DRAG] = damping_of(s, p)
+    torque: float = s[APPLIED] + s[PUSH]
+    exchange[piece, j, E_TORQUE] = torque
+    exchange[piece, j, E_DAMPING] = s[DRAG] + s[BRAKE]
+    exchange[piece, j, E_FRICTION] = friction_of(s, p, v)
+    return torque
+
+
+def _in_pieces(
+    s: Any, p: Any, k: Any, z: Any, v: float, u_all: Any, lengths: Any, first: int, last: int, on_time: int, j: int,
+    whole: bool, exchange: Any,
+) -> float:  # fmt: skip
+    """Sum of the torques on the link in N m in the pieces of a kick; also advances the joint, and writes the loads of each
+    piece to the exchange.
+
+    The mean torques over the half kicks before and after the time of the whole substep are stored in s. first, last, on_time:
+    rows of the inputs; the first substep of a run has no piece before its time.
+    """
+    for c in range(PUSHES):
+        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
+    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
+    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
+    total = torque = applied = push = drag = stiffness = energy = 0.0
+    for row in range(first, last):
+        u = u_all[row][j]
+        if row == on_time:
+            # The time of the whole substep: h = 0 stores the values to record, and nothing moves.
+            _load(s, p, k, z, v, u, 0.0, DRIVE_TORQUE, whole, exchange, row - first, j)
+            s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
+            torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
+            stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
+            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
+        length = float(lengths[row])
+        total += _load(s, p, k, z, v, u, length * z[STEP], DRIVE_PIECE, p[P_DAMPING_RATIO] != 0.0, exchange, row - first, j)
+        share = 2.0 * length
+        s[side] += share * s[APPLIED]
+        s[side + 1] += share * s[TORQUE]
+        s[side + 3] += share * s[PUSH]
+        for i in range(k[MOTORS]):
+            m = FIRST_MOTOR + i * PER_MOTOR
+            for c in range(MOTOR_PUSHES):
+                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
+        if s[BRAKE] == p[P_BRAKE]:
+            s[free_side] += share
+    s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
+    s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
+    s[BRAKE] = p[P_BRAKE]
+    return total
 
 
 def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
@@ -178,49 +225,3 @@ def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
         s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
     else:
         s[APPLIED] += brake
-
-
-def _in_pieces(
-    s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
-    j: int, whole: bool,
-) -> float:  # fmt: skip
-    """Mean torque on the link in N m in a substep whose kick is split into pieces; also advances the joint.
-
-    The mean torques over the half kicks before and after the time of the whole substep are stored in s. length: total length of
-    the pieces in substeps; the first substep of a run has no piece before its time.
-    """
-    for c in range(PUSHES):
-        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
-    for i in range(k[MOTORS]):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        for c in range(MOTOR_PUSHES):
-            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
-    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
-    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
-    mean = free = torque = applied = push = 0.0
-    for piece in range(first, last):
-        u = pieces[piece][j]
-        s[PUSH] = push_of(s, p, u[EXTERNAL])
-        if on_time[piece]:
-            # The time of the whole substep: h = 0 stores the values to record, and nothing moves.
-            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, whole)
-            s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
-            torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
-            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
-        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE, False)
-        brake = limit(s, p, v)
-        share = 2.0 * fractions[piece]
-        mean += fractions[piece] / length * (s[APPLIED] + s[PUSH])
-        s[side] += share * s[APPLIED]
-        s[side + 1] += share * s[TORQUE]
-        s[side + 3] += share * s[PUSH]
-        for i in range(k[MOTORS]):
-            m = FIRST_MOTOR + i * PER_MOTOR
-            for c in range(MOTOR_PUSHES):
-                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
-        if brake == p[P_BRAKE]:
-            s[free_side] += share
-            free += fractions[piece]
-    s[TORQUE], s[APPLIED], s[PUSH] = torque, applied, push
-    s[BRAKE] = p[P_BRAKE] * min(free / length, 1.0)
-    return mean

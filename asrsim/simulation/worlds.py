@@ -76,7 +76,7 @@ class Block:
 
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
-    """(m, 3) worlds, the set of each, and its place."""
+    """(m, 4) worlds, and for each its set of inputs, its place and its set of wrenches, lengths and cuts."""
     given: Given
     end: int
     """Rows."""
@@ -250,16 +250,18 @@ class Worlds:
         alike: dict[tuple[int, int], list[int]] = {}
         for place, world in enumerate(numbers.tolist()):
             alike.setdefault((id(self._inputs[world]), int(self.core.done[world])), []).append(place)
-        parts, count = [], 0
-        which = np.column_stack([numbers, numbers, np.arange(len(numbers))])
+        parts: list[Given] = []
+        count = 0
+        which = np.column_stack([numbers, numbers, np.arange(len(numbers)), numbers])
         for (_, substep), places in alike.items():
             worlds = numbers[places]
             inputs, held = self._inputs[worlds[0]], self._held[worlds]
             free = bool(np.isnan(held).all())
             begin, end = chunk_at(substep, self.chunk)
             chunk, first = inputs.chunk(begin, end - begin), substep - begin
-            parts.append(inputs.given(chunk, first, first + length, None if free else held))
             which[places, 1] = count if free else count + np.arange(len(places))
+            which[places, 3] = len(parts)
+            parts.append(inputs.given(chunk, first, first + length, None if free else held))
             count += len(parts[-1].inputs)
         return Block(numbers, which, self.core.taken(joined(parts)), length)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics import JointSummary, summaries, summarise
+from asrsim.metrics import JointSummary, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples, concatenate
 
 if TYPE_CHECKING:
@@ -102,17 +102,17 @@ class Collector:
             signal = desired.get(joint.name, desired.get("*"))
             if signal is not None:
                 references[j] = signal.values(time)
-        finite: Any = np.isfinite(references)
-        known = finite.all(axis=1).tolist()
-        starts = references[:, 0] if balanced else positions[:, 0]
-        pairs = zip(known, references, starts.tolist(), strict=True)
-        steps = [step_start(reference, start) if there else None if balanced else 0 for there, reference, start in pairs]
-        errors = np.where(np.array(known)[:, None], references - positions, np.nan)
-        found = summaries(time, positions, errors, steps, self._peaks)
-        return tuple(
-            replace(one, overshoot=math.nan) if there and one.overshoot > SHAKEN else one
-            for one, there in zip(found, known, strict=True)
-        )
+        measures = []
+        for position, reference, peak in zip(positions, references, self._peaks.tolist(), strict=True):
+            known = bool(np.isfinite(reference).all())
+            columns = {"link_position": position}
+            step = None if balanced else 0
+            if known:
+                columns["position_error"] = reference - position
+                step = step_start(reference, float(reference[0] if balanced else position[0]))
+            one = replace(summarise(time, columns, step=step), peak_deflection=peak)
+            measures.append(replace(one, overshoot=math.nan) if known and one.overshoot > SHAKEN else one)
+        return tuple(measures)
 
     def _tip(self) -> dict[str, float]:
         errors = self._tip_errors.values

@@ -159,7 +159,7 @@ def _clocks(ready: Prepared, commands: Mapping[tuple[str, str], Array], measured
             return
     for j, joint in enumerate(simulation.joints):
         found = estimate_lag(time, moved[:, j], time, measured[:, j], limit=min(1.0, 0.25 * float(time[-1] - time[0])))
-        if found is not None and abs(found.seconds) > APART:
+        if found is not None and found.is_trusted and abs(found.seconds) > APART:
             when = "later" if found.seconds > 0.0 else "earlier"
             text = f"its positions come {abs(found.seconds):.3g} s {when} after the commands than the model says"
             yield f"{joint}: {text}: are their clocks apart? --lag {found.seconds:.3g} moves them"

@@ -18,7 +18,7 @@ from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import door, progress, task_of
 from asrsim.identification.advice import advice, design_line
-from asrsim.identification.balance import is_driven_by_torque, regressed
+from asrsim.identification.balance import is_driven_by_torque
 from asrsim.identification.data import Command
 from asrsim.identification.layout import Tie
 from asrsim.identification.played import Played
@@ -63,43 +63,6 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
         assert one.value == pytest.approx(value, rel=0.02)
     assert fitted.fits, fitted.misfit
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
-
-
-def test_a_start_far_off_comes_near_by_regression(lab):
-    with ExitStack() as stack:
-        problem = set_up(task_of(lab / "lab.yaml", [lab / "a.csv"], free=["joint_1.spring_stiffness=4e5"]), stack).problem
-        (there,) = problem.layout.values(regressed(problem, np.zeros(1)))
-    assert there == pytest.approx(4.0, rel=0.2)
-
-
-RECORDED = {
-    1: ("link_position",),
-    3: ("link_position", "elastic_torque_1"),
-    5: ("link_position", "motor_1_position"),
-}
-"""Mode -> what is recorded in it."""
-
-
-@pytest.mark.parametrize("mode", RECORDED)
-def test_torques_balance_at_the_truth_in_every_mode(tmp_path, mode):
-    free = {"joint_1.damping": 0.02, "link_1.izz": 0.009} | ({"joint_1.motor_1_inertia": 0.0233} if mode == 5 else {})
-    free |= {"joint_1.spring_stiffness": 4.0} if mode == 3 else {"joint_1.motor_1_friction_torque": 0.2} if mode == 5 else {}
-    told = {1: "link_position", 3: "equilibrium_position", 5: "reference_1"}[mode]
-    numbers = {**SEA, "mode": mode, "tags": f"{SEA['tags']}<mot_tauFric>0.2</mot_tauFric>"}
-    truth = write(tmp_path, "truth", numbers, f"{{{told}: {CHIRP}}}")
-    guess = write(tmp_path, "guess", numbers)
-    for path in (truth, guess):
-        path.write_text(path.read_text() + "compiled: false\n")
-    recording = record(truth, tmp_path / "r.csv", RECORDED[mode], noise=1e-6, every=4)
-    with ExitStack() as stack:
-        problem = set_up(task_of(guess, [recording], free=[f"{key}={3 * value}" for key, value in free.items()]), stack).problem
-        found = problem.layout.values(regressed(problem, np.zeros(len(problem.layout))))
-    found = dict(zip(free, found, strict=False))
-    if mode == 5:
-        # Its sign is a slope where the motor turns round, and Dahl's law bends there.
-        friction = "joint_1.motor_1_friction_torque"
-        assert found.pop(friction) == pytest.approx(free.pop(friction), rel=0.15)
-    assert found == pytest.approx(free, rel=0.02)
 
 
 def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):

@@ -67,10 +67,10 @@ def test_a_bench_moves_as_its_signal_says_however_it_is_gone_through(tmp_path: P
     scenario = replace(scenario, motion={"joint": signal})
     engine = bench.BenchEngine(scenario, load_robot(scenario.robot))
     engine.start([0.0], [0.0], step=scenario.step, staggered=True, implicitness=0.5)
-    exchange = np.zeros((1, 5))
+    exchange = np.zeros((1, 1, 5))
     for row in (*range(1, 20), 3, 4, 90, 89, 1, 31, 32):
         engine.state = row - 1
-        engine.step(exchange, np.zeros((0, 6)))
+        engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))
         before, here = signal.values(np.array([row - 1, row]) * scenario.step)
-        assert exchange[0, POSITION] == pytest.approx(here, abs=1e-12)
-        assert exchange[0, VELOCITY] == pytest.approx((here - before) / scenario.step, abs=1e-9)
+        assert exchange[0, 0, POSITION] == pytest.approx(here, abs=1e-12)
+        assert exchange[0, 0, VELOCITY] == pytest.approx((here - before) / scenario.step, abs=1e-9)

@@ -23,7 +23,6 @@ from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
-from asrsim.simulation.wrenches import wrench_table
 from support.hanging_chain import INERTIA, MASS, REACH
 from support.paths import EXAMPLES
 from validation.conservation import motors
@@ -42,16 +41,13 @@ def prepared(**fields: Any) -> Prepared:
     return prepare(Scenario(name="seams", robot=robot.path, **keys), robot)
 
 
-@pytest.mark.parametrize("size", [1, 3, 7])
-def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
-    wrench = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
-    table = wrench_table(wrench, staggered=True)
-    whole = table(0, 42, H)
-    parts = np.concatenate([table(first, min(size, 42 - first), H) for first in range(0, 42, size)])
-    np.testing.assert_array_equal(parts, whole)
-    # Nothing of a pulse is lost: over all kicks, from 0 to 41.5 steps, what the force gave.
-    edges = np.arange(0, 41.5 * H, 1e-6) + 5e-7
-    assert H * whole[:, 0].sum() == pytest.approx(1e-6 * PULSES.values(edges).sum(), abs=1e-6)
+def test_a_force_moves_a_link_as_the_same_external_torque_does() -> None:
+    body = replace(BODY, actuator=None, prismatic=True, axis="1 0 0")
+    force = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
+    keys: tuple[dict[str, Any], ...] = {"wrenches": (force,)}, {"external": {"joint_1": PULSES}}
+    found = [column(run(chain(body), duration=0.2, compiled=False, **more), "link_position") for more in keys]
+    assert np.abs(found[0]).max() > 1e-4
+    np.testing.assert_allclose(*found, rtol=1e-12)
 
 
 def test_late_sensors_of_motors_are_of_second_order() -> None:

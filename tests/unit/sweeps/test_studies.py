@@ -15,7 +15,8 @@ from asrsim.errors import InputError, OutputError, SimulationError
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.rows import Runner, alone, crashed_row
+from asrsim.sweeps.rows import Runner, alone
+from asrsim.sweeps.run import crashed_row
 from asrsim.sweeps.sensitivity import influences, notes, sobol
 from asrsim.sweeps.show import say_summary, varying
 from asrsim.sweeps.store import Store, open_store
@@ -190,7 +191,7 @@ ROBOTS = {
 def fresh_row(payload, run: int) -> dict[str, Any]:
     """Cells of a run that is prepared for itself."""
     variant, values = payload.study.point(run)
-    return alone(payload.study, payload.cases[variant], values)
+    return alone(payload.cases[variant], values)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
@@ -213,8 +214,8 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
 
 def test_runs_done_together_have_the_rows_of_runs_alone():
     over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
-    payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
-    cells = [cells_of(payload, row) for _, row in Runner(payload).several((run, run) for run in range(16))]
+    payload = make_payload(study_of(over))
+    cells = [cells_of(payload, row) for row in Runner(payload).several(range(16))]
     done = [one for one in cells if one["status"] == "complete"]
     assert len(done) == 12
     for one in done:
@@ -257,23 +258,11 @@ def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
-def test_signals_are_kept_at_their_rate(tmp_path):
-    study = study_of(
-        {"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_position"], rate=200.0, overrides=["duration=0.2", "engine=mujoco"]
-    )
-    table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    kept = table["signal:joint_1.link_position"]
-    assert [len(one) for one in kept] == [41, 41]
-    assert not np.array_equal(kept[0], kept[1])
-    units = {"steady_state": "rad", "settling": "s", "frequency": "Hz", "overshoot": ""}
-    assert {name: table.unit(f"joint_1.{name}") for name in units} == units
-    assert table.unit("signal:joint_1.link_position") == "rad"
-
-
-def test_varied_keys_have_their_units():
+def test_varied_keys_and_measures_have_their_units():
     units = {"gravity.2": "m/s^2", "initial.joint_1": "rad", "duration": "s", "seed": "", "link_1.mass": "kg",
              "joint_1.damping": "N m s/rad", "parameters.*.motor_1_inertia": "kg m^2"}  # fmt: skip
     columns = make_payload(study_of({name: [0.01] for name in units} | {"seed": [3]})).columns
+    units |= {"joint_1.steady_state": "rad", "joint_1.settling": "s", "joint_1.frequency": "Hz", "joint_1.overshoot": ""}
     assert {name: unit for name, _, unit in columns if name in units} == units
 
 
@@ -289,15 +278,12 @@ def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path, monkeypatch):
     payload = kill_study(5)
     code = (
         "import os\nimport asrsim.sweeps.rows as r\nold = r.Runner._kind\n"
-        "r.Runner._kind = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
+        "r.Runner._kind = lambda self, key, point: os._exit(7) if point.run == 2 else old(self, key, point)\n"
     )
     (tmp_path / "law.py").write_text(f"{(EXAMPLES.parent / 'plugins/my_vsa.py').read_text()}\n{code}")
     with Processes(1, [tmp_path / "law.py"]) as workers:
         found = [one for some in workers.results(Runner(payload), range(5)) for one in some]
-    rows = [
-        crashed_row(payload, n, row.reason) if isinstance(row, Lost) else row
-        for n, row in sorted(found, key=lambda one: one[0])
-    ]
+    rows = [crashed_row(payload, n, row) if isinstance(row, Lost) else row for n, row in sorted(found, key=lambda one: one[0])]
     assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
     status, reason = (list(payload.kinds).index(name) for name in ("status", "reason"))
     assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
@@ -351,7 +337,7 @@ def test_rows_are_not_written_through_planted_links(tmp_path):
     (folder / "rows.parquet").unlink()
     (folder / "rows.parquet").symlink_to(other)
     with pytest.raises(OutputError, match="is a link"):
-        store._save(folder / "rows.parquet", iter([]))
+        store._save(folder / "rows.parquet", pa.table({"run": [0]}))
 
 
 def manifest_of(runs, *floats, **study):
@@ -574,7 +560,7 @@ def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_pat
     runner = Runner(payload)
     runner(0)
     monkeypatch.setattr("asrsim.sweeps.cases.prepare", None)
-    for rows in ([runner(run) for run in range(6)], [row for _, row in runner.several((run, run) for run in range(6))]):
+    for rows in ([runner(run) for run in range(6)], runner.several(range(6))):
         cells = [cells_of(payload, row) for row in rows]
         assert [{key: row[key] for key in one} for row, one in zip(cells, expected, strict=True)] == expected
     runner.close()
