@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.cli.console import SHOWN, counted, line_width, problem_lines, say, say_rows, styled
 from asrsim.cli.findings import FileReport
+from asrsim.errors import listed
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
@@ -45,35 +46,24 @@ def _print_head(report: FileReport) -> None:
         names = report.title.split(", ")
         parts.append(f"variants {report.title} (tables: {names[0]})" if len(names) > 1 else names[0])
     if report.robot is not None:
-        robot = report.robot
-        parts.append(f"robot '{robot.name}'")
-        parts.append(counted(len(robot.links), "link"))
-        parts.append(counted(len(robot.moving_joints), "moving joint"))
-        parts.append(counted(len(robot.actuators), "actuator"))
-        rigid = _undriven(robot)
+        robot, driven = report.robot, {block.joint for block in report.robot.actuators}
+        counts = {"link": robot.links, "moving joint": robot.moving_joints, "actuator": robot.actuators}
+        parts += [f"robot '{robot.name}'", *(counted(len(items), noun) for noun, items in counts.items())]
+        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven]
         if rigid:
-            parts.append(f"not driven: {', '.join(rigid[:SHOWN])}{' ...' if len(rigid) > SHOWN else ''}")
+            parts.append(f"not driven: {listed(rigid, SHOWN)}")
     say(" · ".join(parts))
 
 
 def _print_passive(robot: Robot) -> None:
     """Print passive springs and mimic joints."""
-    springs: dict[str, list[str]] = {}
     for joint in robot.moving_joints:
         if joint.spring_stiffness:
             per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
-            key = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
-            springs.setdefault(key, []).append(joint.name)
-    for spring, names in springs.items():
-        say(f"{styled('passive spring', 'bold cyan')}, {spring}: {', '.join(names)}")
-    followers = [f"{joint.name} = {joint.mimic}" for joint in robot.moving_joints if joint.mimic is not None]
-    if followers:
-        say(f"{styled('mimic', 'bold cyan')}, not simulated: {'; '.join(followers)}")
-
-
-def _undriven(robot: Robot) -> list[str]:
-    driven = {block.joint for block in robot.actuators}
-    return [joint.name for joint in robot.moving_joints if joint.name not in driven]
+            spring = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
+            say(f"{styled('passive spring', 'bold cyan')}, {spring}: {joint.name}")
+        if joint.mimic is not None:
+            say(f"{styled('mimic', 'bold cyan')}, not simulated: {joint.name} = {joint.mimic}")
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:

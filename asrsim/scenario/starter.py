@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -110,28 +110,23 @@ class StarterJoint:
         limits = (values[f"motor_{i}_max_torque"] for i in range(1, actuator.motors + 1))
         return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
 
-    def levels(self, position: float, torque: float, preset: float) -> Iterator[tuple[str, str, float]]:
+    def levels(self, position: float, torque: float, preset: float) -> list[tuple[str, str, float]]:
         """(reference, unit, value) that hold the joint at a position, or give its motors a torque.
 
         preset: value of a second reference that is a preset or the position of an adjuster.
         """
-        mode = MODES[self.block.mode]
-        second = self.actuator.motors > 1 or self.actuator.adjuster
+        mode, actuator = MODES[self.block.mode], self.actuator
+        tuned = (actuator.reference_2_unit, preset)
         if not mode.spring:
-            yield mode.references[0], mode.units[0], torque if mode.number == 0 else position
+            levels = [(mode.units[0], torque if mode.number == 0 else position)]
         elif mode.direct:
-            yield mode.references[0], mode.units[0], torque
-            if self.actuator.adjuster:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
-            elif second:
-                yield mode.references[1], mode.units[1], torque
-        elif mode.mapped or self.actuator.adjuster or not second:
-            yield mode.references[0], "rad", position
-            if second:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
+            levels = [(mode.units[0], torque), tuned if actuator.adjuster else (mode.units[-1], torque)]
+        elif mode.mapped or actuator.adjuster:
+            levels = [("rad", position), tuned]
         else:
-            motors = self.actuator.motor_references(position, preset)
-            yield from zip(mode.references, ("rad", "rad"), motors, strict=True)
+            levels = [("rad", motor) for motor in actuator.motor_references(position, preset)]
+        count = 2 if actuator.motors > 1 or actuator.adjuster else 1
+        return [(name, *level) for name, level in zip(mode.references, levels[:count], strict=False)]
 
     def references(self, preset: float) -> dict[str, Any]:
         """Reference -> signal of the starter's step, as plain data."""

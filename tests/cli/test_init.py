@@ -133,17 +133,6 @@ def test_names_that_yaml_would_misread_are_quoted(tmp_path):
     assert set(load_scenario(tmp_path / "s.yaml")[0].references) == {"1", "true", "joint: 2"}
 
 
-def test_a_file_in_the_way_stays_unless_forced(tmp_path):
-    robot = write_robot(tmp_path, {"name": "j"})
-    out = tmp_path / "s.yaml"
-    out.write_text("mine")
-    with pytest.raises(OutputError, match="--overwrite"):
-        write_starter(robot, out)
-    assert out.read_text() == "mine"
-    write_starter(robot, out, force=True)
-    assert out.read_text() != "mine"
-
-
 def test_a_foreign_schema_file_is_left_alone(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     (tmp_path / SCHEMA_FILE).write_text("{}")

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import ACTUATORS
-from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from support.paths import ROOT
 
@@ -68,15 +67,6 @@ def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsi
     assert run["samples"] == 301
     assert [joint["name"] for joint in run["joints"]] == ["elbow"]
     assert json.loads(Path(run["files"]["summary"]).read_text()) == run
-
-
-def test_json_of_a_bad_scenario_names_every_problem(tiny, asrsim_command) -> None:
-    tiny.scenario.write_text(tiny.scenario.read_text().replace("duration: 1.5", "duraton: 1.5\nstep: -1"))
-    outcome = asrsim_command("run", tiny.scenario, "--json")
-    assert outcome.code == 1
-    problems = json.loads(outcome.out)["errors"][0]["problems"]
-    assert {problem.get("key") for problem in problems} >= {"duraton", "step"}
-    assert {problem.get("line") for problem in problems} >= {2, 3}
 
 
 def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
@@ -261,28 +251,6 @@ def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
         assert (done.returncode, done.stderr) == (130, "asrsim: aborted\n")
 
 
-@pytest.mark.parametrize("wrapped", [False, True])
-def test_an_import_that_ctrl_c_ends_is_an_interruption(tiny, asrsim_command, monkeypatch, wrapped: bool) -> None:
-    """Libraries in C then raise an ImportError, which is neither a fault of theirs nor a missing library."""
-    import asrsim.scenario.load as load
-
-    def interrupted(*arguments: object, **options: object) -> None:
-        try:
-            try:
-                raise KeyboardInterrupt
-            except KeyboardInterrupt as signal_:
-                raise ImportError("initialization failed") from signal_
-        except ImportError:
-            if wrapped:
-                raise InputError("the engine is not installed") from None
-            raise
-
-    monkeypatch.setattr(load, "build_scenario", interrupted)
-    done = asrsim_command("run", tiny.scenario)
-    assert done.code == 130
-    assert done.err.strip() == "asrsim: aborted"
-
-
 def test_a_full_disk_ends_with_one_error_and_a_readable_log(tiny) -> None:
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
@@ -293,18 +261,6 @@ def test_a_full_disk_ends_with_one_error_and_a_readable_log(tiny) -> None:
     assert "cannot write the log" in err
     assert "Traceback" not in err
     assert len(read_log(log_of(tiny)).samples.time) > 1000
-
-
-def test_output_that_cannot_be_written(tiny, asrsim_command) -> None:
-    (tiny.folder / "taken").write_text("a file")
-    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "taken")
-    assert outcome.code == 1
-    assert "cannot make the folder" in outcome.err
-    (tiny.folder / "full").mkdir()
-    (tiny.folder / "full" / "log.mcap").symlink_to("/dev/full")
-    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--out", "full")
-    assert outcome.code == 1
-    assert "No space left" in outcome.err
 
 
 def test_certify_reports_the_numerical_error(tiny, asrsim_command) -> None:
@@ -345,15 +301,6 @@ def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
     assert [(one["name"], one["joint"], one["sample"], one["count"]) for one in document["differences"]] == [
         ("link_velocity", "elbow", 123, 1)
     ]
-
-
-def test_rerun_of_a_diverged_run(tiny, asrsim_command) -> None:
-    # Without stops, which would hold the link.
-    tiny.robot.write_text(tiny.robot.read_text().replace('type="revolute"', 'type="continuous"'))
-    asrsim_command("run", tiny.scenario, "--no-plot", "--set", LOAD)
-    outcome = asrsim_command("rerun", log_of(tiny), "--json")
-    assert outcome.code == 0
-    assert json.loads(outcome.out)["status"] == "diverged"
 
 
 def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:

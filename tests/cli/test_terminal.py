@@ -13,7 +13,6 @@ import pytest
 
 from asrsim.cli.console import SHOWN, problem_lines
 from asrsim.errors import Problem
-from asrsim.report.html import script_json
 from support.paths import ROOT
 
 
@@ -76,9 +75,3 @@ def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
     assert "None" not in line
     assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
     assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
-
-
-def test_json_in_a_script_reads_back() -> None:
-    data = {"<!--<script>": ["</script>", "&lt;", "é\u2028"]}
-    assert json.loads(script_json(data)) == data
-    assert "<" not in script_json(data)

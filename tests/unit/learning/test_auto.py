@@ -213,7 +213,7 @@ def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
     motion = {"*": {"minimum_jerk": {"duration": 1.2, "to": 0.15}}}
     block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 12}
     stiff = {"*": {"stiffness_preset": 0.2}}
-    scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, compiled=False, **changes)
+    scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, **changes)
     plant = make_plant(scenario)
     with learning_model(plant) as model:
         prepared = prepare_learning(plant, model)

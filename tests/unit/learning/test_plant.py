@@ -60,14 +60,6 @@ def solve(chosen):
         return prepared, learn(prepared.problem, chosen.outputs, prepared.settings, law=prepared.law)
 
 
-def test_the_joint_learns_to_lift_its_load():
-    chosen = plant()
-    _, result = solve(chosen)
-    assert result.converged
-    assert np.abs(chosen.reference - chosen.outputs(result.inputs)).max() <= 0.03
-    assert result.inputs[-1, 0] > 0.45  # the spring's deflection under gravity is learned
-
-
 def test_the_written_playback_repeats_the_learned_motion_bit_by_bit(tmp_path):
     chosen = plant()
     session = run_session(chosen, tmp_path, picture=False)
@@ -167,26 +159,6 @@ def test_a_delay_shifts_the_motion():
     late, on_time = chosen.varied({}, 0.02).outputs(inputs), chosen.outputs(inputs)
     assert late[10:] == pytest.approx(on_time[:-10], abs=2e-3)
     assert np.abs(late - on_time).max() > 5e-3
-
-
-def test_every_file_that_the_plant_depends_on_counts(tmp_path):
-    """A resumed run is refused when a playback that another reference plays has changed."""
-    recording = tmp_path / "torque.csv"
-    recording.write_text("time [s],torque [N m]\n0,0\n1.5,0\n")
-    torque = {"joint_1": {"playback": {"file": str(recording), "column": "torque"}}}
-    before = identity_of(plant(external_torques=torque))
-    assert identity_of(plant(external_torques=torque)) == before
-    recording.write_text("time [s],torque [N m]\n0,0\n1.5,0.01\n")
-    assert identity_of(plant(external_torques=torque)) != before
-
-
-def test_what_a_plant_is_does_not_hang_on_how_it_is_written(tmp_path):
-    """Another order of keys, and what may change between resumptions, leave it the plant that it was."""
-    wave = {"amplitude": 0.01, "angular_frequency": 1.0}
-    one = plant(gravity=[0.0, 0.0, -9.8], external_torques={"joint_1": {"sinusoid": wave}})
-    reverse = {"joint_1": {"sinusoid": dict(reversed(wave.items()))}}
-    other = plant(external_torques=reverse, gravity=[0.0, 0.0, -9.8], log_rate=100.0, ilc={"gain": 0.5})
-    assert identity_of(one) == identity_of(other)
 
 
 def test_whatever_moves_a_plant_otherwise_makes_it_another(tmp_path):
