@@ -132,7 +132,7 @@ def main() -> None:
 
 def _call() -> int:
     from asrsim.cli.console import complain
-    from asrsim.cli.interrupt import INTERRUPTED, came_from_interruption, like_an_interruption
+    from asrsim.cli.interrupt import INTERRUPTED, like_an_interruption
 
     try:
         with like_an_interruption():
@@ -142,10 +142,10 @@ def _call() -> int:
         if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
             complain("asrsim: aborted")
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except (Exception, KeyboardInterrupt) as error:
-        if came_from_interruption(error):
-            complain("asrsim: aborted")
-            return INTERRUPTED
+    except KeyboardInterrupt:
+        complain("asrsim: aborted")
+        return INTERRUPTED
+    except Exception as error:
         return _told(error)
     return 0
 

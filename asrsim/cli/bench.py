@@ -49,31 +49,24 @@ def bench(
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
-    return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
-
-
-def bench_files(
-    robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None, plot: bool = False
-) -> list[Path]:
-    """Files written by a bench run from files: the table, and with `plot` its pictures."""
     import numpy as np
 
     from asrsim.robot import load_robot
     from asrsim.simulation.bench import OUTPUTS, run_bench
 
-    check_output(out, "bench", inputs=[robot_file, motion_file])
-    robot = load_robot(robot_file)
-    time, motions = read_motion(motion_file, robot)
-    results = run_bench(robot, time, motions, stepping=stepping, first_step=first_step)
+    check_output(out, "bench", inputs=[robot, motion])
+    loaded = load_robot(robot)
+    time, motions = read_motion(motion, loaded)
+    results = run_bench(loaded, time, motions, stepping=stepping, first_step=first_step)
     names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
     columns = [results[joint][column] for joint in results for column in OUTPUTS]
     write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
-    if not plot:
-        return [out]
-    from asrsim.plots.bench import draw_bench
+    files = [out]
+    if plot:
+        from asrsim.plots.bench import draw_bench
 
-    return [out, *draw_bench(out, time, results)]
+        files += draw_bench(out, time, results)
+    return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
 
 
 def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:

@@ -33,17 +33,6 @@ def like_an_interruption() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def came_from_interruption(error: BaseException | None) -> bool:
-    """Whether the error is an interruption, or an import error caused by one (C libraries raise errors of their own)."""
-    if isinstance(error, KeyboardInterrupt):
-        return True
-    while error is not None:
-        if isinstance(error, ImportError) and isinstance(error.__cause__, KeyboardInterrupt):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
-
-
 class Interruption:
     """Context in which the first signal only sets `requested`, and the second raises KeyboardInterrupt.
 

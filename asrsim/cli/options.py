@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,20 +51,26 @@ _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf",
 def into_folder(words: str, default: str | None = None) -> Any:
     """Option `--out` of a command that writes several files; default: description of its default folder."""
 
-    def check(given: Path | None) -> Path | None:
-        if given is not None and given.suffix.lower() in _OF_FILES and not given.is_dir():
-            raise typer.BadParameter(f"must be a folder, but {given.name} has the suffix of a file")
-        return given
+    def fault(given: Path) -> str:
+        a_file = given.suffix.lower() in _OF_FILES and not given.is_dir()
+        return f"must be a folder, but {given.name} has the suffix of a file" if a_file else ""
 
-    return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
+    return _out(words, default, fault)
 
 
 def into_file(words: str, *endings: str, default: str | None = None) -> Any:
     """Option `--out` of a command that writes one file with one of these suffixes."""
 
+    def fault(given: Path) -> str:
+        return "" if given.suffix.lower() in endings else f"must end in {' or '.join(endings)}, not {given.name}"
+
+    return _out(words, default, fault)
+
+
+def _out(words: str, default: str | None, fault: Callable[[Path], str]) -> Any:
     def check(given: Path | None) -> Path | None:
-        if given is not None and given.suffix.lower() not in endings:
-            raise typer.BadParameter(f"must end in {' or '.join(endings)}, not {given.name}")
+        if given is not None and (message := fault(given)):
+            raise typer.BadParameter(message)
         return given
 
     return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)

@@ -105,10 +105,8 @@ def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
         return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:
         return logs[0].parent if alone else logs[0].parent / "compared"
-    beside = Path(os.path.commonpath([path.absolute().parent for path in logs]))
-    if beside.is_relative_to(Path.cwd()) and not any(path.is_absolute() for path in logs):
-        beside = beside.relative_to(Path.cwd())
-    return beside / ("variants" if alone else "compared")
+    parents = [path.parent.absolute() if any(log.is_absolute() for log in logs) else path.parent for path in logs]
+    return Path(os.path.commonpath(parents)) / ("variants" if alone else "compared")
 
 
 def _print(result: PlotResult, *, quiet: bool) -> None:

@@ -20,11 +20,11 @@ def twin(
         Path, typer.Option("--experiment", "-e", metavar="FILE", help="Recording of commands and link positions.")
     ],
     bandwidth: Annotated[
-        float | None, typer.Option(help="Hz, of the observer.", show_default="8, at most a twentieth of the rate")
+        float | None, typer.Option(help="Bandwidth of the observer, Hz.", show_default="8, at most a twentieth of the rate")
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    lag: Annotated[float, typer.Option(help="s by which the clock of the positions is ahead of the commands'.")] = 0.0,
+    lag: Annotated[float, typer.Option(help="Time by which the positions' clock is ahead of the commands' clock, s.")] = 0.0,
     variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
@@ -34,8 +34,8 @@ def twin(
 ) -> Done:
     """Find the external torques on a robot, and the stiffness of its joints, from a recording of commands and link positions.
 
-    A simulation gets the commands and is pulled onto the positions; an alarm tells contacts, or a robot that is no longer the
-    modelled one.
+    The simulation of the commands is corrected by the positions; an alarm reports contacts, or a robot that no longer matches
+    the model.
 
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
@@ -51,14 +51,15 @@ def twin(
     files, rows = write(found, out, plot=plot), found.rows()
 
     def text() -> None:
+        heads = {
+            "external torque\nrms, N m": "external_torque_rms", "largest\nN m": "largest", "at\ns": "largest_at",
+            "residual\nrms, rad": "residual_rms",
+        }  # fmt: skip
         say_table([
             ("joint", [row["joint"] for row in rows], False),
-            ("external torque", [_number(row["external_torque_rms"], "{:.3g} N m rms") for row in rows], True),
-            ("largest", [_number(row["largest"], "{:.3g} N m") for row in rows], True),
-            ("at", [_number(row["largest_at"], "{:.2f} s") for row in rows], True),
-            ("residual", [_number(row["residual_rms"], "{:.2g} rad rms") for row in rows], True),
+            *((head, ["-" if row[key] is None else f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
             ("alarms", [str(len(row["alarms"])) for row in rows], True),
-            ("stiffness [N m/rad]", [_range(row["stiffness"]) for row in rows], True),
+            ("stiffness\nN m/rad", [_range(row["stiffness"]) for row in rows], True),
         ])  # fmt: skip
         for note in found.notes[:20]:
             say(note)
@@ -71,8 +72,4 @@ def twin(
 
 
 def _range(ends: list[float] | None) -> str:
-    return f"{ends[0]:.3g} to {ends[1]:.3g}" if ends else "not shown"
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
+    return f"{ends[0]:.3g} to {ends[1]:.3g}" if ends else "-"

@@ -56,7 +56,7 @@ class LinkDamping:
 
     constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="damping in addition to the URDF's")
     ratio: float = declare(NOT_NEGATIVE, default=0.0, unit="1", doc="damping ratio at `inertia` and the present stiffness")
-    inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia at which `ratio` is meant")
+    inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia for which `ratio` is defined")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class GivenActuator:
     """Actuator that the scenario puts on a joint, in place of the actuator in the robot file, if any."""
 
     type: str = declare(
-        Choice(lambda: ACTUATORS, "name of an actuator", missing="One of your own is in a file that --plugin FILE names"),
+        Choice(lambda: ACTUATORS, "name of an actuator", missing="Your own actuators need --plugin FILE"),
         doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")
