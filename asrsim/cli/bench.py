@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -14,13 +14,8 @@ from asrsim.cli.options import Plot, into_file
 from asrsim.errors import Problem, RecordingError
 from asrsim.outfile import check_output, csv_text, write_text
 
-if TYPE_CHECKING:
-    from asrsim.robot.model import Robot
-    from asrsim.samples import Array
-    from asrsim.simulation.bench import Motion
-
-INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque")
-"""Possible columns of a joint; position and velocity are required."""
+INPUTS = ("position", "reference_1", "reference_2", "external_torque")
+"""Possible columns of a joint; the position is required."""
 
 
 @command("Print nothing.")
@@ -30,80 +25,76 @@ def bench(
         Path,
         typer.Argument(
             metavar="MOTION",
-            help="CSV with time and <joint>.position, .velocity, and any of .reference_1, .reference_2, .external_torque.",
+            help="CSV with time and <joint>.position, and any of .reference_1, .reference_2, .external_torque.",
             show_default=False,
         ),
     ],
     out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
-    stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox (order of the released code).")] = "leapfrog",
-    first_step: Annotated[
-        float | None,
-        typer.Option(help="Length of the first step in s; by default that of the second step, for leapfrog a start from rest."),
-    ] = None,
     plot: Plot = True,
 ) -> Done:
     """Apply a prescribed link motion to the actuators, as on a test bench.
 
-    Each row of the CSV is a step. The output has time, and for each joint position, velocity, references,
-    link and elastic torques, stiffness and motor states; numbers are written in full precision.
+    Runs a scenario with `engine: bench` that plays the columns of the table, with its mean time step. The output has a row
+    for each step, with the time and everything that the joints record, in full precision.
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
     import numpy as np
 
-    from asrsim.robot import load_robot
-    from asrsim.simulation.bench import OUTPUTS, run_bench
+    from asrsim.api import run
+    from asrsim.scenario import make_scenario
+    from asrsim.signals.recorded import read_column, series_names
 
     check_output(out, "bench", inputs=[robot, motion])
-    loaded = load_robot(robot)
-    time, motions = read_motion(motion, loaded)
-    results = run_bench(loaded, time, motions, stepping=stepping, first_step=first_step)
-    names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
-    columns = [results[joint][column] for joint in results for column in OUTPUTS]
-    write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
+    joints = _joints(motion, series_names(motion), robot)
+    time = read_column(motion, f"{next(iter(joints))}.position", "time")[0]
+    duration = float(time[-1] - time[0])
+    if len(time) < 2:
+        raise RecordingError("needs two rows at least", file=motion, code="too-short")
+
+    def played(column: str) -> dict[str, Any]:
+        return {"playback": {"file": str(motion.resolve()), "column": column, "time": "time", "start": 0.0}}
+
+    tables: dict[str, Any] = {"motion": {}, "references": {}, "external_torques": {}}
+    for joint, (names, references) in joints.items():
+        tables["motion"][joint] = played(f"{joint}.position")
+        given = zip(INPUTS[1:], references, strict=False)
+        tables["references"][joint] = {own: played(f"{joint}.{name}") for name, own in given if name in names}
+        if "external_torque" in names:
+            tables["external_torques"][joint] = played(f"{joint}.external_torque")
+    step = float(f"{duration / (len(time) - 1):.12g}")
+    scenario = make_scenario(robot, duration=duration, step=step, engine="bench", **tables)
+    result = run(scenario)
+    columns = {f"{joint}.{name}": result[joint][name] for joint in joints for name in result[joint].info.quantities}
+    table = np.column_stack([result.time + time[0], *columns.values()])
+    write_text(out, csv_text(["time", *columns], table), "bench")
     files = [out]
     if plot:
-        from asrsim.plots.bench import draw_bench
+        from asrsim.plots.output import save_figure
 
-        files += draw_bench(out, time, results)
+        files += save_figure(result.plot(joints=list(joints)), out.parent, out.stem, ("png",))
     return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
 
 
-def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
-    """Times (n,) in s and the motion of each joint from a motion CSV; raises RecordingError with every problem."""
-    import numpy as np
+def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
+    """Joint -> its columns in the header, and the references of its mode. Raises RecordingError for a wrong header."""
+    from asrsim.actuators import ACTUATORS, MODES
+    from asrsim.robot import load_robot
 
-    from asrsim.signals.recorded import read_column, series_names
-    from asrsim.simulation.bench import Motion
-
-    names = series_names(path)
-    joints = _check_names(path, names, robot)
-    found: dict[str, Array] = {}
-    problems: list[Problem] = []
-    for name in names:
-        try:
-            time, found[name] = read_column(path, name, "time")
-        except RecordingError as error:
-            problems += [problem for problem in error.problems if problem not in problems]
-    if problems:
-        raise RecordingError(problems)
-    return time, {
-        joint: Motion(**{name: found.get(f"{joint}.{name}", np.zeros(len(time))) for name in INPUTS[:4]}) for joint in joints
-    }
-
-
-def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
-    """Joints in the header, in the robot's order. Raises RecordingError for unknown and missing columns."""
-    blocks = {block.joint for block in robot.actuators}
-    actuated = [joint.name for joint in robot.moving_joints if joint.name in blocks]
-    valid = ("time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS))
-    joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
-    required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
-    wrong = {name: ("is not a column of the bench", "unknown-column") for name in names if name not in valid}
-    wrong |= {name: ("column is missing", "missing-column") for name in required if name not in names}
-    if wrong:
-        raise RecordingError(
-            Problem(message, file=path, line=1, key=name, choices=valid, meant=name, code=code)
-            for name, (message, code) in wrong.items()
-        )
+    modes = {one.joint: MODES[one.mode].references_of(ACTUATORS.get(one.actuator).motors) for one in load_robot(file).actuators}
+    valid = ["time", *(f"{joint}.{name}" for joint in modes for name in INPUTS)]
+    joints = {joint: ([name for name in INPUTS if f"{joint}.{name}" in header], modes[joint]) for joint in modes}
+    joints = {joint: found for joint, found in joints.items() if found[0]}
+    problems = [
+        Problem("is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid), meant=name,
+                code="unknown-column")
+        for name in header if name not in valid and not name.endswith(".velocity")
+    ]  # fmt: skip
+    problems += [
+        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
+        for name in ("time", *(f"{joint}.position" for joint in joints or [*modes][:1]))
+        if name not in header
+    ]
+    if problems or not joints:
+        raise RecordingError(problems or "the robot has no actuator", file=None if problems else file)
     return joints

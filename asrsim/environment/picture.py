@@ -26,7 +26,7 @@ class Picture:
         """size: edge of the pictures in pixels."""
         self._simulation, self._size = simulation, size
         scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
-        self._scene = Scene(drawable(robot, scenario.package_paths).robot, scenario)
+        self._scene = Scene(drawable(robot, scenario.package_paths)[0], scenario)
         self._painter = Painter(self._scene)
         joints = [drive.joint for drive in simulation.prepared.drives]
         ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
+NARROWEST = 3.0, 20.0
+"""Smallest ranges of the axes of gain (dB) and phase (degrees): smaller differences do not matter."""
 CERTAIN = 0.9
 """The coherence is drawn only if some point falls below this value."""
 
@@ -110,10 +112,10 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
         angles.append(result.phase[trusted])
         if result.resonance is not None:
             gain.plot(result.resonance[0], 20 * math.log10(result.resonance[1]), "o", ms=3.5, color=look["color"], zorder=4)
-    for ax, parts in ((gain, levels), (phase, angles)):
+    for ax, parts, least in ((gain, levels, NARROWEST[0]), (phase, angles, NARROWEST[1])):
         known = np.concatenate(parts) if parts else np.empty(0)
         if len(known):
-            edge = 0.1 * max(float(np.ptp(known)), 1.0)
+            edge = max(0.1 * float(np.ptp(known)), 0.5 * (least - float(np.ptp(known))))
             ax.set_ylim(float(known.min()) - edge, float(known.max()) + edge)
     gain.set_xscale("log")
     if found:

@@ -187,7 +187,9 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
         times = telling_times(list(films.values()), FRAMES)
         for log, film in films.items():
             buffer = BytesIO()
-            film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
+            film_strip([film.frame(time) for time in times], letters=0.07).save(
+                buffer, format="JPEG", quality=84, optimize=True
+            )
             strips[log] = data_address(buffer.getvalue(), "image/jpeg")
     names = [label for log, label in zip(logs, labels, strict=True) if log in films]
     return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))

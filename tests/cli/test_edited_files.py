@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import AsrsimError, InputError, RecordingError
+from asrsim.errors import AsrsimError, InputError
 from asrsim.learning import LearningProblem
 from asrsim.learning.state import load_state, save_state, state_origin
 from asrsim.learning.trial import Trial
@@ -24,7 +24,7 @@ from asrsim.report import write_report
 from asrsim.runs.repeat import repeat
 from asrsim.scenario.goal_keys import Learning
 from asrsim.signals.pieces import Constant
-from support.edits import changed, edits
+from support.edits import edits
 
 
 @pytest.fixture(scope="module")
@@ -86,25 +86,6 @@ def test_edited_logs(
         folder.mkdir()
         write_edited(folder / "log.mcap", log, name, other, monkeypatch)
         use(folder / "log.mcap")
-
-
-@pytest.mark.parametrize(
-    ("name", "way", "value", "told"),
-    [
-        ("resolved.json", ("parameters", "elbow", "max_deflection"), "x", "parameters.elbow.max_deflection is 'x'"),
-        ("run.json", ("joints",), [], "contains no quantity of any joint"),
-        *(("run.json", (key,), value, "larger than 0") for key, value in (("log_every", 0), ("step", 0.0), ("step", 1e301))),
-    ],
-)
-def test_edited_logs_are_no_recordings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: asrsim.Result, name: str, way: tuple[str, ...], value: Any, told: str
-) -> None:
-    log, path = read_log(run.log), tmp_path / "log.mcap"
-    data = json.loads(writing.info_attachments(log.info)[name][1])
-    write_edited(path, log, name, changed(data, way, value), monkeypatch)
-    with pytest.raises(RecordingError, match=told):
-        read_recording(path)
-    use(path)
 
 
 @pytest.mark.parametrize(("seed", "most"), [(0, 25), pytest.param(1, 3000, marks=pytest.mark.slow)])

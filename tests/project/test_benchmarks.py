@@ -1,4 +1,4 @@
-"""The benchmarks run and say what they should; what they measure is no matter of tests."""
+"""The benchmarks run and print their results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def benchmark(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, check=False)
 
 
-def test_json_has_ratio_goal_and_machine() -> None:
+def test_json_has_medians_goals_and_machine() -> None:
     result = benchmark("--json", "--only", "reset", "--repeats", "1")
     assert result.returncode == 0, result.stderr
     document = json.loads(result.stdout)
@@ -23,12 +23,11 @@ def test_json_has_ratio_goal_and_machine() -> None:
     assert document["machine"]["CPU"]
     assert list(document["rows"]) == ["reset"]
     row = document["rows"]["reset"]
-    low, high = row["spread"]
-    assert 0.0 < low <= row["ratio"] <= high
+    assert 0.0 < min(row["values"]) <= row["median"] <= max(row["values"])
     assert row["goal"] == 0.1
 
 
 def test_a_row_that_does_not_exist_is_refused_with_those_that_do() -> None:
     result = benchmark("--only", "nothing")
     assert result.returncode == 2
-    assert all(name in result.stderr for name in ("mujoco_1", "loop_v2", "check"))
+    assert all(name in result.stderr for name in ("loop_v2", "reset", "check"))

@@ -147,7 +147,7 @@ def test_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
     """A text is no row of letters: in identification, sweeps, runs and recordings."""
     recording = tmp_path / "lab.csv"
-    np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time,elbow", comments="")
+    np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time [s],elbow", comments="")
     several = {"experiments": [recording], "validate": ["b.csv"], "free": ["elbow.damping=2"], "own": ["elbow.friction"],
                "mapping": ["a=b"], "plugins": [str(ROOT / "examples/plugins/my_vsa.py")], "overrides": ["duration=1"],
                "ties": ["a.b=c.d"]}  # fmt: skip

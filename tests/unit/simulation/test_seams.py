@@ -17,7 +17,6 @@ from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
 from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
-from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
@@ -76,16 +75,6 @@ def test_the_link_s_controller_in_the_released_order() -> None:
     error, v = 0.3 - column(result, "link_position"), column(result, "link_velocity")
     expected = 3.0 * error + 40.0 * H * np.cumsum(error) - 0.02 * v
     np.testing.assert_allclose(column(result, "link_torque"), expected, rtol=1e-12)
-
-
-def test_the_bench_s_link_controller_brakes() -> None:
-    """A link that is moved towards its reference: P e - D v."""
-    time, still = np.arange(20) * H, np.zeros(20)
-    motion = Motion(position=0.5 * time, velocity=still + 0.5, reference_1=still + 0.2, reference_2=still)
-    robot = chain(BODY)
-    found = run_bench(replace(robot, actuators=(replace(robot.actuators[0], mode=1),)), time, {"joint_1": motion})["joint_1"]
-    # The motors' gains of the released code, which the block took for its own mode.
-    np.testing.assert_allclose(found["link_torque"], 125.0 * (0.2 - 0.5 * time) - 4.5 * 0.5, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("asked", "taken"), [(1, 1), (2, 3), (3, 3), (4, 5)])
