@@ -119,7 +119,7 @@ def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line
         ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
         ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
         ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
-        ("{'*': {link_torque: 1}}", "no actuator of the robot has a mode with this reference"),
+        ("{'*': {link_torque: 1}}", "the mode of every joint has no such reference"),
         ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
         ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
         ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
