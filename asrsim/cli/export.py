@@ -17,9 +17,6 @@ def export(
     scenario: Scenario,
     to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
     out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
-    knots: Annotated[
-        int, typer.Option(min=0, max=50, help="Number of knots on each side of the spline of a spring's law.")
-    ] = 4,
     timestep: Annotated[
         float | None, typer.Option(help="Time step of the model, s.", show_default="the scenario's step")
     ] = None,
@@ -33,19 +30,17 @@ def export(
 ) -> Done:
     """Write the robot with motors and springs as MJCF for plain MuJoCo, without any plugin.
 
-    Replays the scenario there, prints and draws how far the joints are from asrsim's, and lists what the file does not have.
+    Replays the scenario there, prints and draws the error of each joint, and lists what the file lacks.
 
     Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --out soft.xml
     """
     if to != "mjcf":
-        raise typer.BadParameter(f"'{to}' is no format that can be written; there is: mjcf", param_hint="--to")
+        raise typer.BadParameter(f"'{to}' is not a known format; choose from: mjcf", param_hint="--to")
     if timestep is not None and not 1e-6 <= timestep <= 1.0:
         raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--timestep")
     from asrsim.export import export_mjcf
 
-    found = export_mjcf(
-        scenario, out, variant=variant, overrides=overrides or (), knots=knots, timestep=timestep, fit=fit, plot=plot
-    )
+    found = export_mjcf(scenario, out, variant=variant, overrides=overrides or (), timestep=timestep, fit=fit, plot=plot)
     good = found.replay.diverged_at is None
 
     def text() -> None:

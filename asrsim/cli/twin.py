@@ -24,7 +24,9 @@ def twin(
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    lag: Annotated[float, typer.Option(help="Time by which the positions' clock is ahead of the commands' clock, s.")] = 0.0,
+    lag: Annotated[
+        float, typer.Option(help="Time by which the clock of the positions is ahead of the clock of the commands, s.")
+    ] = 0.0,
     variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path, into_folder("Folder for table and picture.")] = Path("out/twin"),
@@ -34,15 +36,15 @@ def twin(
 ) -> Done:
     """Find the external torques on a robot, and the stiffness of its joints, from a recording of commands and link positions.
 
-    The simulation of the commands is corrected by the positions; an alarm reports contacts, or a robot that no longer matches
-    the model.
+    A simulation gets the commands and is pulled to the measured positions. An alarm means contact, or a robot that differs from
+    its model.
 
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.twin.follow import follow, write
 
-    message = "asrsim: stopping; what is found so far is kept (Ctrl-C again to abort)"
+    message = "asrsim: stopping; the results so far are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = follow(
             scenario, experiment, bandwidth=bandwidth, mapping=mapping, rate=rate, lag=lag, variant=variant,
@@ -64,7 +66,7 @@ def twin(
         for note in found.notes[:20]:
             say(note)
         if len(found.notes) > 20:
-            say(f"and {len(found.notes) - 20} notes more (--json prints all)")
+            say(f"and {len(found.notes) - 20} further notes (--json prints all)")
         say_written(files)
 
     data = {"ok": True, "joints": rows, "notes": list(found.notes), "files": [str(path) for path in files]}

@@ -123,7 +123,8 @@ def _resolve(
     scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
-    sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
+    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    sampled = np.ascontiguousarray(inputs.sample(points).T)
     sampled = _with_ranges(sampled, drives, ranges)
     configurations = _configurations(drives)
     model, still = engine.model, [0.0] * len(drives)
