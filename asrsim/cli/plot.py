@@ -131,8 +131,8 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 
 def _print_experiments(result: PlotResult) -> None:
     shown: list[tuple[str, str, str, str]] = []
-    for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
-        whose = "" if len(result.runs) <= 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
+    for (path, label), recording in zip(result.assigned, result.recordings, strict=True):
+        whose = "" if len(result.runs) <= 1 else f" -> {label}"
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
         columns = [(one.source, one.meaning, one.conversion, one.origin) for one in recording.channels.values()]
         if shown == columns:

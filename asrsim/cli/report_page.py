@@ -25,7 +25,7 @@ def report(
 ) -> Done:
     """Write one HTML page about runs: interactive plots, measures, parameters with their sources. The page needs no network.
 
-    The page includes a comparison that `asrsim plot` wrote into the folder (metrics.json and its pictures).
+    The page includes a comparison that `asrsim plot` wrote into the folder (metrics.csv and its pictures).
 
     Example: asrsim report out/step_2dof
     """

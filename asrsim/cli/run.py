@@ -116,17 +116,25 @@ def _with_files(executed: Executed, **files: Any) -> Executed:
 def _drawn(executed: Executed) -> Executed:
     from asrsim.plots import draw_run
     from asrsim.plots.output import load_undocumented
+    from asrsim.runs.folder import LOG
 
     load_undocumented()
-    plots = draw_run(executed.log, executed.folder, brief=True)
+    folder = _folder_of(executed)
+    plots = draw_run(folder / LOG, folder, brief=True)
     if executed.summary.certificate or executed.summary.cross_check:
         from asrsim.plots.accuracy import draw_accuracy
 
-        plots += draw_accuracy(executed.folder, executed.summary.certificate, executed.summary.cross_check)
+        plots += draw_accuracy(folder, executed.summary.certificate, executed.summary.cross_check)
     return _with_files(executed, plots=tuple(plots))
 
 
 def _reported(executed: Executed) -> Executed:
     from asrsim.report import write_report
 
-    return _with_files(executed, report=write_report(executed.folder, executed.folder / "report.html"))
+    folder = _folder_of(executed)
+    return _with_files(executed, report=write_report(folder, folder / "report.html"))
+
+
+def _folder_of(executed: Executed) -> Path:
+    assert executed.folder is not None
+    return executed.folder

@@ -21,6 +21,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
+from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -114,6 +115,22 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
             if least == largest and not signal.jumps(0.0, end).size and (signal.values(later) != least).any():
                 message = f"is constant during the whole run of {end:g} s and changes only after its end"
                 yield Problem(message, key=key, code="late-reference")
+
+
+def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: sines above half the rate of the steps, which the steps sample as a slower motion."""
+    most = 0.5 / scenario.step
+    for key, signal in signals_of(scenario):
+        frequency = 0.0
+        if isinstance(signal, Sinusoid):
+            frequency = signal.omega / (2.0 * math.pi)
+        elif isinstance(signal, Chirp):
+            frequency = max(signal.start_frequency, signal.end_frequency)
+        elif isinstance(signal, Multisine):
+            frequency = max(signal.frequencies)
+        if frequency > most:
+            message = f"has {frequency:g} Hz, more than half the rate of the steps ({most:g} Hz): they sample a slower motion"
+            yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -217,6 +234,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _too_fast, _beyond_limits,
     _missing_references,
 )  # fmt: skip

@@ -258,6 +258,9 @@ SCENARIOS = {
     "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
     "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
+    "undersampled-sine": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 501}}}}",
+    "undersampled-sine in a sum": "references: {elbow: {equilibrium_position: {sum: [0.1, "
+    "{chirp: {amplitude: 0.1, from: 1, to: 600, duration: 1}}]}}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
     "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
