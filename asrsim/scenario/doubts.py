@@ -21,6 +21,8 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
+from asrsim.signals.base import Signal
+from asrsim.signals.combine import Sum
 from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
@@ -120,7 +122,7 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     """Warnings: sines above half the rate of the steps, which the steps sample as a slower motion."""
     most = 0.5 / scenario.step
-    for key, signal in signals_of(scenario):
+    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
         frequency = 0.0
         if isinstance(signal, Sinusoid):
             frequency = signal.omega / (2.0 * math.pi)
@@ -131,6 +133,15 @@ def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         if frequency > most:
             message = f"has {frequency:g} Hz, more than half the rate of the steps ({most:g} Hz): they sample a slower motion"
             yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
+
+
+def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
+    """(key, signal), or (key, term) for each term of a sum."""
+    if not isinstance(signal, Sum):
+        yield key, signal
+        return
+    for index, term in enumerate(signal.terms):
+        yield from _terms(f"{key}.sum.{index}", term)
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
