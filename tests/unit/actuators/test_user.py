@@ -319,7 +319,7 @@ def test_init_of_a_user_s_actuator_prints_a_command_that_runs(tmp_path, asrsim_c
     ACTUATORS._entries.pop("my_vsa")  # as another process begins
     refused = asrsim_command(*command[:2])
     assert refused.code == 1
-    assert "One of your own is in a file that --plugin FILE names" in refused.err
+    assert "Your own actuators need --plugin FILE" in refused.err
 
 
 @pytest.mark.parametrize(("command", "file"), [("identify", FIT), ("sweep", STUDY)])
