@@ -61,9 +61,8 @@ def render(
                 folder = path.parent if out is None else out if len(logs) == 1 else out / path.parent.name
                 make_folder(folder)
                 if frames is not None or not (gif or mp4):
-                    count = 6 if frames is None else frames
-                    strip = folder / "filmstrip.png"
-                    files.append(write_strip(film, strip, count=count, progress=lambda f: progress.update("film strip", f)))
+                    progress.update("film strip", 0.5)
+                    files.append(write_strip(film, folder / "filmstrip.png", count=6 if frames is None else frames))
                 if mp4:
                     video = folder / "motion.mp4"
                     files.append(write_mp4(film, video, speed=speed, progress=lambda f: progress.update("MP4", f), **rates))

@@ -42,16 +42,16 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     page of joints follows.
     """
     if quantities is not None:
-        yield from grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
         return
     many = len(joint_names(runs)) >= OVERVIEW_FROM
     if many:
         yield Page(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
-    yield from islice(grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
+    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
     if not brief:
-        yield from grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
+        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
     if any(run.bodies for run in runs):
         yield Page(name="objects", figure=objects_figure(runs))
 
@@ -61,8 +61,7 @@ def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
 
 
-def grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
-    """Pages of some panels; `name` is the name of their files, and `subject` stands in their titles."""
+def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
     # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
     for joint in joint_names(runs):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.render.mesh_files import read_mesh
-from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
+from asrsim.render.solids import Mesh, box, capsule, cylinder, flat, sphere
 from asrsim.robot import Robot
 from asrsim.robot.chain import Chain
 from asrsim.robot.model import Vector
@@ -105,7 +105,7 @@ class Scene:
         except (OSError, ValueError) as error:
             self.notes.append(f"{what} is not drawn: {error}")
             return None
-        return mesh if set(size) == {1.0} else scaled(mesh, np.array(size))
+        return mesh if set(size) == {1.0} else flat(mesh.points * np.array(size), mesh.triangles, mesh.colours)
 
 
 _ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}

@@ -41,11 +41,6 @@ def flat(points: Array, triangles: Triangles, colours: Array | None = None) -> M
     return Mesh(points=points, triangles=triangles[kept], normals=normals, colours=None if colours is None else colours[kept])
 
 
-def scaled(mesh: Mesh, scale: Array) -> Mesh:
-    """Mesh scaled along each axis, with flat shading."""
-    return flat(mesh.points * scale, mesh.triangles, mesh.colours)
-
-
 def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
     """Mesh of at most about `most` triangles: points in the same cell of a grid are replaced by their mean."""
     cells = 192.0

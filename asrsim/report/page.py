@@ -30,7 +30,6 @@ def build_page(
     data: Mapping[str, Any],
     films: Films,
     compared: Compared | None,
-    thinned: bool,
 ) -> str:
     """HTML of the whole page. data: grid, joints and objects for the plots."""
     first = runs[0].info
@@ -42,7 +41,7 @@ def build_page(
         _strips(runs, labels, films),
         _joints(runs, labels),
         _compared(compared),
-        _plots(data, thinned=thinned),
+        _plots(data),
         numerical_error(runs, labels),
         _parameters(runs, labels),
         _warnings(runs, labels, films.notes),
@@ -176,12 +175,10 @@ def _compared(compared: Compared | None) -> str:
     return section("Beside experiments", images + tables)
 
 
-def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
+def _plots(data: Mapping[str, Any]) -> str:
     parts = [
         "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. All plots show the same "
-        "time."
-        + (" Long series are thinned: every interval keeps its smallest and largest sample." if thinned else "")
-        + "</p>"
+        "time. Long series are thinned: every interval keeps its smallest and largest sample.</p>"
     ]
     if len(data["runs"]) > 1:
         parts.append('<div id="runs" role="group" aria-label="variants"></div>')
