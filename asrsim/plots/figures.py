@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from asrsim.outfile import make_folder
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info, read_curves
 from asrsim.plots.layout import GAP_Y, Grid, set_title
 from asrsim.plots.legends import LIMIT, legend
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
 from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import BodyPanel, body_panels
@@ -228,3 +231,23 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
     if part[1] > 1:
         words.append(f"page {part[0]} of {part[1]}")
     set_title(figure, " · ".join(words))
+
+
+def draw_run(
+    log_path: str | os.PathLike[str], folder: str | os.PathLike[str], *, formats: Sequence[str] = ("png",), brief: bool = False
+) -> list[Path]:
+    """Draw one run into `folder` (created if missing) and return the files; `asrsim.plots.job.plot` has more options.
+
+    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. Joints that
+    do not fit on one page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: no energies;
+    of many joints only the overview and the first page, as `asrsim run` draws them. Raises LogError for files that are not
+    logs, and OutputError.
+    """
+    kinds = check_formats(formats)
+    place = make_folder(Path(folder))
+    run = read_curves(log_path)
+    written: list[Path] = []
+    with styled():
+        for page in run_pages([run], brief=brief):
+            written += save_figure(page.figure, place, page.name, kinds)
+    return written

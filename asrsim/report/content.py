@@ -17,7 +17,7 @@ from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import METRICS, MetricRow, read_metrics, summarise
 from asrsim.plain import Shape, misfit
-from asrsim.plots.recorded import RECORDED
+from asrsim.plots.pairing import RECORDED
 from asrsim.report.html import data_address
 from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo

@@ -102,13 +102,10 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
 
 @pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
 def test_packing_keeps_gaps_and_extremes(values: list[float]):
-    array = np.array(values)
-    back = unpack(pack(array), len(array))
-    np.testing.assert_array_equal(np.isnan(back), np.isnan(array))
-    np.testing.assert_allclose(back, array, atol=1e-4)
-    if np.isfinite(array).any():
-        assert np.nanmax(back) == np.nanmax(array)
-        assert np.nanmin(back) == np.nanmin(array)
+    back = unpack(pack(np.array(values)), len(values))
+    np.testing.assert_allclose(back, values, atol=1e-4)
+    exact = np.isin(values, [np.nanmin([*values, 9.0]), np.nanmax([*values, -9.0])])
+    np.testing.assert_array_equal(back[exact], np.array(values)[exact])
 
 
 def test_a_short_push_is_on_the_page_at_its_time():
@@ -319,22 +316,5 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     browser.evaluate("new Promise((done) => setTimeout(done, 600))")
     browser.evaluate("document.querySelector('#motion .play').click()")
     assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
-    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
-                           "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
-
-    def drag(button, held):
-        for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.45), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
-            place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": button, "clickCount": 1}
-            browser.call("Input.dispatchMouseEvent", {"type": kind, "buttons": held, **place})
-        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
-        return browser.evaluate("asrsimMotion.camera()")
-
-    before = browser.evaluate("asrsimMotion.camera()")
-    turned = drag("left", 1)
-    moved = drag("right", 2)
-    assert turned["turn"] != pytest.approx(before["turn"], abs=1e-3)
-    assert turned["target"] == before["target"]
-    assert moved["target"] != turned["target"]
-    assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []
