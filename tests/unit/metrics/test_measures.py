@@ -89,7 +89,7 @@ def test_frequency_of_a_ringing(hertz: float, damping: float) -> None:
 
 
 @pytest.mark.parametrize(("length", "decay"), [(4, 3), (10, 6)])
-def test_frequency_of_a_hardening_ringing_is_not_that_of_the_step(length: int, decay: float) -> None:
+def test_frequency_of_a_hardening_ringing(length: int, decay: float) -> None:
     # Rest, a step, a ringing whose crossings are uneven: the transform falls from 0 Hz on, and its flank is no oscillation.
     time = np.linspace(0, length, 1000 * length + 1)
     since = np.maximum(time - 0.1, 0)
@@ -216,7 +216,7 @@ def test_summary_of_a_joint() -> None:
     assert math.isnan(summarise(TIME, {"link_position": q}, step=len(TIME)).settling)
 
 
-def test_the_delay_of_a_drifting_periodic_motion_is_not_a_period():
+def test_a_drifting_periodic_motion_has_no_delay_of_a_period():
     """The period is the limit of the search, and the drift makes its edge correlate best."""
     time = np.arange(0, 24.8, 0.01)
     motion = np.cos(2 * np.pi * time / 6.22)

@@ -32,7 +32,7 @@ def lab(path: Path, *, late: float = 0.0, gain: float = 1.0, unit: str = "rad", 
     return path
 
 
-def test_the_lag_is_found_and_the_difference_is_what_is_left(tmp_path: Path):
+def test_the_lag_is_found_and_removed(tmp_path: Path):
     log = made_up_log(tmp_path / "log.mcap", count=2001)
     recording = lab(tmp_path / "lab.csv", late=0.1, gain=0.9, unit="deg")
     result = plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(recording),)))
@@ -171,7 +171,7 @@ def test_no_common_joint_says_what_there_is(tmp_path: Path):
     assert not (tmp_path / "out").exists()
 
 
-def test_bode_of_any_pair_has_its_unit_and_its_gain_in_decibels(tmp_path: Path):
+def test_the_gain_of_a_pair_has_its_unit(tmp_path: Path):
     log = simulated_chirp(tmp_path)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, bode=True, given="motor_1_position", output="joint_1.link_velocity"))
     (response,) = result.responses
@@ -220,7 +220,7 @@ def simulated_chirp(tmp_path: Path) -> Path:
     return simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="soft", duration=4.0)
 
 
-def test_forces_on_an_object_count_on_whichever_side_of_a_pair_it_stands() -> None:
+def test_forces_on_an_object_count_on_both_sides_of_a_pair() -> None:
     """The robot pushes with 3 N, another object pushes back with 1 N; what the ground does is left out."""
     time = np.linspace(0.0, 1.0, 11)
     force = np.tile([1.0, 0.0, 0.0], (11, 1))
@@ -247,7 +247,7 @@ def test_a_diverged_run_is_drawn_and_named(tmp_path: Path, asrsim_command) -> No
     assert "the run is diverged, drawn up to its last sample; its claims are not evaluated" in outcome.err
 
 
-def test_logs_of_robots_with_other_joints_are_drawn_in_one_picture(tmp_path: Path):
+def test_robots_with_different_joints_share_a_picture(tmp_path: Path):
     logs = (made_up_log(tmp_path / "one.mcap", count=50), made_up_log(tmp_path / "two.mcap", joints=2, count=50))
     result = plot(PlotJob(logs=logs, folder=tmp_path / "out"))
     assert {joint.name for run in result.runs for joint in run.joints} == {"joint_1", "joint_2"}

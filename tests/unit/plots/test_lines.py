@@ -25,7 +25,7 @@ def curves(slopes: dict[str, float]) -> dict[str, Curve]:
     return {key: Curve(time=TIME, values=slope * TIME) for key, slope in slopes.items()}
 
 
-def test_every_line_of_every_page_is_the_curve_that_it_is_called(tmp_path: Path) -> None:
+def test_every_line_is_the_curve_of_its_name(tmp_path: Path) -> None:
     scales = {"soft": 1.0, "stiff": 0.7}
     time = np.arange(1001) * 0.001
     values = {
@@ -53,7 +53,7 @@ def test_every_line_of_every_page_is_the_curve_that_it_is_called(tmp_path: Path)
     assert {(joint, name, str(n)) for joint in ("joint_1", "joint_2") for name in wanted for n in (0, 1)} <= seen
 
 
-def test_objects_and_goals_are_drawn_from_their_own_runs_and_a_goal_once(tmp_path: Path) -> None:
+def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path: Path) -> None:
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
     runs: list[RunCurves] = []
@@ -89,7 +89,7 @@ def response(coherence: list[float], *, experiment: bool = False, scale: float =
                     output="link_position", response=found)  # fmt: skip
 
 
-def test_a_bode_plot_shows_decibels_and_degrees_and_fades_what_is_not_coherent() -> None:
+def test_a_bode_plot_fades_points_of_low_coherence() -> None:
     """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
     figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")
     gain, phase, coherence = figure.axes[:3]

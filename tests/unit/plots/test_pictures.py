@@ -64,7 +64,7 @@ def test_a_resting_value_is_not_blown_up(tmp_path: Path):
     assert high > 10.5
 
 
-def test_a_spike_of_one_sample_in_a_long_log_is_in_the_picture(tmp_path: Path):
+def test_a_spike_of_one_sample_is_drawn(tmp_path: Path):
     torque = np.zeros(60_000)
     torque[31_234] = 5.0
     run = read_curves(made_up_log(tmp_path / "log.mcap", count=60_000, values={"link_torque": torque}))
@@ -93,7 +93,7 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path: Path, joints: 
         (["x/log", "x/y/log"], ["soft 1", "soft 2"]),
     ],
 )
-def test_runs_of_one_variant_are_called_by_what_differs_in_their_paths(tmp_path: Path, files: list[str], labels: list[str]):
+def test_runs_of_one_variant_are_named_by_their_paths(tmp_path: Path, files: list[str], labels: list[str]):
     runs = [read_curves(made_up_log(tmp_path / f"{file}.mcap", joints=1, variant="soft")) for file in files]
     assert [run.label for run in distinct_labels(runs)] == labels
 
@@ -192,9 +192,7 @@ def test_claims_about_objects_are_judged_from_the_log(tmp_path: Path):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("samples", "flattens"), [(4, False), (8, True)])
-def test_what_lasts_a_quarter_of_a_percent_of_the_time_is_in_view_above_as_below(
-    tmp_path: Path, sign: float, samples: int, flattens: bool
-) -> None:
+def test_a_peak_shorter_than_a_quarter_percent_is_cut_off(tmp_path: Path, sign: float, samples: int, flattens: bool) -> None:
     torque = np.sin(np.arange(2000) * 0.01)
     torque[700 : 700 + samples] = sign * 50.0
     axes = shown("link_torque", torque, tmp_path)

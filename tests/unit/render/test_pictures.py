@@ -37,7 +37,7 @@ def background(image: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_the_camera_sees_every_point_and_stands_no_farther_than_needed(seed: int):
+def test_the_camera_sees_every_point_from_nearby(seed: int):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(200, 3)) * rng.uniform(0.1, 2.0, size=3) + rng.normal(size=3)
     towards, aspect = viewpoint(None), 1.4
@@ -209,7 +209,7 @@ def test_frames_are_denser_where_more_moves(log: Path):
     assert sum(time < 0.1 for time in times) < sum(time < 0.1 for time in even_times(film, 12))
 
 
-def test_a_part_of_the_run_and_a_folder_can_be_drawn(log: Path, tmp_path: Path):
+def test_a_folder_and_a_part_of_runs_are_drawn(log: Path, tmp_path: Path):
     for variant in ("b", "a"):
         (tmp_path / variant).mkdir()
         (tmp_path / variant / "log.mcap").write_bytes(log.read_bytes())

@@ -141,14 +141,14 @@ HEAD = "source,joint,quantity,measure,value,unit\n"
         ("time,q\n0,0\n", False),
     ],
 )
-def test_metrics_in_the_folder_are_shown_if_they_can_be_read(tmp_path: Path, text: str, shown: bool):
+def test_readable_metrics_in_the_folder_are_shown(tmp_path: Path, text: str, shown: bool):
     log = made_up_log(tmp_path / "log.mcap", count=30)
     (tmp_path / "metrics.csv").write_text(text)
     words = " ".join(parsed(write_report(log.parent, film=False)).words)
     assert ("Beside experiments" in words) == ("0.0123 rad" in words) == shown
 
 
-def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+def test_a_parameter_names_its_tag_and_line(folder: Path):
     info = read_log(folder / "soft" / "log.mcap").info
     text = info.urdf.splitlines()
     found = [parameter for values in read_parameters(info).values() for parameter in values]
@@ -237,7 +237,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     assert browser.complaints == []
 
 
-def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: Path):
+def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     """As `asrsim plot` leaves them beside a variant."""
     log = made_up_log(tmp_path / "soft" / "log.mcap")
     made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
@@ -263,7 +263,7 @@ def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
-def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path: Path, asrsim_command):
+def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command):
     for name in ("a", "b", "cut"):
         (tmp_path / name).mkdir()
         made_up_log(tmp_path / name / "log.mcap", count=20)
