@@ -54,10 +54,6 @@ WRITERS = {
     "lab.feather": parquet,
     "vectors.mat": lambda path: savemat(path, {"time": TIME, "q1": Q1[:, None], "q2_deg": np.degrees(Q2)}),
     "struct.mat": lambda path: savemat(path, {"run": {"time": TIME, "gain": 3.0, "q1": Q1, "q2_deg": np.degrees(Q2)}}),
-    "nested.mat": lambda path: savemat(
-        path, {"log": {"t": TIME, "joints": {"a": {"q1": Q1}, "b": {"q2_deg": np.degrees(Q2)}}}}
-    ),
-    "milliseconds.mat": lambda path: savemat(path, {"time_ms": TIME * 1e3, "q1": Q1, "q2_deg": np.degrees(Q2)}),
     "ascii.mat": lambda path: np.savetxt(path, ROWS, header="time q1 q2_deg"),
     "lab73.mat": hdf5,
     "lab.npz": lambda path: np.savez(path, time=TIME, q1=Q1, q2_deg=np.degrees(Q2)),

@@ -96,12 +96,6 @@ def test_malformed_files(read: Callable[..., Robot], text: str, code: str) -> No
     assert fails(read, text) == [code]
 
 
-def test_malformed_xml_has_its_line(read: Callable[..., Robot]) -> None:
-    with pytest.raises(RobotError) as caught:
-        read("<robot>\n<link>\n</robot>")
-    assert caught.value.problems[0].line == 3
-
-
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     for path, code in ((tmp_path / "none.urdf", "missing-file"), (tmp_path, "not-a-file")):
         with pytest.raises(RobotError) as caught:
@@ -228,15 +222,6 @@ def test_a_floating_root_says_that_the_robot_may_float(read: Callable[..., Robot
         link("top") + joint("t", "top", "world", "", "fixed") + link("world", "") + floating,
     ):
         assert "joint-type" in fails(read, robot(other))
-
-
-def test_axis_is_normalised_and_frames_are_kept(read: Callable[..., Robot]) -> None:
-    text = robot(
-        link("a", "") + joint("j", "a", "b", f'<axis xyz="0 3 4"/>{LIMIT}<origin xyz="1 2 3" rpy="0.1 0 0"/>') + link("b")
-    )
-    found = read(text).joint("j")
-    assert found.axis == pytest.approx((0.0, 0.6, 0.8))
-    assert (found.origin, found.rpy) == ((1.0, 2.0, 3.0), (0.1, 0.0, 0.0))
 
 
 # -- xacro -------------------------------------------------------------------------------------------------------------

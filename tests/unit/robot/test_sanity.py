@@ -12,7 +12,6 @@ from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import Robot, engine_urdf, load_robot, merge_fixed, with_overrides
 from asrsim.robot.values import law_fault
 from asrsim.scenario import check_against_robot, load_scenario
-from support.paths import EXAMPLES
 
 MIMIC = '<mimic joint="elbow" multiplier="-2" offset="0.1"/>'
 
@@ -112,22 +111,10 @@ def test_a_slider_has_no_usual_stiffness(tiny) -> None:
     assert "unusual-value" not in codes(robot.warnings)
 
 
-def test_a_slider_may_be_long(tiny) -> None:
-    """Its limits are in m, and no degrees."""
-    robot = changed(tiny, ('type="revolute"', 'type="prismatic"'), ('lower="-3" upper="3"', 'lower="-25" upper="25"'))
-    assert "limit-in-degrees" not in codes(robot.warnings)
-
-
 def test_an_inertia_of_products_alone_is_no_rounding(tiny) -> None:
     with pytest.raises(RobotError) as caught:
         changed(tiny, (INERTIA, 'ixx="0" ixy="-0.5" ixz="0" iyy="0" iyz="0" izz="0"'))
     assert codes(caught.value.problems) == {"negative-inertia"}
-
-
-def test_sound_robots_are_not_doubted() -> None:
-    doubted = {case.split()[0] for case in DOUBTED}
-    for path in sorted((EXAMPLES / "urdf").glob("*.urdf")):
-        assert not codes(load_robot(path).warnings) & doubted, path
 
 
 def test_an_inertia_that_is_rounding_is_zero(tiny) -> None:
@@ -246,10 +233,6 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command) -> None:
     assert '"wrist": {' in asrsim_command("check", tiny.robot, "--json").out
 
 
-def test_a_mimic_of_nothing_is_told_of(tiny) -> None:
-    assert "mimic-of-nothing" in codes(changed(tiny, ("<axis ", '<mimic joint="elbwo"/><axis ')).warnings)
-
-
 # -- scenarios ---------------------------------------------------------------------------------------------------------
 
 SCENARIOS = {
@@ -362,14 +345,6 @@ def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
     place = "" if "position" in case else ", position: [9, 9, 900]"
     found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
     assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
-
-
-def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:
-    text = tiny.robot.read_text().replace("libsea", "libqbmove").replace("<spring_k>10</spring_k>", "")
-    tiny.robot.write_text(text)
-    own = "references: {elbow: {equilibrium_position: 0, stiffness_preset: %s}}"
-    assert "large-preset" in warned(tiny, own % 50)
-    assert not warned(tiny, own % 0.6)
 
 
 # -- check knows what run refuses --------------------------------------------------------------------------------------
