@@ -136,17 +136,6 @@ def test_a_sheet_is_named_by_the_document_and_dates_in_cells_are_its_time(tmp_pa
         read_recording(path)
 
 
-def test_lists_in_cells_of_parquet_are_columns(tmp_path: Path) -> None:
-    pyarrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet as writer
-
-    table = {"time": TIME, "q": np.stack([Q1, Q2], axis=1).tolist(), "task": ["a"] * 50}
-    writer.write_table(pyarrow.table(table), tmp_path / "a.parquet")
-    recording = read_recording(tmp_path / "a.parquet")
-    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2)
-    assert [one.key for one in recording.findings if one.code == "text-column"] == ["task"]
-
-
 def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path) -> None:
     """The second one begins 0.5 s after the first."""
     savemat(tmp_path / "lab.mat", {"a": {"time": 1.7e9 + TIME, "q1": Q1}, "b": {"time": 1.7e9 + 0.5 + TIME, "q2": Q2}})
