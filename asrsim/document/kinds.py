@@ -65,7 +65,7 @@ class Number(Kind[float]):
             value = float(str(value))
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise reading.fault(node, path, f"must be a {self.noun}", code="type")
-        number = float(value) if abs(value) < 1 << 1023 else math.inf  # larger integers overflow
+        number = float(value) if isinstance(value, float) or abs(value) < 1 << 1023 else math.inf  # larger integers overflow
         if math.isnan(number) or (self.finite and math.isinf(number)):
             raise reading.fault(node, path, "must be a finite number", code="range")
         if (

@@ -88,7 +88,7 @@ def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = Non
     named: dict[str, Path] = {}
     own = _own_package(folder)
     if own is not None:
-        # What its files call it: some were named before the package was.
+        # The names of the package in its own files, some of which are older than the package.
         named.update({own[1].name: own[1], own[0]: own[1]})
     named.update({name: Path(given) for name, given in (package_paths or {}).items()})
     searched = [
