@@ -30,10 +30,8 @@ DEGREES = (20.0, 720.0)
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
-"""Smallest and largest usual ratio of a parameter to its default."""
+"""Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
 GAINS = ("proportional", "integral", "derivative")
-TEMPLATE_VALUES = {"damping": 0.0019, "friction_torque": 0.5}
-"""Motor parameters whose values in the toolbox's templates differ from the defaults of its code."""
 
 
 def robot_doubts(robot: Robot) -> Iterator[Problem]:
@@ -194,7 +192,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
     mode, values = MODES[block.mode], block.values()
     for declared in ACTUATORS.get(block.actuator).all_parameters():
         name, parameter = declared.name, block.parameters[declared.name]
-        value, from_file = parameter.value, parameter.origin == "tag"
+        value = parameter.value
 
         def doubt(message: str, *, code: str, value: str | None = None, parameter: ParameterValue = parameter) -> Doubt:
             return Doubt(message=message, code=code, value=value, parameters=(parameter,))
@@ -203,14 +201,6 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
             continue
         if declared.unused:
             yield doubt(f"has no effect: {declared.unused}", code="unused-tag")
-        template = next((number for end, number in TEMPLATE_VALUES.items() if name.endswith(end)), None)
-        if from_file and value == template:
-            message = f"{value:g} is what the toolbox's template shows; the default of its code is {declared.default:g}"
-            yield doubt(message, code="template-value")
-        if from_file and name.endswith("max_velocity"):
-            yield doubt("the toolbox reads this limit and never enforces it; asrsim does", code="ignored-by-toolbox")
-        if from_file and math.isinf(value):
-            yield doubt("infinite, taken as no limit; some Gazebo versions read it as 0", code="misread-value")
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and value < 0.0:
             yield doubt("a negative gain drives away from the reference", code="negative-gain", value=f"{value:g}")
         if declared.optional and values.get(declared.needs, 1.0) <= 0.0:

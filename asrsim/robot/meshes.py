@@ -39,7 +39,7 @@ def _stl_fault(data: bytes) -> str | None:
     if len(data) < _STL_HEAD or len(data) != _STL_HEAD + count * _STL_TRIANGLE.itemsize:
         if data.lstrip().startswith(b"solid") and b"vertex" in data:
             return "is a text STL file, of which PyBullet reads only binary ones"
-        return "is no STL file: its size does not go with its number of triangles"
+        return "is no STL file: its size does not match its number of triangles"
     if count == 0:
         return "has no triangle"
     points = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEAD)["points"]
