@@ -39,8 +39,6 @@ class Collector:
 
     full_rate = True
     """Whether every step is needed, whatever the rate of the log."""
-    bodies: bool
-    """Whether poses and contacts of objects are needed at every step: claims use them."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
@@ -54,7 +52,7 @@ class Collector:
         thinned = samples // self._stride + 1
         self._time = _Rows(thinned)
         self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
-        wanted, self.bodies = needs
+        wanted, self._needs_bodies = needs
         derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
         self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
         """Names of the collected quantities."""
@@ -81,7 +79,7 @@ class Collector:
             rows.add(samples.values[quantity][:, places[joint]])
         if TIP in samples.bodies:
             self._tip_errors.add(np.linalg.norm(samples.bodies[TIP][:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1))
-        if self.bodies:
+        if self._needs_bodies:
             own = {"time": samples.time, "joints": (), "values": {}}
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 

@@ -49,19 +49,6 @@ def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_equilibria_over_a_motion_are_those_of_its_instants(name):
-    actuator, spring, preset, loads = CASES[name]
-    motors = {"proportional": (90.0, 60.0), "integral": (0.0, 0.0), "max_torque": (500.0, 500.0)}
-    drive = drive_with(actuator, mode=6, spring=spring, **{key: value[: actuator.motors] for key, value in motors.items()})
-    time = np.linspace(0.0, 1.0, 40)
-    position, load = 0.8 * np.sin(5.0 * time), min(loads) + (max(loads) - min(loads)) * time
-    for droop in (False, True):
-        found = equilibria_for_loads(drive, position, load, np.full(40, preset), droop=droop)
-        alone = [equilibrium_for_load(drive, *row, preset, droop=droop) for row in zip(position, load, strict=True)]
-        assert found == pytest.approx(np.array(alone), abs=1e-11)
-
-
 def test_a_motion_beyond_a_spring_names_the_time():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)

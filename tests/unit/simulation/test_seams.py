@@ -21,7 +21,7 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Start, Worlds
 from support.hanging_chain import INERTIA, MASS, REACH
 from support.paths import EXAMPLES
 from validation.conservation import motors
@@ -137,7 +137,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
 
 
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+def test_energies_without_a_law_are_integrated(name: str) -> None:
     law = ACTUATORS.get(name)
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)
@@ -157,19 +157,6 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
-
-
-def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
-    """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
-    with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:
-        fresh = simulation.observe()
-        simulation.reset({"joint_1": 0.3})
-        assert simulation.observe().motor_1_position[0] == 0.3
-        for start in ({"velocities": {"joint_1": 1.0}}, {"initial": {}}, {}):
-            simulation.reset(**start)
-            seen = simulation.observe()
-            np.testing.assert_array_equal(seen.link_position, fresh.link_position)
-            np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -242,7 +229,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
         for references, torques in given:
             both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
                     for j in (*references, *torques)}  # fmt: skip
-            found = worlds.rollout(["link_position"], references=both)["link_position"][0]
+            found = worlds.rollout(["link_position"], start=Start(references=both))["link_position"][0]
             scenario = prepared.scenario
             scenario = replace(
                 scenario, references={**scenario.references, **references},
@@ -287,10 +274,10 @@ def test_numbers_that_come_again_give_the_same_bits_from_rest() -> None:
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
     )  # fmt: skip
-    light, heavy = ({"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}} for mass in (0.4, 0.6))
+    light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
     with Worlds(scenario, 2) as worlds:
-        first, again = (worlds.rollout(["link_position"], parameters=[light, heavy])["link_position"] for _ in range(2))
-        turned = worlds.rollout(["link_position"], parameters=[heavy, light])["link_position"][::-1]
+        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
     assert np.array_equal(first, again)
     assert np.array_equal(first, turned)
     assert not np.array_equal(first[0], first[1])
