@@ -13,9 +13,9 @@ import numpy as np
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
-from asrsim.samples import Array, RunInfo, Samples
+from asrsim.samples import RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.certify import COMPARED, differences, motion
+from asrsim.simulation.certify import COMPARED, Comparison
 from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -73,8 +73,13 @@ def cross_check(
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
     try:
-        again = _run(replace(same, engine=other), robot, progress and partial(progress, other))
-        version, found = again.info.metadata["engine_version"], _differences(motion(chunks), again)
+        logged = Comparison(same, [], keep=True)
+        for chunk in chunks:
+            logged.write(chunk)
+        comparison = Comparison(same, [logged.motion], keep=False)
+        again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
+        version = again.info.metadata["engine_version"]
+        found = (*comparison.differences, found)[0]
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -132,22 +137,23 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
     tell = progress and partial(progress, "sensitivity")
-    first, second = (_run(one, known, tell) for one in (scenario, replace(scenario, initial_positions=nudged)))
-    if "diverged" in (first.status, second.status) or first.samples is None:
+    first = Comparison(scenario, [], keep=True)
+    statuses = {_run(scenario, known, first, tell).status}
+    second = Comparison(scenario, [first.motion], keep=False)
+    statuses.add(_run(replace(scenario, initial_positions=nudged), known, second, tell).status)
+    if "diverged" in statuses or not second.differences:
         return math.inf
-    return float(_differences(motion([first.samples]), second)[0, 0].max())
+    return float(second.differences[0][0, 0].max())
 
 
-def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:
+def _run(
+    scenario: Scenario, robot: Robot | None, comparison: Comparison, progress: Callable[[float], None] | None
+) -> Run:  # fmt: skip
     """A further run of the scenario; if it diverges, the part before the divergence."""
     try:
-        return simulate(scenario, robot, names=COMPARED, progress=progress)
+        return simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:
         return error.run  # type: ignore[return-value]
-
-
-def _differences(given: Array, again: Run) -> Array:
-    return differences(given, given[:0] if again.samples is None else motion([again.samples]))
 
 
 def _size(value: float) -> float:
