@@ -1,7 +1,9 @@
 """Measures what `asrsim design` promises, on five robots: each row of the table in docs/design.md.
 
 python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
-python benchmarks/design.py fits [ROBOT]          promised intervals against the scatter of fits of simulated recordings
+python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
+python benchmarks/design.py fits [ROBOT]          promised intervals against what fits of simulated recordings scatter
+python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import asrsim
 from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import Plant
-from asrsim.design.run import _read, _task
+from asrsim.design.run import _read, _task, off
 from asrsim.design.search import Search
 from asrsim.design.write import write_design
 
@@ -39,7 +41,7 @@ ROBOTS = {
 SECONDS = 4.0
 
 
-def laboratory(name: str, folder: Path) -> tuple[Path, Path, dict]:
+def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Path, Path, dict]:
     """Scenario, limits file and options of a robot."""
     two = name == "two"
     springs, parameters, limits, references = ROBOTS["qbmove" if two else name]
@@ -60,26 +62,29 @@ def laboratory(name: str, folder: Path) -> tuple[Path, Path, dict]:
     if two:
         del scenario["actuators"]
     bounds = {"link_position": [-1.2, 1.2], "link_velocity": 10, "motor_torque": 5.5, **limits}
-    data = {"limits": dict.fromkeys(joints, bounds)}
+    data = {"limits": dict.fromkeys(joints, bounds)} | ({"choose": choose} if choose else {})
     paths = folder / f"{name}.yaml", folder / f"{name}.limits.yaml"
     for path, content in zip(paths, (scenario, data), strict=True):
         path.write_text(yaml.safe_dump(yaml.safe_load(yaml.safe_dump(content))))
     return *paths, {"free": free, "ties": ties}
 
 
-def searcher(scenario: Path, limits: Path, options: dict, stack: ExitStack) -> Search:
-    """Search for motions of the robot within its limits."""
+def searcher(
+    scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
+) -> Search:
+    """The robot within its limits, as the search sees it."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
-    plant = Plant(ready, given, layout, read, SECONDS)
+    plant = Plant(ready, given, layout, read, seconds)
     stack.callback(plant.close)
-    draws = [np.zeros(len(layout))]
+    generator = np.random.default_rng(99)
+    draws, others = [np.zeros(len(layout))], [off(layout, generator) for _ in range(checks)]
     known = np.zeros((len(layout), len(layout)))
-    return Search(plant, {}, draws, [], plant.substeps_of({}, draws), known, np.random.default_rng(99))
+    return Search(plant, {}, draws, others, plant.substeps_of({}, draws + others), known, generator)
 
 
 def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and shares (references, rows) of plain motions of full size."""
+    """Name and shares (references, rows) of what people record, full size."""
     t = plant.step * np.arange(plant.rows)
     whole = t[-1]
     slots = [one.slot for one in plant.references]
@@ -152,6 +157,20 @@ def tighter(names: list[str]) -> None:
             print(f"{name}: design {own:.3g} %, {said}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
 
 
+def gains(names: list[str]) -> None:
+    """Gains of the first controller chosen from three, against one step with the robot's own."""
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(folder))
+            search = searcher(scenario, within, options, stack)
+            step = next(fitting(search, shares) for kind, shares in plain(search.plant) if kind == "one step")
+            choose = {"joint_1.controller_1_proportional": [12, 40, 125]}
+            scenario, within, options = laboratory(name, Path(folder), choose)
+            found = design(scenario, within, seconds=SECONDS, **options)
+            print(f"{name}: design {196 * np.exp(found.found.score):.3g} % with {dict(found.gains)}, one step "
+                  f"{196 * np.exp(step):.3g} %: {np.exp(step - found.found.score):.1f} x", flush=True)  # fmt: skip
+
+
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
     """What a run of the designed scenario records without noise: columns, headings, and which columns are measured."""
     result = asrsim.run(scenario)
@@ -196,6 +215,27 @@ def fits(names: list[str], count: int = 40) -> None:
                   f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
 
 
+def limits(names: list[str], count: int = 50) -> None:
+    """Robust designs played on robots each of whose numbers is off by up to a factor of 2."""
+    exceeded, worst = 0, []
+    for number in range(count):
+        name = names[number % len(names)]
+        with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(place))
+            if number < len(names):
+                designs[name] = design(scenario, within, seconds=SECONDS, robust=2, **options)
+            search = searcher(scenario, within, options, stack)
+            layout = search.plant.layout
+            draw = off(layout, np.random.default_rng([77, number]))
+            told = search.plant.play(designs[name].found.motion, {}, [draw], search.plant.substeps_of({}, [draw]))
+            use = np.inf if told is None else float(told.use.max())
+            exceeded += use > 1.0
+            worst.append(use)
+    print(f"exceeded {exceeded} of {count}; largest shares {np.sort(worst)[-5:].round(3)}")
+
+
+designs: dict = {}
+
 if __name__ == "__main__":
     what, *rest = sys.argv[1:]
-    {"tighter": tighter, "fits": fits}[what](rest or [*ROBOTS, "two"])
+    {"tighter": tighter, "gains": gains, "fits": fits, "limits": limits}[what](rest or [*ROBOTS, "two"])

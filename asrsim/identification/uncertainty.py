@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.noise import autocovariances, autoregression
 from asrsim.identification.problem import Part, Problem, jacobian, residuals, residuals_at, weigh
 from asrsim.samples import Array
@@ -263,7 +262,7 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
 def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, which contain this noise."""
     tracks = [problem.tracks[i] for i in problem.fitted]
-    if any(isinstance(track, TorqueTrack) or not track.has_noisy_inputs for track in tracks):
+    if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
         return
     for draw in range(PLAYED):
         change = np.zeros(problem.parts[-1].rows.stop)

@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
-from asrsim.samples import RunInfo, Samples
+from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.simulation.certify import COMPARED, Comparison
 from asrsim.simulation.run import Run, simulate
@@ -72,10 +72,10 @@ def cross_check(
     found = np.full((2, 2, len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
+    logged = Comparison(same, [], keep=True)
+    for chunk in chunks:
+        logged.write(chunk)
     try:
-        logged = Comparison(same, [], keep=True)
-        for chunk in chunks:
-            logged.write(chunk)
         comparison = Comparison(same, [logged.motion], keep=False)
         again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
         version = again.info.metadata["engine_version"]
@@ -91,7 +91,17 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        finding, note = _verdict(same, robot, other, worst, difference, progress)
+        sensitivity = _sensitivity(same, logged.motion, robot, progress and partial(progress, "sensitivity"))
+        if difference <= SENSITIVE * sensitivity:
+            note = (
+                f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
+                f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
+            )
+        else:
+            finding = (
+                f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
+                f"(at most {LIMIT:g} is rounding): one of them is wrong"
+            )
     keys = ("position_max", "position_rms", "torque_max", "torque_rms")
     values = {name: map(finite_or_none, found[:, :, j].T.ravel().tolist()) for j, name in enumerate(names)}
     return {
@@ -101,31 +111,9 @@ def cross_check(
     }  # fmt: skip
 
 
-def _verdict(
-    scenario: Scenario,
-    robot: Robot | None,
-    other: str,
-    worst: str,
-    difference: float,
-    progress: Callable[[str, float], None] | None,
-) -> tuple[str, str]:
-    """Finding and note on a difference. The difference is a fault, unless the motion amplifies small changes as much."""
-    sensitivity = _sensitivity(scenario, robot, progress)
-    if difference <= SENSITIVE * sensitivity:
-        return "", (
-            f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from itself by "
-            f"{sensitivity:.2g} rad; what {other} differs by says nothing of either engine"
-        )
-    finding = (
-        f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
-        f"(at most {LIMIT:g} is rounding): one of them is wrong"
-    )
-    return finding, ""
-
-
-def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[str, float], None] | None) -> float:
-    """Difference in rad between the run and a run whose joints start with an offset of `NUDGE`; infinite if only one of them
-    reaches the end."""
+def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None) -> float:
+    """Difference in rad of the logged motion from a run whose joints start with an offset of `NUDGE`; infinite if that run
+    diverges."""
     from asrsim.scenario import checked_robot
 
     known = robot if robot is not None else checked_robot(scenario)[0]
@@ -136,14 +124,11 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    tell = progress and partial(progress, "sensitivity")
-    first = Comparison(scenario, [], keep=True)
-    statuses = {_run(scenario, known, first, tell).status}
-    second = Comparison(scenario, [first.motion], keep=False)
-    statuses.add(_run(replace(scenario, initial_positions=nudged), known, second, tell).status)
-    if "diverged" in statuses or not second.differences:
+    comparison = Comparison(scenario, [logged], keep=False)
+    moved = _run(replace(scenario, initial_positions=nudged), known, comparison, progress)
+    if moved.status == "diverged" or not comparison.differences:
         return math.inf
-    return float(second.differences[0][0, 0].max())
+    return float(comparison.differences[0][0, 0].max())
 
 
 def _run(
