@@ -145,10 +145,8 @@ class Simulation:
         if kind != NO_VALUE:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
             speeds = np.abs(core.S[0, :, ENGINE_VELOCITY])
-            joint, what = (
-                int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf))),
-                "its motion is no longer finite or sane",
-            )
+            joint = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+            what = "its motion is no longer finite or sane"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 
     def flush(self) -> None:
