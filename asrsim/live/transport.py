@@ -183,6 +183,11 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def prefix_of(namespace: str) -> str:
+    """Prefix of topic names for a namespace."""
+    return f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+
+
 @contextmanager
 def opened(
     names: Sequence[str], interface: Interface, access: Access, tell: Callable[[str], None]

@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.live.commands import CommandInput
 from asrsim.live.pace import Pace
-from asrsim.live.transport import Access, Inlet, Interface, Outlet, Received, Transport, opened, publish, report
+from asrsim.live.transport import Access, Inlet, Interface, Outlet, Received, Transport, opened, prefix_of, publish, report
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.twin.twin import Twin, TwinStep
@@ -33,7 +33,7 @@ class LiveTwin:
     ) -> None:  # fmt: skip
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: in s, None: until stopped."""
         prepared = with_ranges(scenario)
-        prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+        prefix = prefix_of(namespace)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
         self._commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=prefix)
         source = Inlet(f"{prefix}/joint_states", "sensor_msgs/JointState")

@@ -168,14 +168,6 @@ def test_wrong_names_and_bandwidths_are_errors(five):
             twin.step([0.0] * 5, {"elbow": 0.0})
 
 
-def test_motors_of_a_reset_stand_where_they_are_put(five):
-    with asrsim.Simulation(five) as simulation:
-        simulation.reset({"joint_2": 0.2}, motors={"joint_2": (0.5, -0.1)})
-        state = simulation.observe()
-    assert state.link_position[1] == 0.2
-    assert (state.motor_1_position[1], state.motor_2_position[1]) == (0.5, -0.1)
-
-
 # -- live ------------------------------------------------------------------------------------------------------------
 
 
