@@ -50,10 +50,13 @@ class Mismatch:
 
         yielding: fraction (motors, n) of a motor's torque that reaches the link through the spring; the rest moves the motor.
         """
+        # Direction of each velocity, linear below `RUBBING`.
+        velocities = np.concatenate([link[None], motors])
+        directions = np.minimum(np.maximum(velocities / RUBBING, -1.0), 1.0)
         rows = np.empty(self._rows.shape[1:])
         rows[:, 0] = ((1.0 - yielding) * springs).sum(axis=0)
         rows[:, 1], rows[:, 2] = link, (yielding * motors).sum(axis=0)
-        rows[:, 3], rows[:, 4] = _direction(link), (yielding * _direction(motors)).sum(axis=0)
+        rows[:, 3], rows[:, 4] = directions[0], (yielding * directions[1:]).sum(axis=0)
         rows[:, 5], rows[:, 6] = 1.0, torque
         self._rows += self._shares * (rows - self._rows)
 
@@ -83,8 +86,3 @@ class Mismatch:
         self.spring = self._found[:, 0]
         deviation = np.sqrt(CORRELATED * left / rows_seen * inverse[:, 0, 0]) / size[:, 0]
         self.deviation = np.where(self.learned, deviation, np.inf)
-
-
-def _direction(velocity: Array) -> Array:
-    """Sign of a velocity, linear below `RUBBING`."""
-    return np.minimum(np.maximum(velocity / RUBBING, -1.0), 1.0)
