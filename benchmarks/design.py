@@ -24,7 +24,7 @@ from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import Plant
 from asrsim.design.run import _read, _task, off
-from asrsim.design.search import Search
+from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
 
 URDF = Path(__file__).parent.parent / "examples" / "urdf"
@@ -116,10 +116,13 @@ def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def fitting(search: Search, shares: np.ndarray) -> float:
-    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection."""
+    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection.
+
+    Of the informations that small and larger changes of the parameters give, the least counts, as for a design.
+    """
     plant = search.plant
     slots = np.array([one.slot for one in plant.references])
-    size, best = np.zeros(len(shares)), np.inf
+    size, best, largest = np.zeros(len(shares)), np.inf, None
     joints = [slots == 0, *(np.eye(len(slots), dtype=bool)[slots == 0] if np.sum(slots == 0) > 1 else [])]
     for mine in joints:
         low, high = float(size[mine][0]), 1.0
@@ -129,12 +132,17 @@ def fitting(search: Search, shares: np.ndarray) -> float:
             motion = np.array(
                 [p.values(np.clip(f * s, -1, 1)) for p, f, s in zip(plant.references, there, shares, strict=True)]
             )
-            found = search.play(motion, information=True)
+            found = search.play(motion, changes=SMALL)
             if found is not None and found.use.max() <= 1.0 and found.information is not None:
-                best, low, size = min(best, float(search.score(found.information))), middle, there
+                low, size = middle, there
+                if float(search.score(found.information)) < best:
+                    best, largest = float(search.score(found.information)), motion
             else:
                 high = middle
-    return best
+    changes = [(h, -h) for h in (1e-4, 1e-3) if largest is not None]
+    outcomes = [search.play(largest, changes=both) for both in changes]
+    scores = [float(search.score(one.information)) for one in outcomes if one is not None and one.information is not None]
+    return max([best, *scores])
 
 
 def tighter(names: list[str]) -> None:
