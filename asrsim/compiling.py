@@ -24,6 +24,9 @@ T = TypeVar("T")
 
 LOADED = 64
 """Largest number of compiled functions that this process keeps in memory for later calls."""
+NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+"""Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
+substep, and without tests for divisions by 0, which give inf or NaN."""
 _loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
@@ -56,8 +59,7 @@ def compile_function(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
         # nogil: threads run worlds in parallel.
-        options: dict[str, Any] = {"cache": cached, "nogil": True, "_nrt": False}
-        dispatcher: Any = numba.njit(signature, **options)(copy)
+        dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
         # Call the machine code directly: Numba's dispatcher checks types at every call. It owns the code and must stay alive.
@@ -73,10 +75,11 @@ def compile_function(
 
 @dataclass(frozen=True)
 class PackedFunction:
-    """A compiled function that takes the addresses of a record, a state, an exchange and wrenches, and a number."""
+    """A compiled function that takes the addresses of a record, a state, an exchange, wrenches and lengths, and the number of
+    pieces of a kick."""
 
     address: int
-    call: Callable[[int, int, int, int, float], None]
+    call: Callable[..., None]
     """Function to call from Python; it releases the interpreter's lock."""
     owner: Any
 
@@ -84,16 +87,17 @@ class PackedFunction:
 def compile_packed(
     function: Any,
     record: Any,
-    sizes: Callable[[Any], tuple[int, int, int]],
+    sizes: Callable[[Any], tuple[int, int, int, int]],
     *,
     names: Mapping[str, Any] | None = None,
     version: str = "",
     inline: tuple[str, ...] = (),
 ) -> PackedFunction:
-    """`function(record, state, exchange, wrenches, fraction)` compiled for records of this type with arrays of any size; see
+    """`function(record, state, exchange, wrenches, lengths)` compiled for records of this type with arrays of any size; see
     `asrsim.packed` and `asrsim.engines.base.Native`.
 
-    sizes: function that maps a record to the number of values of a state, and the numbers of rows of exchange and wrenches.
+    sizes: function that maps a record to the number of values of a state, the number of rows of an exchange for each piece, and
+    the numbers of rows and columns of the wrenches for each piece.
     Other arguments as in `compile_function`.
     """
     import ctypes
@@ -102,9 +106,8 @@ def compile_packed(
 
     kind = type_of(record)
     given = {**(names or {}), "_unpacked": reader(kind), "_function": function, "_sizes": sizes, "_table": table_reader()}
-    callback = compile_law(_at_address, given, "aaaad", version=f"{version}\n{kind}", inline=inline)
-    words = ctypes.c_ssize_t
-    call = ctypes.CFUNCTYPE(None, words, words, words, words, ctypes.c_double)(callback.address)
+    callback = compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
+    call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(callback.address)
     return PackedFunction(callback.address, call, callback)
 
 
@@ -115,10 +118,13 @@ def _unbound(*arguments: Any) -> Any:
 _unpacked = _function = _sizes = _table = _unbound
 
 
-def _at_address(address: int, state: int, exchange: int, wrenches: int, fraction: float) -> None:
+def _at_address(address: int, state: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
     record = _unpacked(address)
-    size, joints, pushes = _sizes(record)
-    _function(record, _table(state, 1, size)[0], _table(exchange, joints, 5), _table(wrenches, pushes, 6), fraction)
+    size, joints, rows, columns = _sizes(record)
+    _function(
+        record, _table(state, 1, 1, size)[0, 0], _table(exchange, pieces, joints, 5), _table(wrenches, pieces, rows, columns),
+        _table(lengths, 1, 1, pieces)[0, 0],
+    )  # fmt: skip
 
 
 def compile_law(
@@ -132,7 +138,9 @@ def compile_law(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callback:
         signature = numba.types.void(*(types_of[kind] for kind in kinds))
-        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        # Laws of users, which are not inlined, may raise: `asrsim.simulation.native` then stops the world.
+        options: dict[str, Any] = NUMERIC if inline else {}
+        callback: Any = numba.cfunc(signature, cache=cached, **options)(copy)
         return Callback(callback.address, callback)
 
     return _through_cache(compiled, function, names, f"{version}\n{kinds}", inline)
@@ -234,7 +242,7 @@ def _through_cache(
     import numba
 
     _without_algebra()
-    ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
+    ingredients = [repr((inline, NUMERIC)), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     cached = cache_file(digest)
     key = digest, cached
@@ -266,8 +274,7 @@ def _marked(
         # Python never calls these functions: wrappers for Python would take half of the compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if inline:
-            # Reference counts of arrays would take most of the time of a substep. The code creates no arrays and needs none.
-            options |= {"forceinline": copy.__module__ in inline, "_nrt": False}
+            options |= {"forceinline": copy.__module__ in inline, **NUMERIC}
         return numba.njit(copy, **options)
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")

@@ -51,18 +51,18 @@ def reader(kind: Any) -> Any:
 
 @cache
 def table_reader() -> Any:
-    """A function for compiled code that returns the array (n, m) of floats at an address."""
+    """A function for compiled code that returns the array (n, m, k) of floats at an address."""
     from numba import types
     from numba.extending import intrinsic
 
     kind: Any = types
-    layout = kind.Array(kind.float64, 2, "C")
+    layout = kind.Array(kind.float64, 3, "C")
 
-    def read_table(typing: Any, address: Any, rows: Any, columns: Any) -> Any:
+    def read_table(typing: Any, address: Any, tables: Any, rows: Any, columns: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             return array_at(context, builder, layout, arguments[0], list(arguments[1:]))
 
-        return layout(kind.intp, kind.intp, kind.intp), generate
+        return layout(kind.intp, kind.intp, kind.intp, kind.intp), generate
 
     return intrinsic(read_table)
 

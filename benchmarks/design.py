@@ -2,7 +2,7 @@
 
 python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
 python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
-python benchmarks/design.py fits [ROBOT]          promised intervals against what fits of simulated recordings scatter
+python benchmarks/design.py fits [ROBOT]          promised intervals against the scatter of fits of simulated recordings
 python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
 """
 
@@ -72,7 +72,7 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
 def searcher(
     scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
 ) -> Search:
-    """The robot within its limits, as the search sees it."""
+    """Search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
     plant = Plant(ready, given, layout, read, seconds)
@@ -84,7 +84,7 @@ def searcher(
 
 
 def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and shares (references, rows) of what people record, full size."""
+    """Name and shares (references, rows) of plain motions of full size."""
     t = plant.step * np.arange(plant.rows)
     whole = t[-1]
     slots = [one.slot for one in plant.references]

@@ -1,77 +1,74 @@
-"""Measures what asrsim costs: each row against its own reference, in turns, in one run.
+"""Measures the cost of asrsim.
 
     python benchmarks/run.py                 the table
-    python benchmarks/run.py --json          the same for programs
-    python benchmarks/run.py --only mujoco   rows whose name begins so
-    python benchmarks/run.py --figure        cost over joints and stiffness, docs/images/performance.png
-    python benchmarks/run.py --docs          everything, into docs/performance.md
+    python benchmarks/run.py --json          the table as JSON
+    python benchmarks/run.py --only loop     only rows whose name begins so
+    python benchmarks/run.py --docs          write the table into docs/performance.md
 
-Times are CPU times of processes; medians of rounds in which both sides take turns. 0.1 is measured beside this version, in an
-environment of its own that is made once in the cache; its rows are left out where git's history or CPython 3.11 is not there.
+Each value is the median of several rounds of CPU times. Ratios compare two times of the same round.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import platform
+import re
 import statistics
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
+LIBRARIES = ("pybullet", "mujoco-core", "numpy", "numba")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A measured figure, a ratio unless `what` names a unit."""
+    """A measured value, a ratio unless `what` names a unit."""
 
     what: str
     goal: float
-    """At most."""
-    ratios: tuple[float, ...] = ()
+    """Largest value that meets the goal."""
+    values: tuple[float, ...] = ()
+    """Values of the rounds."""
 
     @property
     def median(self) -> float:
-        """The figure."""
-        return statistics.median(self.ratios)
-
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Smallest and largest."""
-        return min(self.ratios), max(self.ratios)
+        """Median of the values."""
+        return statistics.median(self.values)
 
 
 def _rows() -> dict[str, Row]:
     goals: dict[str, tuple[str, float]] = {}
-    for name, faster in (("1", 4), ("2", 4), ("5", 4), ("v2", 12), ("v3", 14), ("v3_stops", 30)):
-        goals[f"mujoco_{name}"] = (f"whole run, MuJoCo compiled / 0.1 compiled (PyBullet), {name}", round(1 / faster, 3))
-    for name in ("2", "5"):
-        goals[f"bare_{name}"] = (f"whole run, MuJoCo compiled / bare PyBullet step, {name} joints", 0.6)
-    for name, goal in (("1", 0.6), ("2", 0.6), ("5", 0.85), ("v2", 0.85), ("v3", 0.85), ("v3_stops", 0.85)):
-        goals[f"loop_{name}"] = (f"loop, MuJoCo compiled / bare mj_step, {name}", goal)
-        goals[f"worlds_{name}"] = (f"64 worlds together / 64 simulations, by world and step, {name}", 0.5)
-    goals |= {"bullet_v2": ("PyBullet compiled / 0.1, v2", 0.5), "bullet_v3": ("PyBullet compiled / 0.1, v3", 0.667)}
-    for name in ("1", "2", "5"):
-        goals[f"bullet_{name}"] = (f"PyBullet compiled / 0.1, {name} joints", 1.0)
-        goals[f"bullet_plain_{name}"] = (f"PyBullet in plain Python / 0.1, {name} joints", 1.0)
+    for name, loop in (("1", 0.6), ("2", 0.6), ("5", 0.85), ("v2", 0.85), ("v3", 0.85), ("v3_stops", 0.85)):
+        goals[f"loop_{name}"] = (f"substep of the loop / mj_step of the robot without springs, {name}", loop)
+        goals[f"record_{name}"] = (f"step with complete record / step without record, {name}", 1.5)
+        goals[f"bullet_{name}"] = (f"substep in PyBullet with complete record / PyBullet's step without springs, {name}", 3.0)
+        goals[f"worlds_{name}"] = (f"64 worlds / 64 simulations, {name}", 0.33)
     goals |= {
-        "reset": ("reset of a two-joint arm, ms", 0.1),
-        "blocks": ("quantities that differ where a run is cut in 1, 10 or 8192 steps", 0.0),
         "joints_mujoco": ("80 joints with Coulomb friction / one joint, MuJoCo", 120.0),
-        "joints_bullet": ("the same, PyBullet", 250.0),
-        "pictures": ("asrsim run of 1 s, 2 joints, pictures included / without", 2.5),
-        "check": ("asrsim check of AlterEgo v2 (of its size where it is not there) / 0.1", 0.333),
+        "joints_bullet": ("80 joints with Coulomb friction / one joint, PyBullet", 250.0),
+        "advance": ("advance(1) of two joints, us", 10.0),
+        "advance_set": ("set_reference and advance(1) of two joints, us", 28.0),
+        "environments": ("64 environments in one VectorEnv / 64 separate environments, steps of 20 ms", 0.3),
+        "reset": ("reset of two joints, ms", 0.1),
+        "blocks": ("quantities that differ if a run is advanced by 1, 10 or 8192 substeps a call", 0.0),
+        "pictures": ("asrsim run of 1 s, 2 joints, with pictures / without", 2.5),
+        "check": ("asrsim check of AlterEgo v2 (or a robot of its size), s", 2.0),
+        "help": ("asrsim --help, s", 0.3),
+        "start": ("asrsim run of 1 ms of 2 joints without pictures, s", 1.0),
         "log": ("log of 5 joints, bytes per joint and step", 300.0),
-        "log_compact": ("the same, log: compact", 190.0),
-        "memory": ("memory of a run of 1000 s, 5 joints, MB", 200.0),
-        "memory_certify": ("the same certified, MB", 400.0),
-        "help": ("asrsim --help / 0.1", 1.0),
-        "start": ("asrsim run of 1 ms of 1 joint, no pictures / 0.1", 1.0),
-        "log_write": ("writing the complete log, 5 joints, zstd / simulating in plain Python", 1.0),
-        "log_read": ("reading link and motor states in bulk / iter_messages", 0.1),
+        "log_compact": ("log of 5 joints with log: compact, bytes per joint and step", 190.0),
+        "memory": ("memory of a run of 1000 s, 5 joints, MB", 250.0),
+        "memory_certify": ("memory of the same run with --certify, MB", 400.0),
+        "log_write": ("writing the complete log of 5 joints / simulating in plain Python", 1.0),
+        "log_read": ("reading link states into arrays / messages of the official reader", 0.1),
     }
     return {name: Row(what=what, goal=goal) for name, (what, goal) in goals.items()}
 
@@ -79,53 +76,60 @@ def _rows() -> dict[str, Row]:
 ROWS: Mapping[str, Row] = _rows()
 
 
+def machine() -> dict[str, str]:
+    """Processor, number of cores, and versions of Python and of the libraries."""
+    cpus = re.findall(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else []
+    about = {"CPU": (cpus or [platform.machine()])[0], "cores": str(os.cpu_count()), "Python": platform.python_version()}
+    return about | {library: version(library) for library in LIBRARIES}
+
+
 def table(rows: Mapping[str, Row]) -> str:
-    """For people."""
-    lines = [f"{'':16} {'figure':>8} {'goal':>8}   {'from .. to':>17}"]
+    """The rows as text; `!` marks a missed goal."""
+    lines = [f"{'':16} {'median':>8} {'goal':>8}   {'from .. to':>17}"]
     for name, row in rows.items():
-        low, high = row.spread
         mark = " " if row.median <= row.goal else "!"
-        lines.append(f"{name:16} {row.median:8.3f} {row.goal:8.3f} {mark} {low:7.3f} .. {high:7.3f}   {row.what}")
+        spread = f"{min(row.values):7.3f} .. {max(row.values):7.3f}"
+        lines.append(f"{name:16} {row.median:8.3f} {row.goal:8.3f} {mark} {spread}   {row.what}")
     return "\n".join(lines)
 
 
+def document(rows: Mapping[str, Row]) -> None:
+    """Write the rows into docs/performance.md."""
+    lines = ["| | measured | goal | |", "|---|---|---|---|"]
+    lines += [f"| `{name}` | **{row.median:.3g}** | {row.goal:g} | {row.what} |" for name, row in rows.items()]
+    missed = ", ".join(f"`{name}`" for name, row in rows.items() if row.median > row.goal) or "none"
+    about = ", ".join(f"{key} {value}" for key, value in machine().items())
+    text = "\n".join([*lines, "", f"Measured on: {about}. Missed goals: {missed}."])
+    old = DOCUMENT.read_text(encoding="utf-8")
+    new = re.sub(r"(?s)(?<=<!-- measured -->\n).*?(?=\n<!-- measured end -->)", lambda _: text, old)
+    DOCUMENT.write_text(new, encoding="utf-8")
+
+
 def main() -> None:
-    """See the module."""
+    """Measure the rows that the arguments name."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
-    parser.add_argument("--only", default="", metavar="NAME", help="rows whose name begins so")
-    parser.add_argument("--repeats", type=int, default=5, metavar="N", help="rounds of each row (5)")
-    parser.add_argument("--figure", action="store_true", help="draw docs/images/performance.png instead")
-    parser.add_argument("--docs", action="store_true", help="write docs/performance.md, with picture")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    parser.add_argument("--only", default="", metavar="NAME", help="measure only rows whose name begins so")
+    parser.add_argument("--repeats", type=int, default=5, metavar="N", help="number of rounds (5)")
+    parser.add_argument("--docs", action="store_true", help="write docs/performance.md")
     arguments = parser.parse_args()
     wanted = [name for name in ROWS if name.startswith(arguments.only)]
     if not wanted:
         parser.error(f"no row begins with '{arguments.only}'; there are {', '.join(ROWS)}")
-    from machine import machine, others
+    from rows import measures
 
-    load = others()
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        if arguments.figure:
-            from figure import draw
-
-            print(draw(folder))
-            return
-        from measure import measure
-
-        figures = measure(wanted, max(1, arguments.repeats), folder)
-        rows = {name: Row(what=row.what, goal=row.goal, ratios=figures[name]) for name, row in ROWS.items() if name in figures}
-        if arguments.docs:
-            from document import write
-
-            print(write(rows, folder, load))
-            return
-    if arguments.json:
-        values = {name: {"ratio": row.median, "goal": row.goal, "spread": row.spread} for name, row in rows.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        functions = measures(Path(folder))
+        rounds = [{name: functions[name]() for name in wanted} for _ in range(max(1, arguments.repeats))]
+    rows = {name: replace(ROWS[name], values=tuple(one[name] for one in rounds)) for name in wanted}
+    if arguments.docs:
+        document(rows)
+    elif arguments.json:
+        values = {name: {"median": row.median, "goal": row.goal, "values": row.values} for name, row in rows.items()}
         print(json.dumps({"machine": machine(), "rows": values}, indent=2))
-        return
-    print(", ".join(f"{key} {value}" for key, value in machine().items()))
-    print(table(rows))
+    else:
+        print(", ".join(f"{key} {value}" for key, value in machine().items()))
+        print(table(rows))
 
 
 if __name__ == "__main__":

@@ -4,140 +4,97 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Plugins, into_file, load_plugins
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say_written
+from asrsim.cli.options import Plot, into_file
+from asrsim.errors import Problem, RecordingError
 from asrsim.outfile import check_output, csv_text, write_text
 
-if TYPE_CHECKING:
-    from asrsim.robot.model import Robot
-    from asrsim.samples import Array
-    from asrsim.simulation.bench import Motion
-
-INPUTS = ("position", "velocity", "reference_1", "reference_2", "external_torque")
-"""Possible columns of a joint; position and velocity are required."""
+INPUTS = ("position", "reference_1", "reference_2", "external_torque")
+"""Possible columns of a joint; the position is required."""
 
 
+@command("Print nothing.")
 def bench(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file.", show_default=False)],
     motion: Annotated[
         Path,
         typer.Argument(
             metavar="MOTION",
-            help="CSV with time and <joint>.position, .velocity, and any of .reference_1, .reference_2, .external_torque.",
+            help="CSV with time and <joint>.position, and any of .reference_1, .reference_2, .external_torque.",
             show_default=False,
         ),
     ],
     out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
-    stepping: Annotated[str, typer.Option(help="leapfrog, euler, or toolbox (order of the released code).")] = "leapfrog",
-    first_step: Annotated[
-        float | None,
-        typer.Option(help="Length of the first step in s; by default that of the second step, for leapfrog a start from rest."),
-    ] = None,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option(help="Draw positions, torques and stiffness beside the table.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+) -> Done:
     """Apply a prescribed link motion to the actuators, as on a test bench.
 
-    Each row of the CSV is a step. The output has time, and for each joint position, velocity, references,
-    link and elastic torques, stiffness and motor states; numbers are written in full precision.
+    Runs a scenario with `engine: bench` that plays the columns of the table, with its mean time step. The output has a row
+    for each step, with the time and everything that the joints record, in full precision.
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    from asrsim.cli.console import json_errors, say_json, say_written
-
-    with json_errors(json):
-        load_plugins(plugin)
-        files = bench_files(robot, motion, out, stepping=stepping, first_step=first_step, plot=plot)
-    if json:
-        say_json({"ok": True, "files": [str(path) for path in files]})
-    elif not quiet:
-        say_written(files)
-
-
-def bench_files(
-    robot_file: Path, motion_file: Path, out: Path, *, stepping: str, first_step: float | None, plot: bool = False
-) -> list[Path]:
-    """Files written by a bench run from files: the table, and with `plot` its pictures."""
     import numpy as np
 
-    from asrsim.robot import load_robot
-    from asrsim.simulation.bench import OUTPUTS, run_bench
-
-    check_output(out, "bench", inputs=[robot_file, motion_file])
-    robot = load_robot(robot_file)
-    time, motions = read_motion(motion_file, robot)
-    results = run_bench(robot, time, motions, stepping=stepping, first_step=first_step)
-    names = [f"{joint}.{column}" for joint in results for column in OUTPUTS]
-    columns = [results[joint][column] for joint in results for column in OUTPUTS]
-    write_text(out, csv_text(["time", *names], np.column_stack([time, *columns])), "bench")
-    if not plot:
-        return [out]
-    from asrsim.plots.bench import draw_bench
-
-    return [out, *draw_bench(out, time, results)]
-
-
-def read_motion(path: Path, robot: Robot) -> tuple[Array, dict[str, Motion]]:
-    """Times (n,) in s and the motion of each joint from a motion CSV; raises RecordingError with every problem."""
-    import numpy as np
-
+    from asrsim.api import run
+    from asrsim.scenario import make_scenario
     from asrsim.signals.recorded import read_column, series_names
-    from asrsim.simulation.bench import Motion
 
-    names = series_names(path)
-    joints = _check_names(path, names, robot)
-    found: dict[str, Array] = {}
-    problems: list[Problem] = []
-    for name in names:
-        try:
-            time, found[name] = read_column(path, name, "time")
-        except RecordingError as error:
-            problems += [problem for problem in error.problems if problem not in problems]
-    if problems:
-        raise RecordingError(problems)
-    return time, {
-        joint: Motion(**{name: found.get(f"{joint}.{name}", np.zeros(len(time))) for name in INPUTS[:4]}) for joint in joints
-    }
+    check_output(out, "bench", inputs=[robot, motion])
+    joints = _joints(motion, series_names(motion), robot)
+    time = read_column(motion, f"{next(iter(joints))}.position", "time")[0]
+    duration = float(time[-1] - time[0])
+    if len(time) < 2:
+        raise RecordingError("needs two rows at least", file=motion, code="too-short")
+
+    def played(column: str) -> dict[str, Any]:
+        return {"playback": {"file": str(motion.resolve()), "column": column, "time": "time", "start": 0.0}}
+
+    tables: dict[str, Any] = {"motion": {}, "references": {}, "external_torques": {}}
+    for joint, (names, references) in joints.items():
+        tables["motion"][joint] = played(f"{joint}.position")
+        given = zip(INPUTS[1:], references, strict=False)
+        tables["references"][joint] = {own: played(f"{joint}.{name}") for name, own in given if name in names}
+        if "external_torque" in names:
+            tables["external_torques"][joint] = played(f"{joint}.external_torque")
+    step = float(f"{duration / (len(time) - 1):.12g}")
+    scenario = make_scenario(robot, duration=duration, step=step, engine="bench", **tables)
+    result = run(scenario)
+    columns = {f"{joint}.{name}": result[joint][name] for joint in joints for name in result[joint].info.quantities}
+    table = np.column_stack([result.time + time[0], *columns.values()])
+    write_text(out, csv_text(["time", *columns], table), "bench")
+    files = [out]
+    if plot:
+        from asrsim.plots.output import save_figure
+
+        files += save_figure(result.plot(joints=list(joints)), out.parent, out.stem, ("png",))
+    return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
 
 
-def _check_names(path: Path, names: Sequence[str], robot: Robot) -> list[str]:
-    """Joints in the header, in the robot's order. Raises RecordingError for unknown and missing columns."""
-    actuated = [joint.name for joint in robot.moving_joints if any(block.joint == joint.name for block in robot.actuators)]
-    valid = ["time", *(f"{joint}.{name}" for joint in actuated for name in INPUTS)]
-    joints = [joint for joint in actuated if any(name.startswith(f"{joint}.") for name in names)]
-    required = ["time", *(f"{joint}.{name}" for joint in joints or actuated[:1] for name in INPUTS[:2])]
+def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
+    """Joint -> its columns in the header, and the references of its mode. Raises RecordingError for a wrong header."""
+    from asrsim.actuators import ACTUATORS, MODES
+    from asrsim.robot import load_robot
+
+    modes = {one.joint: MODES[one.mode].references_of(ACTUATORS.get(one.actuator).motors) for one in load_robot(file).actuators}
+    valid = ["time", *(f"{joint}.{name}" for joint in modes for name in INPUTS)]
+    joints = {joint: ([name for name in INPUTS if f"{joint}.{name}" in header], modes[joint]) for joint in modes}
+    joints = {joint: found for joint, found in joints.items() if found[0]}
     problems = [
-        Problem(
-            "is not a column of the bench",
-            file=path,
-            line=1,
-            key=name,
-            hint=_hint(name, valid, actuated),
-            code="unknown-column",
-        )
-        for name in names
-        if name not in valid
-    ]
+        Problem("is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid), meant=name,
+                code="unknown-column")
+        for name in header if name not in valid and not name.endswith(".velocity")
+    ]  # fmt: skip
     problems += [
         Problem("column is missing", file=path, line=1, key=name, code="missing-column")
-        for name in required
-        if name not in names
+        for name in ("time", *(f"{joint}.position" for joint in joints or [*modes][:1]))
+        if name not in header
     ]
-    if problems:
-        raise RecordingError(problems)
+    if problems or not joints:
+        raise RecordingError(problems or "the robot has no actuator", file=None if problems else file)
     return joints
-
-
-def _hint(name: str, valid: list[str], actuated: list[str]) -> str:
-    first, _, again = name.partition("#")
-    if again and first in valid:
-        return "The header contains it twice."
-    if name in actuated:
-        return f"Expected {', '.join(f'{name}.{column}' for column in INPUTS)}."
-    return did_you_mean(name, valid) or f"Joints with an actuator: {', '.join(actuated) or 'none'}."

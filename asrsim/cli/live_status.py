@@ -72,14 +72,14 @@ def commands(figures: Mapping[str, Any]) -> str:
 
 
 def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *, quiet: bool) -> None:
-    """Print the summary of the last episode with lateness and commands."""
+    """Print the summary of a live run, its lateness and its commands."""
     print_run(summary, quiet=quiet)
     if quiet:
         return
     from asrsim.actuators.user import command_line
 
     figures = session.figures()
-    wall = max(sum(each.wall_time for each in session.summaries), 1e-9)
+    wall = max(summary.wall_time, 1e-9)
     if figures["ticks"]:
         say(
             f"ticks late by {1e3 * figures['late_p50']:.2f} ms (median), {1e3 * figures['late_p99']:.2f} ms (p99), "

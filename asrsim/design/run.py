@@ -176,7 +176,7 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
     """Fisher matrix (n, n) of recordings whose own parameters, such as offsets, are estimated, too."""
     whole = fit.whole
-    slopes = jacobian(whole, np.zeros(len(whole.layout)), central=True)
+    slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
     keys = [entry.parameter.key for entry in layout.entries]
     shared = [entry.parameter.key if entry.track is None else "" for entry in whole.layout.entries]

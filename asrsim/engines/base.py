@@ -1,14 +1,15 @@
 """The interface of an engine: it steps a robot under joint torques. The springs are not part of an engine.
 
 A step is a kick (forces change the velocities) and a drift (positions follow the new velocities). In a staggered run
-velocities belong to times half a step before the times of the positions, and the first kick lasts half a step. With mass
-matrix M, viscous damping C, implicitness w and kick = fraction * h, a step of h s is
+velocities belong to times half a step before the times of the positions, and the first kick lasts half a step. A kick in which
+an input jumps consists of several pieces, each with its own torques, damping, friction and wrenches; other kicks are one piece.
+With mass matrix M, viscous damping C, implicitness w and the lengths t of the pieces in s, a step of h s is
 
-    (M + w kick C) dv = kick (torque - bias(q, v_whole) - C v) + impulses of friction and stops + h wrenches
-    v += dv,  q += h v
+    for each piece: (M + w t C) dv = t (torque + wrenches - bias(q, v_whole) - C v) + impulses of friction and stops, v += dv
+    q += h v
 
-where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step; in a run that is not staggered v_whole = v. So the
-damping torque is -C (v + w dv): w = 1/2 is the midpoint rule.
+where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step, from the velocities before this kick and the previous
+one; in a run that is not staggered v_whole = v. So the damping torque is -C (v + w dv): w = 1/2 is the midpoint rule.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
+
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
@@ -24,9 +27,21 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
-"""Columns of an exchange, an array (n, 5) with a row for each joint. A step writes position (rad, m) and velocity (rad/s, m/s);
-it reads mean torque over the kick (N m, N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N)."""
+"""Columns of an exchange, an array (p, n, 5) with a row for each piece of the kick and each joint. A step reads torque (N m,
+N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece; it writes position (rad, m) and
+velocity (rad/s, m/s) at its end to the rows of the last piece."""
+ROUNDING = 1e-9
+"""Largest rounding error of the sum of the lengths of a kick's pieces."""
 Point = tuple[float, float, float]
+
+
+def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
+    """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and its length as a share of a
+    step, for engines that cannot divide a kick."""
+    total = lengths.sum()
+    shares = lengths / total
+    whole = 1.0 if abs(total - 1.0) < ROUNDING else float(total)
+    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None] if wrenches.size else wrenches, whole
 
 
 class Model(Protocol):
@@ -74,7 +89,8 @@ class Native(NamedTuple):
     """A step of an engine as a C function, for any number of states."""
 
     address: int
-    """Address of void step(void *record, double *state, double *exchange, const double *wrenches, double fraction)."""
+    """Address of void step(void *record, double *state, double *exchange, const double *wrenches, const double *lengths,
+    intptr_t pieces)."""
     size: int
     """Number of values of a state."""
     make_record: Callable[[], Record]
@@ -100,10 +116,10 @@ class Engine(Protocol):
         Returns positions and velocities of the joints, which differ from the given ones if the engine prescribes the motion.
         """
 
-    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
-        """Advance the world by one step. exchange: see `POSITION`; C-contiguous. wrenches: (w, 6) mean force (N) and torque
-        (N m) of each wrench of the scenario over the whole step. fraction: share of a full kick, 1/2 in the first step of a
-        staggered run."""
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance the world by one step. exchange: (p, n, 5), see `POSITION`. wrenches: (p, w, 6) force (N) and torque (N m) of
+        each wrench of the scenario. lengths: (p,) lengths of the pieces as shares of the step; their sum is 1, or 1/2 in the
+        first step of a staggered run. All arrays are C-contiguous."""
 
     def scene(self) -> Scene:
         """Poses of the bodies and contact forces at the present state."""

@@ -31,17 +31,18 @@ class Table(NamedTuple):
     """(n, joints) rad/s, m/s: mean velocities over the step before each position."""
 
 
-def move(table: Any, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+def move(table: Any, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
     """Move the links to the next row of the table: the bench prescribes their motion."""
     state[0] += 1.0
     row = min(int(state[0]), len(table.places) - 1)
-    for j in range(len(exchange)):
-        exchange[j, POSITION] = table.places[row, j]
-        exchange[j, VELOCITY] = table.speeds[row, j]
+    last = len(lengths) - 1
+    for j in range(table.places.shape[1]):
+        exchange[last, j, POSITION] = table.places[row, j]
+        exchange[last, j, VELOCITY] = table.speeds[row, j]
 
 
-def _sizes(table: Any) -> tuple[int, int, int]:
-    return 1, table.places.shape[1], 0
+def _sizes(table: Any) -> tuple[int, int, int, int]:
+    return 1, table.places.shape[1], 0, 6
 
 
 def link_motion(scenario: Scenario, joint: str) -> Signal:
@@ -82,13 +83,13 @@ class BenchEngine:
             positions = np.concatenate([positions[:1], positions])
         return positions[1:], np.diff(positions, axis=0) / self._step
 
-    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Move the links to the next sampled row."""
         self.state = row = int(self.state) + 1
         if not 0 <= row - self._first < CHUNK:
             self._sample(row)
-        exchange[:, POSITION] = self._places[row - self._first]
-        exchange[:, VELOCITY] = self._speeds[row - self._first]
+        exchange[-1, :, POSITION] = self._places[row - self._first]
+        exchange[-1, :, VELOCITY] = self._speeds[row - self._first]
 
     def scene(self) -> Scene:
         """An empty scene: a test bench has no bodies and no contacts."""

@@ -52,15 +52,15 @@ class BulletEngine(RigidEngine):
         w, *vector = configuration[3:7].tolist()
         return self.model.matrix((*vector, w))
 
-    def look(self, wrenches: Array) -> None:
+    def look(self, wrenches: Array, forces: Array) -> None:
         """Fill in mass matrix, bias and generalised forces of the wrenches, computed by Bullet."""
         room, model = self._room, self.model
         rotation = self._turned(room.qpos) if room.free else None
         positions = room.qpos[self._start :]
         room.matrix[:] = model.matrix_at(positions, rotation)
         room.bias[:] = model.bias_at(positions, rotation, room.qvel)
-        if len(wrenches):
-            room.force[:] = model.push(self._scenario.wrenches, wrenches, positions, rotation)
+        for piece, values in enumerate(wrenches if wrenches.size else ()):
+            forces[piece, :, 0] = model.push(self._scenario.wrenches, values, positions, rotation)
 
     def scene(self) -> Scene:
         """Pose of the base link, if it floats."""

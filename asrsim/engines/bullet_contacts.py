@@ -3,7 +3,7 @@
 Bullet's step has no implicit damping, evaluates velocity torques half a step late, and supports full kicks only. Additional
 joint torques correct this; they are computed from the mass matrix and the bias of `asrsim.engines.bullet_model.BulletModel`.
 For a first kick that is shorter than a full kick, the velocities are set back beforehand. The damping torque is computed from
-the change of velocity that the joints would have without contacts.
+the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick acts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from weakref import finalize
 
 import numpy as np
 
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, Scene, whole_kick
 from asrsim.engines.bullet_loading import connect, free_of_losses, load_body, set_inertias
 from asrsim.engines.bullet_model import BASE, BulletModel, inertial_frame, places_of
 from asrsim.engines.bullet_world import BulletWorld
@@ -39,19 +39,20 @@ ARREST = 1e9
 """N m: largest torque of the motor that stops a joint at its stop; above the torque of any impact."""
 
 
-def find_torques(room: Any, push: Any, exchange: Any, fraction: float) -> None:
-    """Add the joint torques in N m, with damping, to `push` (v,). The room's `change` becomes the change of velocity in a step
-    without contacts.
+def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece. The room's `change`
+    becomes the change of velocity in a step without contacts.
 
     This function runs as Python or compiled.
     """
     for i in range(len(room.regime)):
         room.regime[i] = 0
-    kick(room, exchange, fraction)
+        room.force[i] = push[i] = forces[0, i, 0]
+    kick(room, exchange, 0, lengths[0])
     for j in range(len(room.joint_v)):
         i = room.joint_v[j]
-        mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
-        push[i] += exchange[j, TORQUE] - exchange[j, DAMPING] * mean
+        mean = room.velocity[i] - (1.0 - room.scheme[IMPLICITNESS]) * room.change[i]
+        push[i] += exchange[0, j, TORQUE] - exchange[0, j, DAMPING] * mean
 
 
 class _Saved:
@@ -160,24 +161,26 @@ class BulletContacts:
         self._room.qpos[:] = self._positions
         self._room.velocity[:] = speeds
 
-    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance robot and world by one step; see `asrsim.engines.base.Engine`."""
         p, client, room, model, rotation = self._p, self._client, self._room, self._model, self._rotation
-        self._set_friction(exchange[:, FRICTION].tolist())
+        loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
+        self._set_friction(loads[:, FRICTION].tolist())
         whole, now = fraction == 1.0, room.velocity.copy()
-        if len(wrenches):
-            room.force[:] = model.push(self._scenario.wrenches, wrenches, room.qpos, rotation)
-        push = room.force / fraction
+        push = np.zeros(len(now))
+        if forces.size:
+            push = model.push(self._scenario.wrenches, forces[0], room.qpos, rotation)
         lagging = self._lagging and whole
-        settled = not whole or self._near_stops() or bool(exchange[:, DAMPING].any())
+        settled = not whole or self._near_stops() or bool(loads[:, DAMPING].any())
         if lagging or settled:
             room.bias[:] = model.bias_at(room.qpos, rotation, 1.5 * now - 0.5 * self._before if lagging else now)
         if settled:
             room.matrix[:] = model.matrix_at(room.qpos, rotation)
-            self._torques(push, exchange, fraction)
+            self._torques(push, loads[None], push[None, :, None].copy(), np.array([fraction]))
+            room.velocity[:] = now
         else:
             room.change[:] = 0.0
-            push[self._base :] += exchange[:, TORQUE]
+            push[self._base :] += loads[:, TORQUE]
         arrived = self._reach_stops((now + room.change)[self._base :].tolist())
         self._before[:] = now
         if not whole:
@@ -202,8 +205,8 @@ class BulletContacts:
         for j in arrived:
             self._frictions[j] = None
         self._read()
-        exchange[:, POSITION] = self._positions
-        exchange[:, VELOCITY] = self._velocities
+        exchange[-1, :, POSITION] = self._positions
+        exchange[-1, :, VELOCITY] = self._velocities
 
     def _set_friction(self, bounds: list[float]) -> None:
         for j, bound in enumerate(bounds):

@@ -123,15 +123,15 @@ class MujocoEngine(RigidEngine):
             self._contacts.start(self._room)
         return positions, velocities
 
-    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance by one step. The step is compiled after `native` has been read; the bits are identical."""
         if self._contacts is not None:
-            self._contacts.step(self._record, self._state, exchange, wrenches, fraction)
+            self._contacts.step(self._record, self._state, exchange, wrenches, lengths)
         elif self._call is not None:
-            at = self._words.ctypes.data, self._state.ctypes.data, exchange.ctypes.data, wrenches.ctypes.data
-            self._call(*at, fraction)
+            arrays = self._words, self._state, exchange, wrenches, lengths
+            self._call(*[array.ctypes.data for array in arrays], len(lengths))
         else:
-            self._plain_step(self._numbers, exchange.data, wrenches.data, fraction)
+            self._plain_step(self._numbers, exchange.data, wrenches.data, lengths.data)
 
     @property
     def native(self) -> Native | None:

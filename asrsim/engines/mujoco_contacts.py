@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY
+from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY, whole_kick
 from asrsim.engines.contact_forces import GROUND, ROBOT, contact_forces
 from asrsim.engines.mujoco_build import HARD
 from asrsim.engines.mujoco_library import bound
 from asrsim.engines.mujoco_step import Record, push
-from asrsim.engines.rigid import IMPLICITNESS, STEP, Room, aim
+from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Room
 from asrsim.samples import Array
 from asrsim.scenario.data import World
 
@@ -60,34 +60,35 @@ class MujocoContacts:
         m.pair_solref[:] = (NORMAL_STEPS * step, 1.0)
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
-    def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, fraction: float) -> None:
-        """Advance by one step as `asrsim.engines.mujoco_step.step` does, but MuJoCo computes friction, stops and contacts. The
-        state has the accelerations from which the solver starts in the place of `regime`."""
+    def step(self, record: Record, state: Array, exchange: Array, wrenches: Array, lengths: Array) -> None:
+        """Advance by one step as `asrsim.engines.mujoco_step.step` does, but MuJoCo computes friction, stops and contacts, with
+        the means over the pieces of the kick. The state has the accelerations from which the solver starts in the place of
+        `regime`."""
         mj, m, d, room = self._mujoco, self._m, self._d, record.room
+        loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
         step = float(room.scheme[STEP])
         kick, first, size = fraction * step, len(d.qpos), len(d.qvel)
         lagging = state[first : first + size].copy()
-        damping = exchange[:, DAMPING]
+        damping = loads[:, DAMPING]
         m.dof_armature[room.joint_v] = room.scheme[IMPLICITNESS] * kick * damping
         # Friction may vary from step to step. MuJoCo makes a constraint of it only where it is not 0.
-        m.dof_frictionloss[room.joint_v] = exchange[:, FRICTION]
+        m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
         d.qpos[:] = state[:first]
         d.qvel[:] = lagging
         d.qacc_warmstart[:] = state[first + 2 * size :]
         # Only stops that may be reached in this step become constraints.
         m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
         mj.mj_fwdPosition(m, d)
-        aim(room, state, fraction)
+        d.qvel[:] = room.scheme[NOW] * lagging + room.scheme[BEFORE] * state[first + size : first + 2 * size]
         mj.mj_fwdVelocity(m, d)
         d.qvel[:] = lagging
         mj.mj_referenceConstraint(m, d)
         self._aim_at_stops(kick, step)
         d.qfrc_applied[:] = 0.0
-        d.qfrc_applied[room.joint_v] = exchange[:, TORQUE] - damping * lagging[room.joint_v]
-        if len(wrenches):
-            bound(push)(record, wrenches)
-            # Wrenches are means over the whole step.
-            d.qfrc_applied += room.force / fraction
+        d.qfrc_applied[room.joint_v] = loads[:, TORQUE] - damping * lagging[room.joint_v]
+        if forces.size:
+            bound(push)(record, forces, 0)
+            d.qfrc_applied += room.force
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         mj.mj_fwdConstraint(m, d)
@@ -95,9 +96,9 @@ class MujocoContacts:
         d.qvel[:] = lagging + change
         mj.mj_integratePos(m, d.qpos, d.qvel, step)
         state[:first] = d.qpos
-        state[first:] = [*d.qvel, *(lagging if fraction == 1.0 else lagging - change), *d.qacc]
-        exchange[:, POSITION] = d.qpos[room.joint_q]
-        exchange[:, VELOCITY] = d.qvel[room.joint_v]
+        state[first:] = [*d.qvel, *(lagging + (1.0 - 1.0 / fraction) * change), *d.qacc]
+        exchange[-1, :, POSITION] = d.qpos[room.joint_q]
+        exchange[-1, :, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
         """Make stops inelastic: at the end of the step no joint has passed its stop (see exact_friction). A joint that is

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asrsim.engines.rigid import Numbers, Room, aim, finish
+from asrsim.engines.rigid import Numbers, Room, aim, finish, kick
 from asrsim.samples import Array
 from asrsim.scenario.data import Wrench
 
@@ -70,28 +70,31 @@ def make_record(
     )  # fmt: skip
 
 
-def sizes(record: Record) -> tuple[int, int, int]:
-    """Number of values of a state, number of joints, and number of wrenches."""
-    return len(record.room.qpos) + 3 * len(record.room.qvel), len(record.room.joint_v), len(record.wrench_body)
+def sizes(record: Record) -> tuple[int, int, int, int]:
+    """Sizes of the other arguments of `step`; see `asrsim.compiling.compile_packed`."""
+    return len(record.room.qpos) + 3 * len(record.room.qvel), len(record.room.joint_v), len(record.wrench_body), 6
 
 
-def step(record: Record, state: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
+def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
     """Advance by one step; see `asrsim.engines.base.Native`."""
     room, model, data = record.room, record.model, record.data
-    aim(room, state, fraction)
+    aim(room, state)
     mj_kinematics(model, data)
     mj_comPos(model, data)
     mj_makeM(model, data)
     mj_fullM(model, data, record.at_matrix)
     mj_comVel(model, data)
     mj_rne(model, data, 0, record.at_bias)
-    if len(record.wrench_body):
-        push(record, wrenches)
-    finish(room, state, exchange, fraction)
+    for piece in range(len(lengths)):
+        if len(record.wrench_body):
+            push(record, wrenches, piece)
+        kick(room, exchange, piece, lengths[piece])
+    finish(room, state, exchange, lengths)
 
 
-def push(record: Record, wrenches: Any) -> None:
-    """Compute the generalised forces of the wrenches (w, 6) on links, at the positions in MuJoCo's data."""
+def push(record: Record, wrenches: Any, piece: int) -> None:
+    """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, at the positions in MuJoCo's
+    data."""
     force, vectors, xmat = record.room.force, record.vectors, record.xmat
     for i in range(len(force)):
         force[i] = 0.0
@@ -108,10 +111,10 @@ def push(record: Record, wrenches: Any) -> None:
                     for column in range(3):
                         part = 0.0
                         for axis in range(3):
-                            part += record.wrench_turn[index, column, axis] * wrenches[index, 3 * kind + axis]
+                            part += record.wrench_turn[index, column, axis] * wrenches[piece, index, 3 * kind + axis]
                         value += xmat[body, 3 * row + column] * part
                     vectors[kind, row] = value
                 else:
-                    vectors[kind, row] = wrenches[index, 3 * kind + row]
+                    vectors[kind, row] = wrenches[piece, index, 3 * kind + row]
         at = record.at_vectors
         mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), record.at_force)

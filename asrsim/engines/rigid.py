@@ -1,9 +1,9 @@
 """Steps of a robot without contacts, by the rule of `asrsim.engines.base`. A library gives the mass matrix and the bias.
 
-`aim` sets the state at which the library evaluates mass matrix and bias, `finish` computes the step; both run as Python or
-compiled. A state is a vector: configuration (base position in m, base orientation w x y z, joints), velocities (base in m/s,
-base in rad/s about the axes of the base link, joints), velocities before the last kick, and the states `regime` of
-`asrsim.engines.exact_friction`.
+`aim` sets the state at which the library evaluates mass matrix and bias, `kick` computes a piece of the kick, `finish` the
+drift; they run as Python or compiled. A state is a vector: configuration (base position in m, base orientation w x y z,
+joints), velocities (base in m/s, base in rad/s about the axes of the base link, joints), velocities before the last kick, and
+the states `regime` of `asrsim.engines.exact_friction`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 from math import cos, inf, sin, sqrt
+from operator import is_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,9 +52,11 @@ class Room(NamedTuple):
     bias: Numbers
     """(v,) N m: torques that balance gravity, Coriolis and centrifugal forces."""
     force: Numbers
-    """(v,) N m: generalised forces of the wrenches."""
+    """(v,) N m: generalised forces of the wrenches in a piece of the kick."""
+    inertia: Numbers
+    """(n,) kg m^2: diagonal of the mass matrix, without damping."""
     velocity: Numbers
-    """(v,): velocity before the step. `asrsim.engines.exact_friction.settle` explains this field and the next ten."""
+    """(v,): velocity before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this and the next ten."""
     impulse: Numbers
     bound: Numbers
     slowest: Numbers
@@ -92,7 +95,8 @@ def make_room(
     arrays |= {name: np.zeros(size, dtype=np.int64) for name in ("regime", "places")}
     lower, upper = np.array([joint.stops for joint in robot.moving_joints], dtype=float).reshape(-1, 2).T.copy()
     return Room(
-        scheme=scheme, free=int(free), qpos=qpos, qvel=qvel, slowest=np.full(size, -inf), fastest=np.full(size, inf),
+        scheme=scheme, free=int(free), inertia=np.zeros(len(lower)), qpos=qpos, qvel=qvel,
+        slowest=np.full(size, -inf), fastest=np.full(size, inf),
         joint_q=np.array(joint_q, dtype=np.int64), joint_v=np.array(joint_v, dtype=np.int64), lower=lower, upper=upper,
         **arrays,
     )  # fmt: skip
@@ -104,57 +108,80 @@ def plain(record: Any) -> Any:
     return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
 
 
-def aim(room: Any, state: Any, fraction: float) -> None:
-    """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias."""
-    qpos, qvel, scheme = room.qpos, room.qvel, room.scheme
+def aim(room: Any, state: Any) -> None:
+    """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias, and the
+    velocity and the states of friction before the kick."""
+    qpos, qvel, scheme, velocity = room.qpos, room.qvel, room.scheme, room.velocity
     first, size = len(qpos), len(qvel)
-    # A run starts at a whole step.
-    now, before = (scheme[NOW], scheme[BEFORE]) if fraction == 1.0 else (1.0, 0.0)
     for i in range(first):
         qpos[i] = state[i]
     for i in range(size):
-        qvel[i] = now * state[first + i] + before * state[first + size + i]
+        velocity[i] = state[first + i]
+        qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * state[first + size + i]
+        room.regime[i] = int(state[first + 2 * size + i])
 
 
-def kick(room: Any, exchange: Any, fraction: float) -> None:
-    """Compute `room.change`, the change of velocity in a step, from the other fields of the room."""
+def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
+    """Change `room.velocity` in a piece of the kick; `room.change` becomes the change. length: of the piece, as a share of a
+    step."""
     step = room.scheme[STEP]
-    time = fraction * step
+    time = length * step
     for i in range(len(room.velocity)):
-        room.impulse[i] = step * room.force[i] - time * room.bias[i]
+        room.impulse[i] = time * (room.force[i] - room.bias[i])
     for j in range(len(room.joint_v)):
-        i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[j, DAMPING]
-        room.impulse[i] += time * (exchange[j, TORQUE] - damping * room.velocity[i])
+        i, position, damping = room.joint_v[j], room.qpos[room.joint_q[j]], exchange[piece, j, DAMPING]
+        room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
+        room.inertia[j] = room.matrix[i, i]
         room.matrix[i, i] += room.scheme[IMPLICITNESS] * time * damping
-        room.bound[i] = time * exchange[j, FRICTION]
-        # A joint beyond its stop stays there: pushing it back would give it a velocity.
+        room.bound[i] = time * exchange[piece, j, FRICTION]
+        # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing it back
+        # would give it a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
     settle(room)
+    for i in range(len(room.velocity)):
+        room.velocity[i] += room.change[i]
+    for j in range(len(room.joint_v)):
+        room.matrix[room.joint_v[j], room.joint_v[j]] = room.inertia[j]
 
 
-def finish(room: Any, state: Any, exchange: Any, fraction: float) -> None:
-    """Compute kick and drift from the mass matrix, bias and force in the room."""
+def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
+    """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
     first, size = len(room.qpos), len(room.qvel)
-    velocity, regime, change = room.velocity, room.regime, room.change
+    total = 0.0
+    for piece in range(len(lengths)):
+        total += lengths[piece]
     for i in range(size):
-        velocity[i] = state[first + i]
-        regime[i] = int(state[first + 2 * size + i])
-    kick(room, exchange, fraction)
-    for i in range(size):
+        before, after = state[first + i], room.velocity[i]
         # For a first, shorter kick: the velocity before it as if it had been a full kick.
-        state[first + size + i] = velocity[i] if fraction == 1.0 else velocity[i] - change[i]
-        state[first + i] = velocity[i] + change[i]
-        state[first + 2 * size + i] = float(regime[i])
+        state[first + size + i] = before + (1.0 - 1.0 / total) * (after - before)
+        state[first + i] = after
+        state[first + 2 * size + i] = float(room.regime[i])
     if room.free:
         _turn(state, first, step)
+    last = len(lengths) - 1
     for j in range(len(room.joint_v)):
         speed = state[first + room.joint_v[j]]
         place = room.joint_q[j]
         state[place] += step * speed
-        exchange[j, POSITION] = state[place]
-        exchange[j, VELOCITY] = speed
+        exchange[last, j, POSITION] = state[place]
+        exchange[last, j, VELOCITY] = speed
+
+
+def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Apply `aim`."""
+    aim(room, state)
+
+
+def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Compute kick and drift from mass matrix and bias in the room. forces: (p, v, 1) N m, generalised forces of the
+    wrenches."""
+    for piece in range(len(lengths)):
+        for i in range(len(room.force)):
+            room.force[i] = forces[piece, i, 0]
+        kick(room, exchange, piece, lengths[piece])
+    finish(room, state, exchange, lengths)
 
 
 def _turn(state: Any, first: int, step: float) -> None:
@@ -176,45 +203,43 @@ def _turn(state: Any, first: int, step: float) -> None:
     state[6] = h / size
 
 
-def _sizes(room: Any) -> tuple[int, int, int]:
-    """Number of values of a state, of rows of an exchange, and of wrenches that compiled code reads."""
-    return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), 0
-
-
-def _calculate(room: Any, numbers: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    _law(room, numbers, exchange, fraction)
-
-
-def _law(*arguments: Any) -> Any:
-    raise NotImplementedError("the compiler replaces this function")
+def _sizes(room: Any) -> tuple[int, int, int, int]:
+    """Sizes of the other arguments; see `asrsim.compiling.compile_packed`."""
+    return len(room.qpos) + 3 * len(room.qvel), len(room.joint_v), len(room.qvel), 1
 
 
 @cache
 def _compiled(function: Callable[..., None], kind: Any) -> Any:
-    return compiling.compile_packed(_calculate, kind, _sizes, names={"_law": function}, inline=INLINE).call
+    return compiling.compile_packed(function, kind, _sizes, inline=INLINE).call
 
 
 class Calculation:
-    """A function that changes a room, a vector of numbers (such as a state) and an exchange.
+    """A function that changes a room, a vector of numbers (such as a state) and an exchange. It also takes the forces (p, v, 1)
+    and the lengths (p,) of the pieces of a kick.
 
     It is compiled if this process has imported Numba; the bits are identical.
     """
 
-    def __init__(self, function: Callable[[Any, Any, Any, float], None], room: Room) -> None:
+    def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
         self._function, self._room = function, room
         self._plain, self._packed = plain(room), pack(room)
-        self._at = self._packed.ctypes.data
         self._call: Any = None
+        self._arrays: tuple[Array, ...] = ()
+        """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
+        self._arguments: tuple[Any, ...] = ()
 
-    def __call__(self, numbers: Array, exchange: Array, fraction: float) -> Array:
-        """`numbers`, after the function has changed them."""
-        if self._call is None and "numba" in sys.modules:
-            self._call = _compiled(self._function, compiling.type_of(self._room))
+    def __call__(self, *arrays: Array) -> None:
+        """Apply the function to numbers, exchange, forces and lengths."""
         if self._call is None:
-            self._function(self._plain, numbers.data, exchange.data, fraction)
-        else:
-            self._call(self._at, numbers.ctypes.data, exchange.ctypes.data, 0, fraction)
-        return numbers
+            self._call = self._function
+            if "numba" in sys.modules:
+                self._call = _compiled(self._function, compiling.type_of(self._room))
+        if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
+            self._arrays = arrays
+            self._arguments = self._plain, *[array.data for array in arrays]
+            if self._call is not self._function:
+                self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
+        self._call(*self._arguments)
 
 
 class RigidEngine:
@@ -226,13 +251,14 @@ class RigidEngine:
     def __init__(self, room: Room, home: Array) -> None:
         """home: (q,) configuration at the start; the values of the joints are not used."""
         self._room, self._home = room, home
-        self._plain = plain(room)
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
-        self._finish = Calculation(finish, room)
+        self._forces = np.zeros((1, len(room.force), 1))
+        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
 
-    def look(self, wrenches: Array) -> None:
-        """Compute `matrix`, `bias` and `force` of the room at its `qpos` and `qvel`."""
+    def look(self, wrenches: Array, forces: Array) -> None:
+        """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
+        (p, w, 6), if there are any, to `forces` (p, v, 1)."""
         raise NotImplementedError
 
     def start(
@@ -249,11 +275,14 @@ class RigidEngine:
         state[first + size : first + 2 * size] = state[first : first + size]
         return positions, velocities
 
-    def step(self, exchange: Array, wrenches: Array, fraction: float = 1.0) -> None:
+    def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
-        aim(self._plain, self._numbers, fraction)
-        self.look(wrenches)
-        self._finish(self._state, exchange, fraction)
+        if len(self._forces) != len(lengths):
+            self._forces = np.zeros((len(lengths), len(self._room.force), 1))
+        arrays = self._state, exchange, self._forces, lengths
+        self._aim(*arrays)
+        self.look(wrenches, self._forces)
+        self._advance(*arrays)
 
     @property
     def state(self) -> Array:

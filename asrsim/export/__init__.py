@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.export.mjcf import Mjcf, model_of
-from asrsim.export.replay import Replay, at_speed_limit, deflections, draw, replay, run_of
+from asrsim.export.replay import Replay, draw, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
+from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
@@ -21,34 +22,31 @@ if TYPE_CHECKING:
 
 __all__ = ["Export", "Replay", "export_mjcf"]
 
-MARGIN = 2.0
-"""Times the deflection of the scenario up to which springs are fitted."""
-LEAST_REACH = 1.0
-"""rad up to which they are fitted at least."""
+MARGIN, LEAST_REACH = 2.0, 1.0
+"""Springs are fitted up to this multiple of the scenario's largest deflection, and at least up to this deflection, rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """An exported model, and how far it is from asrsim."""
+    """Exported model, and its differences from asrsim."""
 
     files: tuple[Path, ...]
-    """The model first."""
+    """Written files, the model first."""
     remarks: tuple[str, ...]
-    """What of the scenario the file does not have."""
+    """Sentences about parts of the scenario that the model lacks."""
     replay: Replay
     spring_errors: Mapping[str, float]
-    """Joint -> mrad, largest difference between its springs' laws and their splines, over the stiffness."""
+    """Joint -> largest difference between the laws of its springs and their splines, divided by the stiffness, mrad."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
         found = self.replay
+        columns = zip(found.joints, found.rms, np.abs(found.error).max(axis=0), found.units, strict=True)
         return {
             "files": [str(path) for path in self.files],
             "joints": {
-                name: {"rms": float(rms), "largest": float(most), "unit": unit, "spring_error": self.spring_errors.get(name)}
-                for name, rms, most, unit in zip(
-                    found.joints, found.rms, np.abs(found.error).max(axis=0), found.units, strict=True
-                )
+                name: {"rms": float(rms), "largest": float(largest), "unit": unit, "spring_error": self.spring_errors.get(name)}
+                for name, rms, largest, unit in columns
             },
             "not_in_the_file": list(self.remarks),
             "diverged_at": found.diverged_at,
@@ -56,95 +54,93 @@ class Export:
 
 
 def export_mjcf(
-    scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (), knots: int = 4,
+    scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (),
     timestep: float | None = None, fit: str | Path | None = None, plot: bool = True,
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
 
     Args:
-        scenario: Scenario, in modes that MuJoCo can have (all but 2 and 3).
-        out: The file; meshes, picture of the error, and ranges are put beside it.
-        variant, overrides: As :func:`asrsim.run` takes them.
-        knots: On each side of a spring's spline.
-        timestep: s of the model; None: the scenario's step.
+        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
+        out: Path of the model; meshes, picture of the error, and ranges are written beside it.
+        variant, overrides: As for `asrsim.run`.
+        timestep: Time step of the model, s; None: the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets its values, and its intervals become ranges for randomisation.
         plot: Draw the error.
 
     Raises:
-        ScenarioError: A mode or a law that MJCF cannot have. SimulationError: MuJoCo cannot load the model. OutputError.
+        ScenarioError: A mode or a spring law that MJCF cannot represent.
+        SimulationError: MuJoCo cannot load the model.
+        OutputError: A file cannot be written.
     """
     path = Path(out)
     ready = prepare(scenario, variant=variant, overrides=overrides)
-    found_fit = None
+    distribution = None
     if fit is not None:
-        from asrsim.export.ranges import mean_of, robot_numbers
+        from asrsim.export.ranges import mean_of, robot_numbers, write_ranges
         from asrsim.sweeps.fitted import joint_of, load_fit
 
-        found_fit = joint_of(load_fit(Path(fit)), Path(fit))
-        ready = ready.vary(robot_numbers(ready, mean_of(found_fit)))
-    run = run_of(ready)
-    reach = {joint: max(MARGIN * most, LEAST_REACH) for joint, most in deflections(ready, run).items()}
-    folder = f"{path.stem}_meshes"
+        distribution = joint_of(load_fit(Path(fit)), Path(fit))
+        ready = ready.vary(robot_numbers(ready, mean_of(distribution)))
+    run, folder = run_of(ready), f"{path.stem}_meshes"
+    reach, adjusters, at_limit = _extent(ready, run)
 
-    def model_with(other: Prepared) -> Mjcf:
-        return model_of(other, reach=reach, adjusters=_adjusters(ready, run), knots=knots, timestep=timestep, folder=folder)
+    def model_with(other: Prepared, knots: int | None = None) -> Mjcf:
+        return model_of(other, reach=reach, adjusters=adjusters, knots=knots, timestep=timestep, folder=folder)
 
     model = model_with(ready)
     make_folder(path.parent)
-    files = [*_write_meshes(model, path.parent / folder)]
+    files = _write_meshes(model, path.parent / folder)
     write_text(path, model.text, "mjcf")
     result = replay(ready, run, path)
     files += draw(result, path) if plot else []
-    if found_fit is not None:
-        files.append(_write_ranges(ready, found_fit, model_with, path, Path(str(fit))))
     remarks = list(model.remarks)
-    if at_limit := at_speed_limit(ready, run):
-        remarks.append(f"this scenario meets the speed limit of the motors of {', '.join(sorted(at_limit))}: hence the error")
-    if found_fit is not None and not found_fit.fits:
-        remarks.append("the fit says itself that its model does not fit: its intervals say little")
+    if distribution is not None:
+        # The models of both ends of an interval need equal numbers of tendons.
+        knots = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
+        files.append(write_ranges(ready, distribution, lambda other: model_with(other, knots).text, path, Path(str(fit))))
+        if not distribution.fits:
+            remarks.append("the model of the fit does not fit its recordings: its intervals are too narrow")
+    if at_limit:
+        names = ", ".join(at_limit)
+        remarks.append(f"motors of {names} reach their speed limit in this scenario, which makes the error large")
     if result.diverged_at is not None:
         remarks.append(f"MuJoCo's motion diverges at {result.diverged_at:g} s: take a smaller --timestep")
-    errors = {joint: 1e3 * max(spline.error for spline in own) for joint, own in model.splines.items()}
+    errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}
     return Export(files=(path, *files), remarks=tuple(remarks), replay=result, spring_errors=errors)
 
 
-def _adjusters(prepared: Prepared, run: Mapping[str, Any]) -> dict[str, float]:
-    """Joint -> position of its adjuster at the start."""
-    found = {}
-    for j, drive in enumerate(prepared.drives):
-        if drive.drive is not None and drive.drive.actuator.adjuster and drive.drive.mode.spring:
-            found[drive.name] = float(run[f"motor_{drive.drive.actuator.motors + 1}_position"][0, j])
-    return found
+def _extent(prepared: Prepared, run: Mapping[str, Array]) -> tuple[dict[str, float], dict[str, float], list[str]]:
+    """Joint -> deflection up to which its springs are fitted, rad; joint -> position of its adjuster at the start; and joints
+    whose motors reach their speed limit."""
+    reach, adjusters, at_limit = {}, {}, []
+    for j, stepped in enumerate(prepared.drives):
+        drive, name = stepped.drive, stepped.name
+        if drive is None or not drive.mode.spring:
+            continue
+        count = drive.actuator.motors
+        motors = np.array([run[f"motor_{i}_position"][:, j] for i in range(1, count + 1)])
+        reach[name] = max(MARGIN * float(np.abs(motors - run["link_position"][:, j]).max()), LEAST_REACH)
+        if drive.actuator.adjuster:
+            adjusters[name] = float(run[f"motor_{count + 1}_position"][0, j])
+        speeds = [np.abs(run[f"motor_{i}_velocity"][:, j]).max() for i in range(1, len(drive.max_velocity) + 1)]
+        if any(speed > 0.999 * limit for speed, limit in zip(speeds, drive.max_velocity, strict=True)):
+            at_limit.append(name)
+    return reach, adjusters, at_limit
 
 
 def _write_meshes(model: Mjcf, folder: Path) -> list[Path]:
-    """Each mesh as a binary STL. Raises OutputError."""
+    """Write each mesh as a binary STL. Raises OutputError."""
+    from trimesh import Trimesh
+
     from asrsim.render.mesh_files import read_mesh
 
     paths = []
     for name, source in model.meshes.items():
         mesh = read_mesh(Path(source))
-        corners = mesh.points[mesh.triangles].astype("<f4")
-        table = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        table["corners"] = corners
         path = make_folder(folder) / f"{name}.stl"
         with written(path, "mesh") as stream:
-            stream.write(b"asrsim mesh".ljust(80) + len(table).to_bytes(4, "little") + table.tobytes())
+            # asrsim's heading marks the file as its own.
+            stl: Any = Trimesh(mesh.points, mesh.triangles, process=False).export(file_type="stl")
+            stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         paths.append(path)
     return paths
-
-
-def _write_ranges(prepared: Prepared, fit: Any, model_with: Any, path: Path, source: Path) -> Path:
-    import mujoco
-
-    from asrsim.export.ranges import ranges_of, text_of
-
-    def compiled(other: Prepared) -> Any:
-        # Meshes lie beside the file: they are found from there.
-        spec = mujoco.MjSpec.from_string(model_with(other).text)
-        spec.modelfiledir = str(path.parent.absolute())
-        return spec.compile()
-
-    target = path.with_suffix(".ranges.yaml")
-    write_text(target, "\n".join(text_of(ranges_of(prepared, fit, compiled), source)), "ranges")
-    return target

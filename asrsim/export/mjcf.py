@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,102 +16,99 @@ from asrsim.export.springs import Spline, spline_of
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import MergedRobot, merge_fixed
-from asrsim.robot.model import Joint, Link, Robot, Shape
+from asrsim.robot.model import Link, Shape
 from asrsim.robot.poses import quaternion, roll_pitch_yaw
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 TINY = "1e-9"
-"""kg, kg m^2: MuJoCo wants some mass in every moving body; a motor's inertia is its joint's armature."""
+"""Mass (kg) and moments of inertia (kg m^2) of motor bodies: MuJoCo rejects massless ones. A motor's inertia is its joint's
+armature."""
 HARD: Mapping[str, str] = {"solreffriction": "0.004 1", "solimpfriction": "0.99 0.999 0.01"}
-"""Friction that holds nearly as Coulomb's does."""
+"""Solver parameters with which friction is nearly Coulomb friction."""
 STOP: Mapping[str, str] = {"solreflimit": "0.004 1", "solimplimit": "0.99 0.999 0.001"}
-"""Stops that give way by little."""
+"""Solver parameters of stiff joint stops."""
 MANY = 6
-"""Joints that are counted instead of named."""
+"""Number of joints from which a remark gives their number instead of their names."""
 GROUPS = {"visuals": "2", "collisions": "3"}
-"""MuJoCo's group of the geoms: viewers show the first three."""
+"""MuJoCo's groups of the geoms: viewers show the groups 0 to 2."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mjcf:
-    """A model in MJCF, and what stands beside it."""
+    """Model in MJCF, and the data of the files beside it."""
 
     text: str
     meshes: Mapping[str, str]
-    """Name of a mesh in the file -> path of the file that it is made of."""
+    """Name of a mesh in the model -> path of its source file."""
     splines: Mapping[str, tuple[Spline, ...]]
-    """Joint -> its springs."""
+    """Joint -> splines of its springs."""
     remarks: tuple[str, ...]
-    """What of the scenario the file does not have."""
+    """Sentences about parts of the scenario that the model lacks."""
 
 
 def model_of(
-    prepared: Prepared, *, reach: Mapping[str, float], adjusters: Mapping[str, float], knots: int = 4,
+    prepared: Prepared, *, reach: Mapping[str, float], adjusters: Mapping[str, float], knots: int | None = None,
     timestep: float | None = None, folder: str = "meshes",
 ) -> Mjcf:  # fmt: skip
-    """The model of a scenario.
+    """Model of a scenario.
 
-    reach: joint -> rad, largest deflection for which its springs are fitted; adjusters: joint -> position of its adjuster,
-    which stays there; knots: on each side of a spring's spline; timestep: s, None: the scenario's; folder: of the
-    meshes, beside the file. Raises ScenarioError for what MJCF cannot have at all.
+    Args:
+        prepared: The scenario.
+        reach: Joint -> largest deflection for which its springs are fitted, rad.
+        adjusters: Joint -> position of its adjuster, which stays constant.
+        knots: Number of knots on each side of the splines; None: as many as the laws need.
+        timestep: In s; None: the scenario's step.
+        folder: Folder of the meshes, beside the file.
+
+    Raises:
+        ScenarioError: A mode or a spring law that MJCF cannot represent.
     """
     _refuse(prepared)
-    scenario = prepared.scenario
-    shaped, warnings = usable_shapes(merge_fixed(prepared.robot).robot, visuals=True, package_paths=scenario.package_paths)
-    merged = replace(merge_fixed(prepared.robot), robot=shaped)
-    remarks = _meshless(warnings)
+    scenario, merged = prepared.scenario, merge_fixed(prepared.robot)
+    shaped, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
     root = etree.Element("mujoco", model=prepared.robot.name)
     root.append(etree.Comment(" Made by asrsim export. Controls are the motors' own: position, torque, voltage or current. "))
-    # boundmass: bodies of motors have no other.
-    etree.SubElement(
-        root, "compiler", angle="radian", inertiafromgeom="false", boundmass=TINY, boundinertia=TINY, meshdir=folder,
-        autolimits="true",
-    )  # fmt: skip
-    etree.SubElement(
-        root, "option", timestep=_text(timestep or scenario.step), integrator="implicitfast", gravity=_text(*scenario.gravity)
-    )
-    assets, world = etree.SubElement(root, "asset"), etree.SubElement(root, "worldbody")
-    meshes = _Meshes(assets)
-    drives = {drive.name: drive for drive in prepared.drives}
-    _bodies(world, scenario, merged, drives, meshes)
-    tendons, actuators = etree.SubElement(root, "tendon"), etree.SubElement(root, "actuator")
+    # Motor bodies get their mass from boundmass.
+    _add(root, "compiler", angle="radian", inertiafromgeom="false", boundmass=TINY, boundinertia=TINY, meshdir=folder,
+         autolimits="true")  # fmt: skip
+    _add(root, "option", timestep=timestep or scenario.step, integrator="implicitfast", gravity=scenario.gravity)
+    assets, world = _add(root, "asset"), _add(root, "worldbody")
+    meshes: dict[tuple[str, tuple[float, ...]], str] = {}
+    _bodies(world, assets, prepared, replace(merged, robot=shaped), meshes)
+    tendons, actuators = _add(root, "tendon"), _add(root, "actuator")
     splines: dict[str, tuple[Spline, ...]] = {}
-    for drive in prepared.drives:
-        if drive.drive is None:
-            continue
-        if drive.drive.mode.spring:
-            found = springs_of(drive.drive, reach.get(drive.name, math.inf), adjusters.get(drive.name, 0.0), knots)
-            splines[drive.name] = found
-            _motors(world, tendons, actuators, drive.drive, found)
-        else:
-            _direct(actuators, drive)
-    remarks += _unsaid(prepared, splines, adjusters)
+    for stepped in prepared.drives:
+        if (drive := stepped.drive) is not None and drive.mode.spring:
+            springs = springs_of(drive, reach.get(drive.joint, math.inf), adjusters.get(drive.joint, 0.0), knots)
+            splines[drive.joint] = springs
+            _motors(world, tendons, actuators, drive, springs)
+        elif drive is not None:
+            # Modes 0 and 1: torque or PID controller on the link itself.
+            gains = [
+                drive.values[f"controller_1_{name}"] if drive.mode.controller else None
+                for name in ("proportional", "derivative")
+            ]
+            _actuator(actuators, drive.joint, gains[0], gains[1] or 0.0, stepped.joint.most_effort)
+    remarks = [str(warnings[0])] if warnings else []
+    if len(warnings) > 1:
+        remarks = [f"{len(warnings)} groups of shapes are left out; the first: {warnings[0]}"]
     _keyframe(root, prepared)
     for part in (assets, tendons, actuators):
         if not len(part):
             root.remove(part)
     etree.indent(root, "  ")
-    text = etree.tostring(root, encoding="unicode") + "\n"
-    return Mjcf(text=text, meshes=meshes.files, splines=splines, remarks=tuple(remarks))
-
-
-def _meshless(warnings: Sequence[Problem]) -> list[str]:
-    """What of the robot's shapes is not in the file."""
-    if not warnings:
-        return []
-    return (
-        [f"{len(warnings)} groups of shapes are left out; the first: {warnings[0]}"]
-        if len(warnings) > 1
-        else [str(warnings[0])]
-    )
+    return Mjcf(
+        text=etree.tostring(root, encoding="unicode") + "\n", meshes={name: mesh for (mesh, _), name in meshes.items()},
+        splines=splines, remarks=(*remarks, *_omissions(prepared, splines, adjusters)),
+    )  # fmt: skip
 
 
 def _refuse(prepared: Prepared) -> None:
     problems = [
         Problem(
-            f"joint '{drive.name}' is in mode {drive.mode.number} ({drive.mode.name}), in which motors stand at their "
-            "references at once: no motor of MuJoCo does",
+            f"joint '{drive.name}' is in mode {drive.mode.number} ({drive.mode.name}), in which motors reach their references "
+            "at once: MuJoCo has no such motor",
             key=f"modes.{drive.name}", hint="Take mode 5 or 6: --set modes=6", code="export-mode",
         )
         for drive in prepared.drives
@@ -122,117 +119,89 @@ def _refuse(prepared: Prepared) -> None:
 
 
 def motor_name(joint: str, index: int) -> str:
-    """Of the body, joint and actuator of a motor (1, 2, ...)."""
+    """Name of a motor's body, joint and actuator in the model; index: 1, 2, ..."""
     return f"{joint}/motor_{index}"
+
+
+def _add(parent: Any, tag: str, **attributes: Any) -> Any:
+    """New child element; numbers are written with all digits, and attributes that are None are left out."""
+    texts = {}
+    for name, value in attributes.items():
+        if value is not None:
+            numbers = value if isinstance(value, Sequence | np.ndarray) else [value]
+            texts[name] = value if isinstance(value, str) else " ".join(repr(float(number)) for number in numbers)
+    return etree.SubElement(parent, tag, texts)
 
 
 # -- bodies ----------------------------------------------------------------------------------------------------------
 
 
-class _Meshes:
-    """The meshes of the file, each once."""
-
-    def __init__(self, assets: Any) -> None:
-        self._assets = assets
-        self._names: dict[tuple[str, tuple[float, ...]], str] = {}
-        self.files: dict[str, str] = {}
-
-    def name_of(self, shape: Shape) -> str:
-        """Name of a shape's mesh in the file."""
-        key = shape.mesh, tuple(shape.scale)
-        if key not in self._names:
-            name = self._names[key] = f"mesh_{len(self._names)}"
-            self.files[name] = shape.mesh
-            # A shell has an inertia whatever its triangles are; the bodies' own count.
-            etree.SubElement(self._assets, "mesh", name=name, file=f"{name}.stl", scale=_text(*shape.scale), inertia="shell")
-        return self._names[key]
-
-
-def _bodies(world: Any, scenario: Any, merged: MergedRobot, drives: Mapping[str, SteppedJoint], meshes: _Meshes) -> None:
-    robot = merged.robot
-    links = {link.name: link for link in robot.links}
-    root = etree.SubElement(
-        world, "body", name=_root_name(robot), pos=_text(*scenario.base_position), quat=_quat(scenario.base_rpy)
-    )
+def _bodies(world: Any, assets: Any, prepared: Prepared, merged: MergedRobot, meshes: dict[Any, str]) -> None:
+    scenario, robot = prepared.scenario, merged.robot
+    links, drives = {link.name: link for link in robot.links}, {drive.name: drive for drive in prepared.drives}
+    # MuJoCo reserves the name "world".
+    name = robot.root.name if robot.root.name != "world" else "world_link"
+    root = _add(world, "body", name=name, pos=scenario.base_position, quat=_quat(scenario.base_rpy))
     if not scenario.fixed_base:
-        etree.SubElement(root, "freejoint", name=f"{robot.root.name}/free")
+        _add(root, "freejoint", name=f"{robot.root.name}/free")
     waiting = [(root, robot.root.name)]
     while waiting:
         body, name = waiting.pop()
         link = links[name]
-        _inertial(body, link)
-        for shape in (*link.visuals, *link.collisions):
-            _geom(body, shape, meshes, "visuals" if shape in link.visuals else "collisions")
+        if link.mass or link.inertia is not None:
+            moments, rpy = principal_axes(link)
+            _add(body, "inertial", pos=link.centre_of_mass, quat=_quat(rpy), mass=link.mass or 0.0, diaginertia=moments)
+        _geoms(body, assets, link, meshes)
         for other, place in merged.places.items():
             if place.body == name and other != name:
-                pose = place.pose
-                rpy = roll_pitch_yaw(pose.rotation)
-                etree.SubElement(body, "site", name=other, pos=_text(*pose.position), quat=_quat(rpy), size="0.005", group="4")
+                turn = _quat(roll_pitch_yaw(place.pose.rotation))
+                _add(body, "site", name=other, pos=place.pose.position, quat=turn, size="0.005", group="4")
         for joint in robot.carried.get(name, ()):
-            child = etree.SubElement(body, "body", name=joint.child, pos=_text(*joint.origin), quat=_quat(joint.rpy))
-            _joint(child, joint, drives[joint.name])
+            child = _add(body, "body", name=joint.child, pos=joint.origin, quat=_quat(joint.rpy))
+            spring = joint.spring_stiffness or None
+            _add(child, "joint", name=joint.name, type="slide" if joint.kind == "prismatic" else "hinge", axis=joint.axis,
+                 stiffness=spring, springref=joint.spring_reference if spring else None, **_limits(*joint.stops),
+                 **_friction(drives[joint.name].constant_damping, joint.friction))  # fmt: skip
             waiting.append((child, joint.child))
 
 
-def _root_name(robot: Robot) -> str:
-    """Of the root's body: the world of MuJoCo is called "world" itself."""
-    return robot.root.name if robot.root.name != "world" else "world_link"
+def _geoms(body: Any, assets: Any, link: Link, meshes: dict[Any, str]) -> None:
+    for kind, shapes in (("visuals", link.visuals), ("collisions", link.collisions)):
+        for shape in shapes:
+            form: dict[str, Any] = {"size": _size(shape)}
+            if shape.kind == "mesh":
+                key = shape.mesh, tuple(shape.scale)
+                if key not in meshes:
+                    meshes[key] = f"mesh_{len(meshes)}"
+                    # A shell has an inertia whatever its triangles are; the inertia of bodies is explicit.
+                    _add(assets, "mesh", name=meshes[key], file=f"{meshes[key]}.stl", scale=shape.scale, inertia="shell")
+                form = {"mesh": meshes[key]}
+            # The robot collides with the world and not with itself, as in asrsim.
+            _add(body, "geom", type=shape.kind, pos=shape.origin, quat=_quat(shape.rpy), group=GROUPS[kind], contype="0",
+                 conaffinity="1" if kind == "collisions" else "0", rgba=shape.colour or None, **form)  # fmt: skip
 
 
-def _inertial(body: Any, link: Link) -> None:
-    if link.mass or link.inertia is not None:
-        moments, rpy = principal_axes(link)
-        etree.SubElement(
-            body, "inertial", pos=_text(*link.centre_of_mass), quat=_quat(rpy), mass=_text(link.mass or 0.0),
-            diaginertia=_text(*moments),
-        )  # fmt: skip
-
-
-def _geom(body: Any, shape: Shape, meshes: _Meshes, kind: str) -> None:
-    sizes: Sequence[float] = shape.size
+def _size(shape: Shape) -> Sequence[float]:
     if shape.kind == "box":
-        sizes = [0.5 * edge for edge in shape.size]
-    elif shape.kind in ("cylinder", "capsule"):
-        sizes = [shape.size[0], 0.5 * shape.size[1]]
-    form = {"mesh": meshes.name_of(shape)} if shape.kind == "mesh" else {"size": _text(*sizes)}
-    colour = {"rgba": _text(*shape.colour)} if shape.colour else {}
-    # The robot meets the world and not itself, as in asrsim.
-    etree.SubElement(
-        body, "geom", type=shape.kind, pos=_text(*shape.origin), quat=_quat(shape.rpy), group=GROUPS[kind], contype="0",
-        conaffinity="1" if kind == "collisions" else "0", **form, **colour,
-    )  # fmt: skip
+        return [0.5 * edge for edge in shape.size]
+    return [shape.size[0], 0.5 * shape.size[1]] if shape.kind in ("cylinder", "capsule") else shape.size
 
 
-def _joint(body: Any, joint: Joint, drive: SteppedJoint) -> None:
-    kind = "slide" if joint.kind == "prismatic" else "hinge"
-    element = etree.SubElement(body, "joint", name=joint.name, type=kind, axis=_text(*joint.axis))
-    _limit(element, *joint.stops)
-    _friction(element, drive.constant_damping, joint.friction)
-    if joint.spring_stiffness:
-        element.set("stiffness", _text(joint.spring_stiffness))
-        element.set("springref", _text(joint.spring_reference))
-
-
-def _limit(element: Any, low: float, high: float) -> None:
+def _limits(low: float, high: float) -> dict[str, Any]:
     if math.isinf(low) and math.isinf(high):
-        return
-    element.set("range", _text(*(min(max(end, -1e6), 1e6) for end in (low, high))))
-    element.attrib.update(STOP)
+        return {}
+    return {"range": [min(max(end, -1e6), 1e6) for end in (low, high)], **STOP}
 
 
-def _friction(element: Any, damping: float, friction: float) -> None:
-    if damping:
-        element.set("damping", _text(damping))
-    if friction:
-        element.set("frictionloss", _text(friction))
-        element.attrib.update(HARD)
+def _friction(damping: float, friction: float) -> dict[str, Any]:
+    return {"damping": damping or None, **({"frictionloss": friction, **HARD} if friction else {})}
 
 
 # -- motors, springs, controllers ------------------------------------------------------------------------------------
 
 
-def springs_of(drive: Drive, reach: float, adjuster: float, knots: int) -> tuple[Spline, ...]:
-    """The spring of each motor. Raises ScenarioError for a law that is no function of each motor's deflection alone."""
+def springs_of(drive: Drive, reach: float, adjuster: float, knots: int | None = None) -> tuple[Spline, ...]:
+    """Spline of each motor's spring. Raises ScenarioError for a law that depends on more than each motor's own deflection."""
     actuator, count = drive.actuator, drive.actuator.motors
     tail = [adjuster] if actuator.adjuster else [0.0] * (actuator.positions() - count)
 
@@ -240,162 +209,141 @@ def springs_of(drive: Drive, reach: float, adjuster: float, knots: int) -> tuple
         law: Any = actuator.elastic_torques
         return tuple(law(q, *thetas, *tail, drive.elastic))
 
+    def of_deflection(i: int, deflection: float) -> float:
+        return float(torques(0.0, [deflection if j == i else 0.0 for j in range(count)])[i])
+
     generator = np.random.default_rng(0)
     span = min(reach, 1.0)
     for _ in range(16):
         q, *thetas = generator.uniform(-0.5 * span, 0.5 * span, count + 1).tolist()
-        whole = torques(q, thetas)[:count]
-        alone = [torques(0.0, [thetas[i] - q if j == i else 0.0 for j in range(count)])[i] for i in range(count)]
-        if not np.allclose(whole, alone, rtol=1e-6, atol=1e-9):
+        alone = [of_deflection(i, thetas[i] - q) for i in range(count)]
+        if not np.allclose(torques(q, thetas)[:count], alone, rtol=1e-6, atol=1e-9):
             raise ScenarioError(
-                f"the springs of '{actuator.name}' on joint '{drive.joint}' are no functions of each motor's deflection alone, "
-                "as springs of MuJoCo are",
+                f"the springs of '{actuator.name}' on joint '{drive.joint}' depend on more than each motor's own deflection; "
+                "springs of MuJoCo cannot",
                 key=drive.joint, code="export-law",
             )  # fmt: skip
 
-    def law_of(i: int) -> Spline:
-        def law(deflection: float) -> float:
-            return float(torques(0.0, [deflection if j == i else 0.0 for j in range(count)])[i])
+    def law_of(i: int) -> Callable[[float], float]:
+        return lambda deflection: of_deflection(i, deflection)
 
-        return spline_of(law, reach=reach, limit=drive.max_deflection, knots=knots)
-
-    return tuple(law_of(i) for i in range(count))
+    limit = drive.max_deflection
+    return tuple(spline_of(law_of(i), reach=reach, limit=limit, knots=knots) for i in range(count))
 
 
 def _motors(world: Any, tendons: Any, actuators: Any, drive: Drive, splines: Sequence[Spline]) -> None:
-    for i, spline in enumerate(splines, start=1):
-        name = motor_name(drive.joint, i)
-        body = etree.SubElement(world, "body", name=name)
-        joint = etree.SubElement(body, "joint", name=name, axis="0 0 1", armature=_text(drive.motor_inertia[i - 1]))
-        _limit(joint, *drive.motor_ranges[i - 1])
-        _friction(joint, drive.values[f"motor_{i}_damping"], drive.motor_friction[i - 1])
+    for i, spline in enumerate(splines):
+        name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
+        body = _add(world, "body", name=name)
+        friction = _friction(drive.values[f"motor_{i + 1}_damping"], drive.motor_friction[i])
+        _add(
+            body,
+            "joint",
+            name=name,
+            axis="0 0 1",
+            armature=drive.motor_inertia[i],
+            **_limits(*drive.motor_ranges[i]),
+            **friction,
+        )
         for number, piece in enumerate(spline.pieces, start=1):
-            spring = etree.SubElement(
-                tendons, "fixed", name=f"{drive.joint}/spring_{i}/{number}", stiffness=_text(*piece.stiffness),
-                springlength=_text(piece.low, piece.high),
-            )  # fmt: skip
-            etree.SubElement(spring, "joint", joint=name, coef="1")
-            etree.SubElement(spring, "joint", joint=drive.joint, coef="-1")
-        electric, most = drive.electric[i - 1], drive.max_torque[i - 1]
+            spring = _add(tendons, "fixed", name=f"{drive.joint}/spring_{i + 1}/{number}", stiffness=piece.stiffness,
+                          springlength=(piece.low, piece.high))  # fmt: skip
+            _add(spring, "joint", joint=name, coef="1")
+            _add(spring, "joint", joint=drive.joint, coef="-1")
         if drive.mode.controller:
-            gain, brake = drive.proportional[i - 1], drive.derivative[i - 1] + electric.lag
+            _actuator(actuators, name, drive.proportional[i], drive.derivative[i] + electric.lag, drive.max_torque[i])
         else:
-            gain, brake = electric.gain, electric.lag
-        hold = gain if drive.mode.controller else 0.0
-        _actuator(actuators, name, name, gain, hold, brake, most)
+            _actuator(actuators, name, None, electric.lag, drive.max_torque[i], gain=electric.gain)
 
 
-def _direct(actuators: Any, stepped: SteppedJoint) -> None:
-    """Modes 0 and 1: torque or PID on the link itself."""
-    drive = stepped.drive
-    assert drive is not None
-    gain, brake = 1.0, 0.0
-    if drive.mode.controller:
-        gain, brake = drive.values["controller_1_proportional"], drive.values["controller_1_derivative"]
-    _actuator(
-        actuators, drive.joint, drive.joint, gain, gain if drive.mode.controller else 0.0, brake, stepped.joint.most_effort
-    )
-
-
-def _actuator(parent: Any, name: str, joint: str, gain: float, hold: float, brake: float, most: float) -> None:
-    limit = {} if math.isinf(most) else {"forcerange": _text(-most, most)}
-    etree.SubElement(
-        parent, "general", name=name, joint=joint, gainprm=_text(gain), biastype="affine", biasprm=_text(0.0, -hold, -brake),
-        **limit,
-    )  # fmt: skip
+def _actuator(
+    parent: Any, joint: str, proportional: float | None, damping: float, limit: float, *, gain: float = 1.0
+) -> None:  # fmt: skip
+    """Add an actuator with a position controller, or without one (`proportional` is None) with a gain on its control."""
+    gain, back = (gain, 0.0) if proportional is None else (proportional, proportional)
+    _add(parent, "general", name=joint, joint=joint, gainprm=gain, biastype="affine", biasprm=(0.0, -back, -damping),
+         forcerange=None if math.isinf(limit) else (-limit, limit))  # fmt: skip
 
 
 def _keyframe(root: Any, prepared: Prepared) -> None:
-    """The start of the scenario, under which MuJoCo's data are to be set."""
+    """Add the start of the scenario as a keyframe."""
     scenario = prepared.scenario
-    starts = {drive.name: drive.motor_starts(drive.dynamic_motors) for drive in prepared.drives}
-    links = dict(
-        zip(
-            (d.name for d in prepared.drives),
-            zip(prepared.initial_positions, prepared.initial_velocities, strict=True),
-            strict=True,
-        )
-    )
+    motors = {drive.name: drive.motor_starts(drive.dynamic_motors) for drive in prepared.drives}
+    starts = zip(prepared.initial_positions, prepared.initial_velocities, strict=True)
+    links = dict(zip((drive.name for drive in prepared.drives), starts, strict=True))
     positions: list[float] = []
     velocities: list[float] = []
     if not scenario.fixed_base:
-        x, y, z, w = quaternion(scenario.base_rpy)
-        positions, velocities = [*scenario.base_position, w, x, y, z], [0.0] * 6
+        positions, velocities = [*scenario.base_position, *_quat(scenario.base_rpy)], [0.0] * 6
     for joint in root.find("worldbody").iter("joint"):
         owner, _, motor = joint.get("name").rpartition("/motor_")
-        at, speed = starts[owner][int(motor) - 1][:2] if owner else links[joint.get("name")]
-        positions.append(at)
-        velocities.append(speed)
-    frame = etree.SubElement(root, "keyframe")
-    etree.SubElement(frame, "key", name="start", qpos=_text(*positions), qvel=_text(*velocities))
+        position, velocity = motors[owner][int(motor) - 1][:2] if owner else links[joint.get("name")]
+        positions.append(position)
+        velocities.append(velocity)
+    _add(_add(root, "keyframe"), "key", name="start", qpos=positions, qvel=velocities)
 
 
-# -- what the file does not say --------------------------------------------------------------------------------------
+def _quat(rpy: Any) -> list[float]:
+    x, y, z, w = quaternion(rpy)
+    return [w, x, y, z]
 
 
-def _unsaid(prepared: Prepared, splines: Mapping[str, Sequence[Spline]], adjusters: Mapping[str, float]) -> Iterator[str]:
-    """Sentences about what of the scenario the file does not have."""
+# -- parts that the model lacks ---------------------------------------------------------------------------------------
+
+
+def _omissions(prepared: Prepared, splines: Mapping[str, Sequence[Spline]], adjusters: Mapping[str, float]) -> Iterator[str]:
+    """Sentences about parts of the scenario that the model lacks."""
     scenario = prepared.scenario
     found: dict[str, list[str]] = {}
     for drive in prepared.drives:
-        for text in (*_unsaid_of_link(prepared, drive, splines.get(drive.name, ())), *_unsaid_of_motors(drive, adjusters)):
-            found.setdefault(text, []).append(drive.name)
+        for text, lacks in _checks(prepared, drive, splines.get(drive.name, ()), adjusters).items():
+            if lacks:
+                found.setdefault(text, []).append(drive.name)
     for text, joints in found.items():
         yield f"{', '.join(joints) if len(joints) < MANY else f'{len(joints)} joints'}: {text}"
-    if not scenario.world.empty:
-        yield "the ground and the objects of the scenario's world are not in the file"
-    if scenario.wrenches:
-        yield "the scenario's forces on links are not in the file, nor in the replay"
-    if any(effects.active for effects in (*scenario.command_effects.values(), *scenario.sensor_effects.values())):
-        yield "delays, noise and steps of commands and sensors are not in the file"
+    effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
+    for text, lacks in {
+        "the ground and the objects of the scenario's world are not in the model": not scenario.world.empty,
+        "the scenario's forces on links are neither in the model nor in the replay": bool(scenario.wrenches),
+        "delays, noise and steps of commands and sensors are not in the model": any(effect.active for effect in effects),
+    }.items():
+        if lacks:
+            yield text
 
 
-def _unsaid_of_link(prepared: Prepared, drive: SteppedJoint, springs: Sequence[Spline]) -> Iterator[str]:
-    joint, damping = drive.joint, drive.link_damping
-    if joint.friction_varies:
-        yield "its friction is constant: the parts that follow speed or load are left out"
-    if damping is not None and damping.ratio:
-        yield "its damping is constant: the part that follows the stiffness is left out"
-    if prepared.velocity_cutoff and joint.velocity is not None:
-        yield "its velocity limit does not cut off the torque"
-    most = sum(float(np.abs(one.torque(np.array([-one.reach, one.reach]))).max()) for one in springs)
-    if most > joint.most_effort:
-        yield f"its effort limit of {joint.most_effort:g} does not hold back the springs, which reach {most:.3g}"
-    for one in springs[:1]:
-        if not one.saturates:
-            yield f"beyond a deflection of {one.reach:.3g} rad its spring goes on as the last cubic"
-
-
-def _unsaid_of_motors(stepped: SteppedJoint, adjusters: Mapping[str, float]) -> Iterator[str]:
-    drive = stepped.drive
+def _checks(
+    prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], adjusters: Mapping[str, float]
+) -> dict[str, bool]:  # fmt: skip
+    """Sentence about a joint -> whether it is true."""
+    joint, drive, damping = stepped.joint, stepped.drive, stepped.link_damping
+    largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)
+    checks = {
+        "its friction is constant: the parts that depend on speed or load are left out": joint.friction_varies,
+        "its damping is constant: the part that depends on the stiffness is left out": bool(damping and damping.ratio),
+        "its velocity limit does not cut off the torque": prepared.velocity_cutoff and joint.velocity is not None,
+        f"its effort limit of {joint.most_effort:g} does not limit its springs, which reach {largest:.3g}": largest
+        > joint.most_effort,
+    }
+    if springs:
+        text = f"beyond a deflection of {springs[0].reach:.3g} rad its spring continues as the last cubic"
+        checks[text] = not springs[0].saturates
     if drive is None:
-        return
-    if drive.actuator.adjuster and drive.mode.spring:
-        yield f"its adjuster stays at {adjusters.get(drive.joint, 0.0):g} {drive.actuator.reference_2_unit}"
-    if drive.hysteresis is not None:
-        yield "its springs have no hysteresis"
-    if any(drive.integral) or (drive.mode.number == 1 and drive.values["controller_1_integral"]):
-        yield "its controllers have no integral action"
+        return checks
     if drive.mode.number == 1:
-        return
-    if any(math.isfinite(speed) for speed in drive.max_velocity):
-        yield f"its motors have no speed limit (here {min(drive.max_velocity):g} rad/s)"
-    if any(drive.motor_friction):
-        yield "friction of its motors holds without bristles: no pre-sliding"
+        return {**checks, "its controller has no integral action": bool(drive.values["controller_1_integral"])}
     motors = range(1, drive.dynamic_motors + 1)
-    if any(drive.values[f"motor_{i}_{name}"] for i in motors for name in ("stribeck_friction", "load_friction")):
-        yield "friction of its motors is constant: the parts that follow speed or load are left out"
-    if any(math.isfinite(one.stall) for one in drive.electric) and drive.mode.motor:
-        yield "the voltage limit of its motors is a limit of their torque at rest"
-
-
-def _text(*values: float) -> str:
-    return " ".join(repr(float(value)) for value in values)
-
-
-def _quat(rpy: Any) -> str:
-    x, y, z, w = quaternion(rpy)
-    return _text(w, x, y, z)
-
-
-__all__ = ["Mjcf", "Robot", "model_of", "motor_name", "springs_of"]
+    varying = any(drive.values[f"motor_{i}_{name}"] for i in motors for name in ("stribeck_friction", "load_friction"))
+    position = f"{adjusters.get(drive.joint, 0.0):g} {drive.actuator.reference_2_unit}"
+    return {
+        **checks,
+        f"its adjuster stays at {position}": drive.actuator.adjuster and drive.mode.spring,
+        "its springs have no hysteresis": drive.hysteresis is not None,
+        "its controllers have no integral action": any(drive.integral),
+        f"its motors have no speed limit (here {min(drive.max_velocity, default=math.inf):g} rad/s)": any(
+            map(math.isfinite, drive.max_velocity)
+        ),
+        "friction of its motors has no bristles: no pre-sliding": any(drive.motor_friction),
+        "friction of its motors is constant: the parts that depend on speed or load are left out": varying,
+        "the voltage limit of its motors limits their torque at rest": drive.mode.motor
+        and any(math.isfinite(electric.stall) for electric in drive.electric),
+    }

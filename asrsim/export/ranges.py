@@ -1,29 +1,36 @@
-"""Ranges for domain randomisation: what the intervals of a fit are as fields of the MuJoCo model."""
+"""Ranges for domain randomisation: the intervals of a fit as fields of the MuJoCo model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.outfile import write_text
 from asrsim.simulation.prepared import Prepared
 from asrsim.sweeps.fitted import Joint as Fit
 
 FIELDS = {
-    "body_mass": "body", "body_inertia": "body", "body_ipos": "body", "body_iquat": "body", "dof_armature": "dof",
-    "dof_damping": "dof", "dof_frictionloss": "dof", "jnt_range": "joint", "jnt_stiffness": "joint",
-    "tendon_stiffness": "tendon", "tendon_stiffnesspoly": "tendon", "tendon_lengthspring": "tendon",
-    "actuator_gainprm": "actuator", "actuator_biasprm": "actuator", "actuator_forcerange": "actuator",
-}  # fmt: skip
-"""Field of MjModel -> what its rows belong to."""
+    "body": ("body_mass", "body_inertia", "body_ipos", "body_iquat"),
+    "dof": ("dof_armature", "dof_damping", "dof_frictionloss"),
+    "joint": ("jnt_range", "jnt_stiffness"),
+    "tendon": ("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
+    "actuator": ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange"),
+}
+"""Kind of element -> fields of MjModel with one row per element."""
 WIDTH = 1.96
-"""Standard deviations on each side: 95 %."""
+"""Half-width of a 95 % interval, standard deviations."""
+HEADING = """\
+# Ranges by asrsim export: 95 % intervals of {}, each with the other parameters at their best values.
+# fields: fields of MjModel, by element: values at `low` and at `high`; between them the fields are nearly linear.
+# Draw one number from 0 to 1 for each parameter, and use it for all of its fields.
+"""
 
 
 def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """Joint or link -> name -> value of those keys that are the robot's."""
+    """Joint or link -> name -> value, for the keys that are numbers of the robot."""
     owners = {*(joint.name for joint in prepared.robot.joints), *(link.name for link in prepared.robot.links)}
     found: dict[str, dict[str, float]] = {}
     for key, value in values.items():
@@ -34,52 +41,48 @@ def robot_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, 
 
 
 def mean_of(fit: Fit) -> dict[str, float]:
-    """Key -> value that the fit found."""
+    """Key -> estimate of the fit."""
     return fit.assign(fit.from_scores(np.zeros((1, len(fit.keys))))[0])
 
 
-def ranges_of(prepared: Prepared, fit: Fit, model_with: Callable[[Prepared], Any]) -> dict[str, Any]:
-    """Key -> low, high, and the fields of the model that differ between both ends.
-
-    model_with: compiles the model of a scenario with other numbers, with the same springs' knots.
+def write_ranges(prepared: Prepared, fit: Fit, text_of: Callable[[Prepared], str], path: Path, source: Path) -> Path:
+    """Write the ranges beside the model at `path`, and return their file. text_of: MJCF of a scenario with other numbers, with
+    equal numbers of knots; source: file of the fit. Raises OutputError.
     """
+    import mujoco
+    import yaml
+
+    def compiled(values: dict[str, float]) -> Any:
+        spec = mujoco.MjSpec.from_string(text_of(prepared.vary(robot_numbers(prepared, values))))
+        # Meshes lie beside the file.
+        spec.modelfiledir = str(path.parent.absolute())
+        return spec.compile()
+
     widths = WIDTH * np.linalg.norm(fit.root, axis=1)
-    found: dict[str, Any] = {}
+    ranges: dict[str, Any] = {}
     for i, key in enumerate(fit.keys):
         ends = []
         for sign in (-1.0, 1.0):
             row = fit.mean.copy()
             row[i] += sign * widths[i]
-            value = np.exp(row[i]) if fit.logarithmic[i] else row[i]
-            value = float(np.clip(value, fit.low[i], fit.high[i]))
-            tied = {name: factor * value for name, to, factor in fit.ties if to == key}
-            ends.append((value, model_with(prepared.vary(robot_numbers(prepared, {key: value, **tied})))))
+            value = float(np.clip(np.exp(row[i]) if fit.logarithmic[i] else row[i], fit.low[i], fit.high[i]))
+            ties = {name: factor * value for name, drawn, factor in fit.ties if drawn == key}
+            ends.append((value, compiled({key: value, **ties})))
         (low, below), (high, above) = ends
-        found[key] = {"low": low, "high": high, "fields": _differences(below, above)}
-    return found
+        ranges[key] = {"low": low, "high": high, "fields": _differences(below, above)}
+    target = path.with_suffix(".ranges.yaml")
+    body = yaml.safe_dump(ranges, sort_keys=False, default_flow_style=None, allow_unicode=True)
+    write_text(target, HEADING.format(source.name) + body, "ranges")
+    return target
 
 
 def _differences(below: Any, above: Any) -> dict[str, dict[str, list[Any]]]:
-    """Field -> element -> its values at both ends."""
+    """Field -> element -> its values in both models, where they differ."""
     found: dict[str, dict[str, list[Any]]] = {}
-    for field, kind in FIELDS.items():
-        ours, theirs = getattr(below, field), getattr(above, field)
-        for row in np.flatnonzero((ours != theirs).reshape(len(ours), -1).any(axis=1)).tolist():
-            found.setdefault(field, {})[_name(below, kind, row)] = [ours[row].tolist(), theirs[row].tolist()]
+    for kind, fields in FIELDS.items():
+        for field in fields:
+            ours, theirs = getattr(below, field), getattr(above, field)
+            for row in np.flatnonzero((ours != theirs).reshape(len(ours), -1).any(axis=1)).tolist():
+                element = below.joint(int(below.dof_jntid[row])) if kind == "dof" else getattr(below, kind)(row)
+                found.setdefault(field, {})[element.name] = [ours[row].tolist(), theirs[row].tolist()]
     return found
-
-
-def _name(model: Any, kind: str, row: int) -> str:
-    if kind == "dof":
-        return str(model.joint(int(model.dof_jntid[row])).name)
-    return str(getattr(model, kind)(row).name)
-
-
-def text_of(ranges: Mapping[str, Any], source: Path) -> Iterator[str]:
-    """Lines of the file."""
-    import yaml
-
-    yield f"# Ranges by asrsim export: 95 % intervals of {source.name}, each with the others at their best values."
-    yield "# fields: of MjModel, by element: values at `low` and at `high`, nearly linear between both:"
-    yield "# draw one number from 0 to 1 for each parameter, and use it for all its fields."
-    yield yaml.safe_dump(dict(ranges), sort_keys=False, default_flow_style=None, allow_unicode=True)

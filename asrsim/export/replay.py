@@ -1,4 +1,4 @@
-"""The scenario's motion in plain MuJoCo beside asrsim's: how far the exported model is off, joint by joint."""
+"""The scenario's motion in plain MuJoCo beside asrsim's: error of the exported model, joint by joint."""
 
 from __future__ import annotations
 
@@ -23,40 +23,37 @@ class Replay:
 
     joints: tuple[str, ...]
     units: tuple[str, ...]
-    """mrad or mm, of each joint's error."""
+    """Unit of each joint's error: mrad or mm."""
     time: Array
-    """(n,) s."""
+    """Times (n,), s."""
     ours: Array
-    """(n, joints) rad (m), of asrsim."""
+    """Link positions (n, joints) of asrsim, rad (m)."""
     theirs: Array
-    """(n, joints) rad (m), of MuJoCo; NaN from where it diverged."""
+    """Link positions (n, joints) of MuJoCo, rad (m); NaN after a divergence."""
 
     @property
     def error(self) -> Array:
-        """(n, joints) mrad (mm)."""
+        """Differences MuJoCo - asrsim (n, joints), mrad (mm)."""
         return 1e3 * (self.theirs - self.ours)
 
     @property
     def rms(self) -> Array:
-        """(joints,) mrad (mm)."""
+        """Root mean square of the error (joints,), mrad (mm)."""
         return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
 
     @property
     def diverged_at(self) -> float | None:
-        """s at which MuJoCo's motion is no longer finite; None: it always is."""
+        """Time at which MuJoCo's motion diverges, s; None if it does not."""
         lost = ~np.isfinite(self.theirs).all(axis=1)
         return float(self.time[int(np.argmax(lost))]) if lost.any() else None
 
 
-ENDS = (("reference", ""), ("motor", "_position"), ("motor", "_velocity"))
-"""Quantities of a motor that are kept: what stands before its number, and after."""
-
-
 def run_of(prepared: Prepared) -> dict[str, Array]:
-    """asrsim's run of the scenario: quantity -> (n, joints). Raises SimulationError where it diverges."""
-    names = ["link_position", "external_torque"]
+    """asrsim's run of the scenario: quantity -> values (n, joints). Raises SimulationError if it diverges."""
     motors = max((drive.drive.actuator.positions() for drive in prepared.drives if drive.drive), default=0)
-    names += [f"{name}_{i}{end}" for i in range(1, motors + 1) for name, end in ENDS]
+    names = ["link_position", "external_torque"]
+    for i in range(1, motors + 1):
+        names += [f"reference_{i}", f"motor_{i}_position", f"motor_{i}_velocity"]
     with Worlds(prepared, 1, watched=False) as worlds:
         known = [name for name in names if name in worlds.selection.names]
         found = {name: values[0] for name, values in worlds.rollout(known).items()}
@@ -65,47 +62,25 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
     return found
 
 
-def deflections(prepared: Prepared, run: Mapping[str, Array]) -> dict[str, float]:
-    """Joint -> rad, the largest deflection of its springs."""
-    found = {}
-    for j, drive in enumerate(prepared.drives):
-        if drive.drive is not None and drive.drive.mode.spring:
-            motors = np.array([run[f"motor_{i}_position"][:, j] for i in range(1, drive.drive.actuator.motors + 1)])
-            found[drive.name] = float(np.abs(motors - run["link_position"][:, j]).max())
-    return found
-
-
-def at_speed_limit(prepared: Prepared, run: Mapping[str, Array]) -> set[str]:
-    """Joints whose motors meet their speed limit."""
-    found = set()
-    for j, drive in enumerate(prepared.drives):
-        for i, most in enumerate(drive.drive.max_velocity if drive.drive else (), start=1):
-            if np.abs(run[f"motor_{i}_velocity"][:, j]).max() > 0.999 * most:
-                found.add(drive.name)
-    return found
-
-
 def controls(prepared: Prepared, run: Mapping[str, Array], model: Any) -> Array:
-    """(n, actuators of the model) at the scenario's steps: the references as goals of the motors."""
-    found = np.zeros((len(run["link_position"]), model.nu))
+    """Controls of the model's actuators (n, actuators) at the scenario's steps: the references as goals of the motors."""
+    shape = run["link_position"].shape
+    found = np.zeros((shape[0], model.nu))
     for j, stepped in enumerate(prepared.drives):
-        drive = stepped.drive
-        if drive is None:
+        if (drive := stepped.drive) is None:
             continue
-        rows = max(2, drive.actuator.positions())
-        blank = np.full(run["link_position"].shape, np.nan)
-        references = np.array([run.get(f"reference_{i}", blank)[:, j] for i in range(1, rows + 1)])
-        goals = drive.goals(np.nan_to_num(references))
-        if not drive.mode.spring:
-            found[:, model.actuator(drive.joint).id] = goals[0]
-            continue
-        for i in range(drive.actuator.motors):
-            found[:, model.actuator(motor_name(drive.joint, i + 1)).id] = goals[i]
+        slots = range(1, max(2, drive.actuator.positions()) + 1)
+        goals = drive.goals(np.nan_to_num([run.get(f"reference_{i}", np.zeros(shape))[:, j] for i in slots]))
+        motors = [motor_name(drive.joint, i + 1) for i in range(drive.actuator.motors)] if drive.mode.spring else [drive.joint]
+        for name, goal in zip(motors, goals, strict=False):
+            found[:, model.actuator(name).id] = goal
     return found
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
-    """Play the run's references in MuJoCo on the model of a file. Raises SimulationError where MuJoCo cannot load it."""
+    """Both motions, after a simulation of the run's references on the model at `path`. Raises SimulationError if MuJoCo cannot
+    load it.
+    """
     import mujoco
     from mujoco import rollout
 
@@ -120,9 +95,10 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     fine = max(1, round(step / model.opt.timestep))
     forces = np.zeros((length, model.nv))
     forces[:, [int(model.joint(name).dofadr[0]) for name in joints]] = run["external_torque"]
-    given = np.column_stack([controls(prepared, run, model), forces])
+    # Inputs are linear between the scenario's steps.
     at = np.arange((length - 1) * fine) / fine
-    inputs = np.array([np.interp(at, np.arange(length), column) for column in given.T]).T
+    columns = np.column_stack([controls(prepared, run, model), forces]).T
+    inputs = np.array([np.interp(at, np.arange(length), column) for column in columns]).T
     kind = mujoco.mjtState
     start = np.empty(mujoco.mj_stateSize(model, kind.mjSTATE_FULLPHYSICS))
     mujoco.mj_getState(model, data, start, kind.mjSTATE_FULLPHYSICS)
@@ -130,32 +106,30 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path) -> Replay:
     states, _ = rollout.rollout(model, data, start, inputs, control_spec=spec)
     rows = np.vstack([start, states[0][fine - 1 :: fine]])
     times = prepared.scenario.step_times()
-    places = [1 + int(model.joint(name).qposadr[0]) for name in joints]
-    theirs = rows[:, places].copy()
-    # Where MuJoCo finds a motion bad it stops, or starts anew at time 0.
+    theirs = rows[:, [1 + int(model.joint(name).qposadr[0]) for name in joints]]
+    # After a divergence MuJoCo stops, or restarts at time 0.
     theirs[np.abs(rows[:, 0] - times) > 0.5 * step] = np.nan
     units = tuple("mm" if drive.joint.kind == "prismatic" else "mrad" for drive in prepared.drives)
     return Replay(joints=tuple(joints), units=units, time=times, ours=run["link_position"], theirs=theirs)
 
 
 def draw(found: Replay, path: Path) -> list[Path]:
-    """A picture of both motions and of the error, beside the model. Raises OutputError."""
+    """Draw both motions and the error in a picture beside the model. Raises OutputError."""
     with styled(mathematics=False):
         from matplotlib.figure import Figure
 
         count = len(found.joints)
         figure = Figure(figsize=(9.0, 1.2 + 1.6 * count), layout="constrained")
-        grid = figure.subplots(count, 2, squeeze=False, sharex=True)
-        for j, (left, right) in enumerate(grid):
-            linear = found.units[j] == "mm"
+        axes = figure.subplots(count, 2, squeeze=False, sharex=True)
+        for j, (left, right) in enumerate(axes):
+            unit = found.units[j]
             left.plot(found.time, found.ours[:, j], linewidth=2.2, color="0.7", label="asrsim")
             left.plot(found.time, found.theirs[:, j], linewidth=0.9, label="MuJoCo")
-            left.set_ylabel(f"{found.joints[j]}\nlink [{'m' if linear else 'rad'}]")
+            left.set_ylabel(f"{found.joints[j]}\nlink [{unit.removeprefix('m')}]")
             right.plot(found.time, found.error[:, j], linewidth=0.9)
-            right.axhline(0.0, color="0.7", linewidth=0.6)
-            right.set_ylabel(f"MuJoCo - asrsim\n[{found.units[j]}]")
-            right.set_title(f"rms {found.rms[j]:.3g} {found.units[j]}", fontsize="small", loc="right")
-        grid[0][0].legend(fontsize="x-small", loc="upper right")
-        for axis in grid[-1]:
-            axis.set_xlabel("time [s]")
+            right.set_ylabel(f"MuJoCo - asrsim\n[{unit}]")
+            right.set_title(f"rms {found.rms[j]:.3g} {unit}", fontsize="small", loc="right")
+        axes[0][0].legend(fontsize="x-small", loc="upper right")
+        for last in axes[-1]:
+            last.set_xlabel("time [s]")
         return save_figure(figure, path.parent, path.stem, ("png",))

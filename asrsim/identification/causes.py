@@ -169,7 +169,7 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
     faults = []
     for tie, wider in _without_ties(problem, x):
         base, there = residuals(problem, x), np.append(x, 0.0)
-        slope = jacobian(wider, there, 1e-3, base=base, central=True, columns=[len(x)])
+        slope = jacobian(wider, there, 1e-3, base=base, columns=[len(x)])
         both = np.column_stack([found.jacobian, slope])
         inverse, entry = np.linalg.pinv(both.T @ both), wider.layout.entries[-1]
         move = float(-(inverse @ (both.T @ base))[-1])

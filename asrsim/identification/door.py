@@ -7,11 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.actuators.electric import electric_of
 from asrsim.actuators.user import load_plugin_file
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
-from asrsim.engines.bench import link_motion
 from asrsim.errors import RobotError
 from asrsim.quantities import QUANTITIES
 from asrsim.robot import Robot, check_two_motors
@@ -26,8 +24,7 @@ from asrsim.simulation.worlds import Start, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "electric_of",
-    "link_motion", "load_plugin_file", "over_arrays",
+    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Start", "Substeps", "load_plugin_file",
 ]  # fmt: skip
 
 SOURCES = ("link_position", "motor_1_position", "motor_2_position")
@@ -127,12 +124,6 @@ class Door:
         """Numbers of substeps that a run with these parameters takes. Raises RobotError, UnresolvedSpringError."""
         found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
-
-    def inverse_dynamics(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
-        """(rows, joints) torques of inertia, gravity and Coriolis forces along a motion."""
-        model = self._worlds(self.substeps).model_of(robot)
-        assert model is not None  # links that nothing prescribes have dynamics
-        return np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
 
     def close(self) -> None:
         """Release the engines."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -29,10 +29,16 @@ class Played(Signal):
     gain: float = 1.0
     offset: float = 0.0
     delay: float = 0.0
+    _known: dict[bytes, Array] = field(default_factory=dict, init=False, repr=False)
 
     def values(self, time: Array) -> Array:
-        """Values gain * (recorded - offset), delayed by `delay` s."""
-        at = time - self.delay
+        """Values gain * (recorded - offset), delayed by `delay` s; cached, since simulations ask for the same times."""
+        key = time.tobytes()
+        if key not in self._known:
+            self._known[key] = self._means(time - self.delay)
+        return self._known[key].copy()
+
+    def _means(self, at: Array) -> Array:
         curve = self.command.curve
         ends = curve.integral(np.stack([at - 0.5 * self.step, at + 0.5 * self.step]))
         means = (ends[1] - ends[0]) / self.step
@@ -41,7 +47,9 @@ class Played(Signal):
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
             means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
-        return np.asarray(self.gain * (means - self.offset), dtype=np.float64)
+        values = self.command.scale * self.gain * (means - self.offset)
+        guide = self.command.guide
+        return np.asarray(values if guide is None else values + guide.values(at + self.delay), dtype=np.float64)
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""

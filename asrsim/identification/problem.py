@@ -4,7 +4,7 @@ problem; `replace` makes a changed problem.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -169,39 +169,32 @@ def _weighted(problem: Problem, differences: list[Array] | None, track: int) -> 
 
 
 def jacobian(
-    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, central: bool = False,
-    columns: Sequence[int] | None = None,
-) -> Array:  # fmt: skip
-    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. central: by central differences where the
-    bounds allow them, since sticking joints make residuals non-smooth. base: (m,) residuals at x; columns: computed columns.
+    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None
+) -> Array:
+    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: (m,) residuals at x; columns: computed
+    columns.
     """
     at = residuals(problem, x) if base is None else base
     wanted = range(len(x)) if columns is None else columns
-    matrix = np.zeros((len(at), len(wanted)))
-    low, high = problem.layout.bounds
-    above = x + step <= high
-    both = above & (x - step >= low) & central
+    matrix, moves = np.zeros((len(at), len(wanted))), np.where(x + step <= problem.layout.bounds[1], step, -step)
     for track in problem.fitted:
-        moves = [
-            (column, i, move)
-            for column, i in enumerate(wanted) if track in problem.layout.touched(i)
-            for move in ([step, -step] if both[i] else [step if above[i] else -step])
-        ]  # fmt: skip
+        touched = [column for column, i in enumerate(wanted) if track in problem.layout.touched(i)]
+        points = [x + moves * (np.arange(len(x)) == wanted[column]) for column in touched]
         rows = problem.rows(track)
-        for (column, i, move), there in zip(moves, _worlds(problem, x, track, moves), strict=True):
+        for column, there in zip(touched, _at(problem, points, track), strict=True):
             # A diverged simulation gives no derivative.
             if not (np.all(there == FAR) or np.all(at[rows] == FAR)):
-                matrix[rows, column] += (there - at[rows]) / (2.0 * move if both[i] else move)
+                matrix[rows, column] = (there - at[rows]) / moves[wanted[column]]
     return matrix
 
 
-def _worlds(problem: Problem, x: Array, track: int, moves: Sequence[tuple[int, int, float]]) -> Iterator[Array]:
-    """Weighted residuals of a recording at points beside x, from one rollout."""
-    one, tables = problem.tracks[track], []
-    for _, i, move in moves:
-        there = x.copy()
-        there[i] += move
-        tables.append(problem.layout.table(there, track))
+def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
+    """Weighted residuals (k, m) at several points, whose simulations are worlds of one rollout."""
+    return np.concatenate([np.stack([*_at(problem, points, track)]) for track in problem.fitted], axis=1)
+
+
+def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array]:
+    one, tables = problem.tracks[track], [problem.layout.table(point, track) for point in points]
     for predicted in one.predictions(tables, problem.playing[track], problem.until(track)):
         problem.meter.count()
         pairs = zip(predicted or (), one.channels, strict=predicted is not None)

@@ -10,7 +10,6 @@ from itertools import islice
 
 import numpy as np
 
-from asrsim.identification.balance import regressed
 from asrsim.identification.causes import presliding, stairs
 from asrsim.identification.extensions import Extended, extended
 from asrsim.identification.judge import fits_noise, is_explained, rms
@@ -18,7 +17,6 @@ from asrsim.identification.problem import (
     ROUNDS,
     Problem,
     errors,
-    huber,
     residuals,
     solve,
     with_own_substeps,
@@ -28,8 +26,6 @@ from asrsim.samples import Array
 
 SHORT, GROWING = (0.2, 1.0), (0.08, 0.15, 0.25, 0.4, 0.65, 1.0)
 """Successive fractions of the training part: predicted and recorded oscillations stay within half a period."""
-NEARER = 0.5
-"""Largest cost of a start from regression, relative to the user's start, at which the regression is used."""
 AGREED = 2
 """Number of searches that must reach the same minimum before the search ends, if the model does not fit."""
 OUTLIER = 6.0
@@ -87,11 +83,10 @@ def search(best: Best, setup: Setup, tell: Callable[[str], None]) -> None:
 
 
 def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[float, ...]]]:
-    """Starts: the user's or the regression's, then scattered starts with differently divided losses."""
+    """Starts: the user's, then scattered starts with differently divided losses."""
     generator = np.random.default_rng(0)
-    how, first = _nearest(best.problem, start)
-    yield how, first, SHORT
-    yield f"{how}, horizon growing", first, GROWING
+    yield "the start", start, SHORT
+    yield "the start, horizon growing", start, GROWING
     layout = best.problem.layout
     start = np.append(start, np.zeros(len(layout) - len(start)))
     losses = [i for i, entry in enumerate(layout.entries) if any(word in entry.name for word in ("friction", "damping"))]
@@ -108,14 +103,6 @@ def _attempts(best: Best, start: Array) -> Iterator[tuple[str, Array, tuple[floa
                 moved[i] += generator.uniform(-reach, reach)
         yield f"scattered start {number}", np.clip(moved, *layout.bounds), SHORT if number % 2 else GROWING
         number += 1
-
-
-def _nearest(problem: Problem, start: Array) -> tuple[str, Array]:
-    """Start of the user or of the regression, whichever fits the beginning of the recordings better."""
-    known, short = regressed(problem, start), replace(problem, share=SHORT[0])
-    if known is not None and huber(residuals(short, known)) < NEARER * huber(residuals(short, start)):
-        return "a start from regression", known
-    return "the start", start
 
 
 def has_outliers(values: Array) -> bool:

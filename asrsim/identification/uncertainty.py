@@ -12,17 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.identification.balance import TorqueTrack
 from asrsim.identification.noise import autocovariances, autoregression
-from asrsim.identification.problem import Part, Problem, jacobian, residuals, weigh
+from asrsim.identification.problem import Part, Problem, jacobian, residuals, residuals_at, weigh
 from asrsim.samples import Array
 
 BLOCKS = 10
 """Number of blocks of each recording whose gradients give the spread."""
 CHANCE = 0.95
 """Quantile of the spread under white noise above which the spread between blocks is used."""
-GONE = 1e-12
-"""Fraction of the largest singular value below which a direction is unidentifiable."""
+GONE = 1e3
+"""Standard deviation, in the vector's units, above which a direction is unidentifiable."""
 CORNER = 1e-5
 """Step of finite differences, in the vector's units: larger than kinks due to sticking, smaller than standard deviations."""
 REACH = 1e-3
@@ -190,12 +189,12 @@ def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foresee
     """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise."""
     n = len(x)
     left = residuals(problem, x)
-    slopes = jacobian(problem, x, CORNER, base=left, central=True)
+    slopes = jacobian(problem, x, CORNER, base=left)
     # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
     slopes = with_faint_directions(problem, x, slopes)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
-    kept = singular > GONE * singular.max(initial=0.0)
+    kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
     scores, firsts = np.zeros((0, n)), np.zeros(0, np.intp)
     if not foreseen:
@@ -219,22 +218,22 @@ def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foresee
 def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) corrected by central differences along its singular vectors, over one standard deviation each.
 
-    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable.
+    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions whose
+    derivatives change are corrected again. Entries near a bound keep their columns.
     """
     low, high = problem.layout.bounds
+    basis = np.eye(len(x))[(x - REACH >= low) & (x + REACH <= high)]
     for _ in range(ROUNDS):
-        _, sizes, directions = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
-        moves = directions * np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
-        inside = np.all((x - np.abs(moves) >= low) & (x + np.abs(moves) <= high), axis=1)
-        agreed = True
-        for i in np.flatnonzero(inside):
-            slope = slopes @ directions[i]
-            change = residuals(problem, x + moves[i]) - residuals(problem, x - moves[i])
-            along = change / (2.0 * float(np.linalg.norm(moves[i])))
-            agreed &= float(np.linalg.norm(along - slope)) < AGREES * float(np.linalg.norm(slope))
-            slopes = slopes + np.outer(along - slope, directions[i])
-        if agreed:
+        if not len(basis):
             break
+        _, sizes, vectors = np.linalg.svd(np.linalg.qr(slopes @ basis.T, mode="r"))
+        basis = vectors @ basis
+        sizes = np.append(sizes, np.zeros(len(basis) - len(sizes)))
+        reach = np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
+        ahead, back = np.split(residuals_at(problem, [*(x + reach * basis), *(x - reach * basis)]), 2)
+        known, along = slopes @ basis.T, ((ahead - back) / (2.0 * reach)).T
+        slopes = slopes + (along - known) @ basis
+        basis = basis[np.linalg.norm(along - known, axis=0) > AGREES * np.linalg.norm(known, axis=0)]
     return slopes
 
 
@@ -263,7 +262,7 @@ def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
 def _shaken(problem: Problem, x: Array) -> Iterator[Array]:
     """Changes (m,) of the residuals due to noise of the commands; none if torques are compared, which contain this noise."""
     tracks = [problem.tracks[i] for i in problem.fitted]
-    if any(isinstance(track, TorqueTrack) or not track.has_noisy_inputs for track in tracks):
+    if any(track.data.guides or not track.has_noisy_inputs for track in tracks):
         return
     for draw in range(PLAYED):
         change = np.zeros(problem.parts[-1].rows.stop)

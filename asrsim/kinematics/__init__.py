@@ -6,14 +6,12 @@ from asrsim.kinematics.clik import ClikSettings, follow
 from asrsim.kinematics.compensation import equilibrium_for_load
 from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.plan import plan
-from asrsim.kinematics.reach import closest
 from asrsim.kinematics.references import plan_references, plan_task
 from asrsim.kinematics.trajectory import PoseTrajectory
 
 __all__ = [
     "ClikSettings",
     "PoseTrajectory",
-    "closest",
     "equilibrium_for_load",
     "follow",
     "model_of",

@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.rest import increasing_roots, resting_motors
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.errors import InputError, Problem
+from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 SEARCH = 16.0
@@ -20,19 +20,11 @@ EXACT = 1e-9
 """Largest relative error of the torque at which the spring counts as holding the load."""
 
 
-class LoadError(InputError):
-    """A spring or motor cannot hold a load; `largest` is the largest load that it can hold, in N m."""
-
-    def __init__(self, problem: Problem, largest: float) -> None:
-        super().__init__(problem)
-        self.largest = largest
-
-
 def equilibrium_for_load(drive: Drive, position: float, load: float, preset: float, *, droop: bool = False) -> float:
     """Equilibrium position in rad at which the springs put `load` (N m) on a link at `position` (rad).
 
     preset: the second reference (stiffness preset, or adjuster in m). droop: include the steady-state error of the motors
-    under their load. Raises LoadError if the springs or the motors cannot hold the load.
+    under their load. Raises ScenarioError if the springs or the motors cannot hold the load.
     """
     values = (np.array([value], dtype=float) for value in (position, load, preset))
     return float(equilibria_for_loads(drive, *values, droop=droop)[0])
@@ -42,7 +34,7 @@ def equilibria_for_loads(
     drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
 ) -> Array:
     """(n,) rad: equilibrium positions at the instants of a motion; see `equilibrium_for_load`. All arrays are (n,). time: s,
-    for the message of LoadError."""
+    for the message of the error."""
     law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
 
     def torques(equilibria: Array) -> Array:
@@ -61,15 +53,14 @@ def equilibria_for_loads(
     when = "" if time is None else f"at {time[row]:.4g} s: "
     where = f"at position {positions[row]:.4g} rad"
     if missing[row]:
-        largest = float(springs[:, row].sum())
+        largest = springs[:, row].sum()
         message = f"the spring cannot hold {loads[row]:.4g} N m {where}: the most it can hold that way is {largest:.4g} N m"
         hint, code = "choose a stiffer preset or spring, or another posture", "spring-too-weak"
     else:
         motor = int(np.argmax(overloaded[:, row]))
-        largest = float(limits[motor])
         message = (
             f"motor {motor + 1} would have to hold {abs(springs[motor, row]):.4g} N m {where} under a load of "
-            f"{loads[row]:.4g} N m and preset {presets[row]:.4g}, but its limit is {largest:.4g} N m"
+            f"{loads[row]:.4g} N m and preset {presets[row]:.4g}, but its limit is {limits[motor]:.4g} N m"
         )
         hint, code = "raise the motor's maximum torque or lower the stiffness preset", "motor-too-weak"
-    raise LoadError(Problem(when + message, key=drive.joint, hint=hint, code=code), largest)
+    raise ScenarioError(f"gravity cannot be compensated {when}{message}", key=f"task.{drive.joint}", hint=hint, code=code)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import ScenarioError
 from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
-from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
+from asrsim.kinematics.compensation import equilibria_for_loads
 from asrsim.kinematics.engine_model import EngineModel
-from asrsim.kinematics.reach import Reach, closest
 from asrsim.kinematics.trajectory import PoseTrajectory
 from asrsim.samples import Array
 from asrsim.scenario.data import CartesianTask, for_joint
@@ -62,14 +61,13 @@ def plan(
     drives: the actuated joints. A joint that the task does not move stays at its initial position; with gravity compensation,
     its references account for the weight. initial: joint -> link position at the start, 0 by default. duration: s. presets:
     joint -> second reference; default: the task's preset, else the typical preset of the actuator.
-    Raises ScenarioError for poses or paths that the robot cannot reach (it names the closest reachable point), and for loads
+    Raises ScenarioError for paths that the robot cannot follow (it names the time), and for loads
     that a spring or motor cannot hold.
     """
     start = np.array([initial.get(joint, 0.0) for joint in model.joints])
     driven = task.joints or tuple(drive.joint for drive in drives)
     moving = np.array([joint in driven for joint in model.joints])
     trajectory = PoseTrajectory.through(task.poses, task.interpolation, model.pose(start, task.link, task.point))
-    _check_poses(task, model, trajectory, start, moving)
     count = max(round(duration / PLAN_STEP), 1)
     time = np.linspace(0.0, duration, count + 1)
     path = follow(
@@ -90,81 +88,42 @@ def plan(
         preset = _preset(task, drive, presets or {}, time)
         equilibria = path.positions[:, index].copy()
         if loads is not None and drive.mode.spring:
-            equilibria = _compensated(task, drive, time, equilibria, loads[:, index], preset)
+            equilibria = equilibria_for_loads(drive, equilibria, loads[:, index], preset, droop=task.motor_droop, time=time)
         references[drive.joint] = _references(drive, equilibria, preset)
     return PlannedReferences(path=path, references=references)
-
-
-def _check_poses(
-    task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, start: Array, moving: NDArrayBool
-) -> None:
-    problems = []
-    for index, time in enumerate(trajectory.times):
-        rotation = None if trajectory.rotations is None else trajectory.rotations[index]
-        position, _ = model.pose(start, task.link, task.point)
-        reach = closest(model, task.link, task.point, trajectory.positions[index], rotation, start, moving=moving)
-        if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
-            problems.append(_unreachable(f"the pose at {time:g} s", trajectory.positions[index], reach))
-        elif index == 0 and time == 0.0 and np.linalg.norm(position - trajectory.positions[0]) > max(task.tolerance, 0.01):
-            wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, reach.positions, strict=True))
-            problems.append(
-                Problem(
-                    f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
-                    f"{_text(trajectory.positions[0])} m",
-                    key="task.poses",
-                    hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
-                    code="start-off-path",
-                )
-            )
-        start = reach.positions if not problems else start
-    if problems:
-        raise ScenarioError(problems)
 
 
 def _check_path(
     task: CartesianTask, model: EngineModel, trajectory: PoseTrajectory, path: JointPath, moving: NDArrayBool
 ) -> None:
-    """Raise ScenarioError if the robot cannot follow the path between the poses. The start of the path is not checked."""
+    """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
+    if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
+        position, _ = model.pose(path.positions[0], task.link, task.point)
+        first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
+        still = follow(model, task.link, task.point, first, path.positions[0], np.arange(200.0), moving=moving)
+        wanted = ", ".join(f"{joint}: {value:.4g}" for joint, value in zip(model.joints, still.positions[-1], strict=True))
+        raise ScenarioError(
+            f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
+            f"{_text(trajectory.positions[0])} m",
+            key="task.poses",
+            hint=f"start at initial positions {{{wanted}}}, or give the first pose a later time",
+            code="start-off-path",
+        )
     settled = path.time >= (5.0 / task.gain if path.position_error[0] > task.tolerance else 0.0)
     missed = settled & (
         (path.position_error > task.tolerance) | (path.orientation_error > max(ORIENTATION_TOLERANCE, task.tolerance))
     )
     if not missed.any():
         return
-    worst = int(np.argmax(np.where(missed, path.position_error + path.orientation_error * task.tolerance, -1.0)))
-    positions, rotations = trajectory.at(path.time[[worst]])
-    rotation = None if rotations is None else rotations[0]
-    reach = closest(model, task.link, task.point, positions[0], rotation, path.positions[worst], moving=moving)
-    where = f"the path at {path.time[worst]:.3g} s"
-    if reach.distance > task.tolerance or reach.turn > ORIENTATION_TOLERANCE:
-        raise ScenarioError(_unreachable(where, positions[0], reach))
+    time = path.time[[np.argmax(missed)]]
     raise ScenarioError(
-        f"{where} can be reached, but the inverse kinematics misses it by {path.position_error[worst]:.3g} m and "
-        f"{path.orientation_error[worst]:.3g} rad (tolerance {task.tolerance:g} m)",
-        key="task",
-        hint="a joint stop or a stretched posture prevents it: begin in another posture, add a pose on the way, go slower, "
-        "raise the gain or allow more tolerance",
-        code="path-missed",
+        f"the robot cannot follow the path beyond {time[0]:.3g} s, {_text(trajectory.at(time)[0][0])} m: "
+        f"it deviates by more than {task.tolerance:g} m or {max(ORIENTATION_TOLERANCE, task.tolerance):g} rad",
+        key="task.poses",
+        hint="The path may be out of reach, or a joint stop or a stretched posture prevents it: begin in another posture, add "
+        "a pose on the way, go slower, raise the gain or allow more tolerance",
+        code="unreachable",
     )
-
-
-def _unreachable(what: str, wanted: Array, reach: Reach) -> Problem:
-    message = (
-        f"{what}, {_text(wanted)} m, cannot be reached: the closest point is {_text(reach.point)} m, {reach.distance:.3g} m off"
-    )
-    if reach.turn > ORIENTATION_TOLERANCE:
-        message += f" and turned by {reach.turn:.3g} rad"
-    return Problem(message, key="task.poses", code="unreachable")
-
-
-def _compensated(task: CartesianTask, drive: Drive, time: Array, positions: Array, loads: Array, preset: Array) -> Array:
-    """(n,) equilibrium positions at which the springs hold the loads. Raises ScenarioError."""
-    try:
-        return equilibria_for_loads(drive, positions, loads, preset, droop=task.motor_droop, time=time)
-    except LoadError as error:
-        problem = error.problems[0]
-        message = f"gravity cannot be compensated {problem.message}"
-        raise ScenarioError(message, key=f"task.{drive.joint}", hint=problem.hint, code=problem.code) from error
 
 
 def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -14,8 +14,9 @@ from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, reference_names
 from asrsim.live.transport import Inlet, Received
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
-from asrsim.simulation.prepared import EXTERNAL_TORQUE
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.ranges import Range
+from asrsim.simulation.simulation import Simulation
 
 Target = tuple[str, str]
 """Joint and reference."""
@@ -70,6 +71,27 @@ class CommandInput:
         """joint.reference -> number of values clamped to their range."""
         self.notices: list[str] = []
         """Sentences for the user, one per kind; the reader removes them."""
+        self.motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
+        """Function of each running trajectory, its arrival time, and its duration."""
+
+    def listen(
+        self, messages: Iterable[Received], simulation: Simulation, time: float, ahead: float
+    ) -> dict[Target, float]:  # fmt: skip
+        """New values of references: the last received, or the value of a trajectory `ahead` s after `time`."""
+        values: dict[Target, float] = {}
+        for message in messages:
+            for target, value in self.check(message):
+                self.motions.pop(target, None)
+                if isinstance(value, Motion):
+                    self.motions[target] = value.curve(_present(simulation, target)), time, value.times[-1]
+                else:
+                    values[target] = value
+        for target, (curve, began, duration) in list(self.motions.items()):
+            elapsed = time + ahead - began
+            values[target] = self.clamp(target, curve(elapsed))
+            if elapsed >= duration:
+                del self.motions[target]
+        return values
 
     def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
         """Accepted values of a message, clamped to their ranges, or the motions of a trajectory."""
@@ -125,6 +147,13 @@ class CommandInput:
         self.refused[text] += 1
         if self.refused[text] == 1:
             self.notices.append(f"{text}: dropped; further ones are only counted")
+
+
+def _present(simulation: Simulation, target: Target) -> float:
+    """Present value of a reference."""
+    joint, column = simulation.prepared.slot_of(*target)
+    name = f"reference_{column}"
+    return float(simulation.read([name])[name][joint])
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Mapping[str, Mapping[str, Range]], prefix: str) -> Iterator[_Input]:

@@ -16,6 +16,8 @@ NAP = 0.1
 """Longest sleep, s, so that commands are received and a run can be stopped."""
 RECENT = 10_000
 """Number of ticks whose lateness is kept."""
+WINDOW = 1.0
+"""Time over which ticks are judged together, s."""
 
 
 def take_priority() -> bool:
@@ -53,7 +55,11 @@ class Pace:
         self.busy = 0.0
         """Time spent working, s."""
         self.speed = speed
+        self._window = [0, 0]
+        """Number of ticks since the last judgement, and how many of them were late by more than a tick."""
+        self._was_behind = False
         self.start()
+        self._judge_at = self._awake + WINDOW
 
     def start(self) -> None:
         """Restart the clock: at the beginning and after a pause."""
@@ -63,6 +69,19 @@ class Pace:
         """Median and 99th percentile of the lateness of recent ticks, s."""
         median, high = np.quantile(self._late or [0.0], (0.5, 0.99)).tolist()
         return median, high
+
+    def is_behind(self) -> bool:
+        """Whether more than half of the ticks were late by more than a tick in each of the last two seconds. True only once for
+        these seconds, so that a single pause of the machine is ignored.
+        """
+        if self._awake < self._judge_at:
+            return False
+        ticks, late = self._window
+        behind = 2 * late > ticks
+        twice = behind and self._was_behind
+        self._was_behind = behind and not twice
+        self._window, self._judge_at = [0, 0], self._awake + WINDOW
+        return twice
 
     def wait(self, simulated: float) -> float | None:
         """Lateness in s, after sleeping until the tick is due, `simulated` s after the last one.
@@ -84,6 +103,8 @@ class Pace:
         late = self._awake - due
         self._late.append(late)
         self.ticks, self.worst = self.ticks + 1, max(self.worst, late)
+        self._window[0] += 1
+        self._window[1] += late > simulated / self.speed
         if late > SLIP:
             self.slips += 1
             self.slipped += late

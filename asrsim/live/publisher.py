@@ -92,11 +92,6 @@ class Publisher:
             messages.append(self._frames.messages(samples)[0][1] if due else b"")
         return messages
 
-    def begin_again(self) -> None:
-        """Reset after the simulation has returned to its start."""
-        if self._frames is not None:
-            self._frames.rewind()
-
 
 def reference_names(joint: JointInfo) -> tuple[str, ...]:
     """Topic names of a joint's references, as in the toolbox."""

@@ -12,24 +12,28 @@ from pathlib import Path
 from typing import Any
 
 from asrsim.errors import DivergenceError
-from asrsim.live.commands import CommandInput, Motion, Target
-from asrsim.live.episode import Episode
+from asrsim.live.commands import CommandInput, Target
 from asrsim.live.pace import Pace, leave_priority, take_priority
 from asrsim.live.publisher import Publisher
-from asrsim.live.transport import TRANSPORTS, Access, Interface, Service, Transport
-from asrsim.samples import Command
+from asrsim.live.transport import Access, Interface, Service, Transport, opened, publish, report
+from asrsim.log import LogWriter, open_log
+from asrsim.log.commands import command_topic, encoded
+from asrsim.runs.described import LIVE, as_run
+from asrsim.runs.execute import result_metadata, save_summary
+from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
+from asrsim.runs.lock import owned
+from asrsim.samples import Command, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.ranges import ranges_of, with_ranges
+from asrsim.simulation.run import run_of
 from asrsim.simulation.simulation import Simulation
-from asrsim.summary.data import RunSummary
+from asrsim.summary import Collector, RunSummary, make_summary
 
 TICK = 1e-3
 """Wall-clock time between ticks, s; a step if that is longer."""
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
-BREATH = 10.0
-"""Time within which a run must fall behind twice before it publishes less, s; a single pause of the machine is ignored."""
-SPEECH = 0.25
+TOPICS_SHARE = 0.25
 """Share of the topics in the work from which publishing less helps."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
@@ -65,14 +69,13 @@ class Session:
     ) -> None:  # fmt: skip
         self.settings, self._tell = settings, tell
         prepared = with_ranges(scenario)
-        scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
+        self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite, self._step = folder, overwrite, scenario.step
         fast = 1.0 if math.isinf(settings.speed) else settings.speed
         self._tick_steps = max(1, round(TICK * fast / self._step))
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
-        self.episode = Episode(scenario, prepared.info)
         self.simulation = Simulation(
-            prepared, sinks=[self.episode], duration=settings.duration or FOREVER,
+            prepared, sinks=[self], duration=settings.duration or FOREVER,
             chunk=max(1, round(BATCH / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
         )  # fmt: skip
         self.publisher = Publisher(self.simulation, prepared.info, namespace=settings.namespace)
@@ -80,16 +83,16 @@ class Session:
         self.pace = Pace(settings.speed)
         self.paused = settings.paused
         self.transports: list[Transport] = []
-        self.summaries: list[RunSummary] = []
-        """Summaries of the finished episodes."""
-        self._held: dict[Target, float] = {}
-        self._motions: dict[Target, tuple[Callable[[float], float], float, float]] = {}
-        """Function of a trajectory, its arrival time, and its duration."""
+        self._writer: LogWriter | None = None
+        self._unwritten: list[tuple[Command, float]] = []
+        """Applied commands that are not in the log yet, with their times in s."""
+        self._overrides: dict[Target, float] = {}
         self._applied = self._steps_done = 0
-        self._last_slip, self._publishing = -math.inf, 0.0
+        self._publishing = 0.0
+        """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time for all work and for topics until the run last fell behind, s."""
-        self._reset = self._told_slow = self._urgent = False
+        """Time for all work and for topics at the last judgement of the pace, s."""
+        self._said_slow = self._urgent = False
 
     # -- services ----------------------------------------------------------------------------------------------------
 
@@ -99,11 +102,7 @@ class Session:
         return Interface(
             node=f"{self.publisher.prefix}/asrsim", outlets=self.publisher.outlets, inlets=self.commands.inlets,
             latched=self.publisher.latched,
-            services={
-                "pause": Service(self._pause, takes_flag=True),
-                "reset": Service(self._ask_reset),
-                "release": Service(self._release),
-            },
+            services={"pause": Service(self._pause, takes_flag=True), "release": Service(self._release)},
         )  # fmt: skip
 
     def _pause(self, flag: bool) -> str:
@@ -111,54 +110,57 @@ class Session:
         self.pace.start()
         return "paused" if flag else "running"
 
-    def _ask_reset(self, _: bool) -> str:
-        self._reset = True
-        return "back to the start"
-
     def _release(self, _: bool) -> str:
-        self._motions.clear()
-        for target in list(self._held):
+        self.commands.motions.clear()
+        for target in list(self._overrides):
             self._set(target, None)
         return "all references follow the scenario"
 
     # -- the run -----------------------------------------------------------------------------------------------------
 
     def run(self, *, stop: Callable[[], bool], status: Callable[[], None] = lambda: None) -> RunSummary:
-        """Summary of the last episode, after the run: it ends when `stop` returns True, the duration is over, or the motion
-        diverges. status: called a few times per second. Raises AsrsimError; files written so far stay readable.
+        """Summary of the run, after its end: `stop` returns True, the duration is over, or the motion diverges.
+
+        status: called a few times per second. Raises AsrsimError; files written so far stay readable.
         """
-        began = clock.perf_counter()
+        began, error = clock.perf_counter(), None
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
             self._urgent = math.isfinite(self.settings.speed) and take_priority()
             stack.callback(self._leave_priority)
             # Open the transports first: if one fails, the log of an earlier run is not replaced.
-            for name in self.settings.transports:
-                transport = TRANSPORTS.get(name).make(self.interface, self.settings.access)
-                stack.callback(transport.close)
-                self.transports.append(transport)
-                self._tell(f"{name}: {transport.where}")
-            self.episode.open(self._folder, overwrite=self._overwrite)
-            stack.callback(self.episode.abandon)
+            settings = self.settings
+            self.transports = stack.enter_context(opened(settings.transports, self.interface, settings.access, self._tell))
+            stack.enter_context(owned(self._folder))
+            earlier = open_folder(self._folder, self._scenario, overwrite=self._overwrite)
+            files = stack.enter_context(ExitStack())
+            path = files.enter_context(new_log(self._folder, earlier))
+            described = as_run(self.simulation.prepared.info, self._scenario)
+            described = replace(described, metadata={**described.metadata, LIVE: "1"})
+            self._writer = files.enter_context(LogWriter(path, described))
             # Exclude existing objects from garbage collection.
             gc.collect()
             gc.freeze()
             stack.callback(gc.unfreeze)
-            error = None
             try:
-                self._advance(0)
-                self.pace.start()
-                looked = clock.perf_counter()
-                while self._turn() and not stop():
-                    if clock.perf_counter() - looked > LOOK:
-                        looked = clock.perf_counter()
-                        self._tell_notices()
-                        status()
+                self._loop(stop, status)
+                self._leave_priority()
+                self.simulation.flush()
             except DivergenceError as caught:
                 error = caught
             self._leave_priority()
-            self._tell_notices()
-            return self._close(clock.perf_counter() - began, error)
+            self._report()
+            return self._finish(files, earlier, clock.perf_counter() - began, error)
+
+    def _loop(self, stop: Callable[[], bool], status: Callable[[], None]) -> None:
+        self._advance(0)
+        self.pace.start()
+        looked = clock.perf_counter()
+        while self._turn() and not stop():
+            if clock.perf_counter() - looked > LOOK:
+                looked = clock.perf_counter()
+                self._report()
+                status()
 
     @property
     def time(self) -> float:
@@ -172,8 +174,6 @@ class Session:
 
     def _turn(self) -> bool:
         """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
-        if self._reset:
-            self._begin_again()
         if self.paused:
             self._listen()
             clock.sleep(2 * TICK)
@@ -183,7 +183,10 @@ class Session:
         steps = min(self._tick_steps, left)
         slips = self.pace.slips
         late = self.pace.wait(steps * self._step)
-        if self.pace.slips > slips:
+        if self.pace.slips > slips and self._urgent:
+            self._leave_priority()
+            self._tell("this machine is too slow for ticks at real-time priority: real-time priority is given up")
+        elif self.pace.is_behind():
             self._ease()
         self._listen()
         if late is not None:
@@ -191,22 +194,14 @@ class Session:
         return late is None or steps < left
 
     def _ease(self) -> None:
-        """Give up real-time priority when the run falls behind; halve the publishing rate when it falls behind again."""
-        now = clock.perf_counter()
-        before, self._last_slip = self._last_slip, now
+        """Halve the rate of the topics if they take much of the work; otherwise report once that the machine is too slow."""
         busy, publishing = self.pace.busy - self._work[0], self._publishing - self._work[1]
         self._work = self.pace.busy, self._publishing
-        if self._urgent:
-            self._leave_priority()
-            self._tell("this machine is too slow for ticks at real-time priority: real-time priority is given up")
-            return
-        if now - before > BREATH:
-            return
-        if publishing >= SPEECH * busy and self.rate >= 2.0 * LEAST_RATE:
+        if publishing >= TOPICS_SHARE * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
             self._tell(f"this machine is too slow for the topics: from now on their rate is {self.rate:g} Hz")
-        elif not self._told_slow:
-            self._told_slow = True
+        elif not self._said_slow:
+            self._said_slow = True
             substeps = self.simulation.substeps
             self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or lower --speed")
 
@@ -225,74 +220,59 @@ class Session:
             self._steps_done = wanted
             if wanted % self._publish_steps == 0 and self.transports:
                 began, time = clock.perf_counter(), round(self.time * 1e9)
-                messages = self.publisher.messages(time, [transport.wanted for transport in self.transports])
-                for transport in self.transports:
-                    transport.publish(time, messages)
+                publish(self.transports, time, self.publisher.messages(time, [one.wanted for one in self.transports]))
                 self._publishing += clock.perf_counter() - began
 
     def _listen(self) -> None:
-        """Set each reference to its last received value, or to the current value of its trajectory."""
-        wanted: dict[Target, float | Motion] = {}
-        for transport in self.transports:
-            for received in transport.poll():
-                wanted.update(self.commands.check(received))
-        for target, value in wanted.items():
-            self._motions.pop(target, None)
-            if isinstance(value, Motion):
-                self._motions[target] = value.curve(self._reference(target)), self.time, value.times[-1]
-            else:
-                self._set(target, value)
-        for target, (curve, began, duration) in list(self._motions.items()):
-            # Use the value at the end of the coming tick, so that the log contains the trajectory's values.
-            elapsed = self.time + self._tick_steps * self._step - began
-            self._set(target, self.commands.clamp(target, curve(elapsed)))
-            if elapsed >= duration:
-                del self._motions[target]
-
-    def _reference(self, target: Target) -> float:
-        """Current value of a reference."""
-        j, column = self.simulation.prepared.slot_of(*target)
-        name = f"reference_{column}"
-        return float(self.simulation.read([name])[name][j])
+        """Set the references that commands change, to their values at the end of the coming tick."""
+        received = (message for transport in self.transports for message in transport.poll())
+        values = self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
+        for target, value in values.items():
+            self._set(target, value)
 
     def _set(self, target: Target, value: float | None) -> None:
-        if self._held.get(target) == value:
+        if self._overrides.get(target) == value:
             return
         self.simulation.set_reference(*target, value)
         if value is None:
-            self._held.pop(target, None)
+            self._overrides.pop(target, None)
         else:
-            self._held[target] = value
+            self._overrides[target] = value
         self._applied += 1
-        self.episode.command(Command(self.simulation.substep, *target, value), self.simulation.time)
+        self._unwritten.append((Command(self.simulation.substep, *target, value), self.simulation.time))
 
-    def _begin_again(self) -> None:
-        self._reset = False
-        self._close(self.pace.busy, None)
-        self.simulation.reset()
-        self._held.clear()
-        self._motions.clear()
-        self._steps_done = 0
-        self.publisher.begin_again()
-        self.episode.open(self._folder / f"reset_{len(self.summaries)}", overwrite=self._overwrite)
-        self._tell(f"reset: the log continues in {self.episode.folder}")
-        self._advance(0)
-        self.pace.start()
+    # -- log and summary ---------------------------------------------------------------------------------------------
 
-    def _close(self, wall: float, error: DivergenceError | None) -> RunSummary:
-        try:
-            if error is None:
-                self.simulation.flush()
-        except DivergenceError as caught:
-            error = caught
-        summary = self.episode.close(self.simulation, wall, self.time, error, self.figures())
-        self.summaries.append(summary)
+    def write(self, samples: Samples) -> None:
+        """Write samples of the simulation to the log, with the commands since the last samples. Raises OutputError."""
+        if self._writer is not None:
+            for command, time in self._unwritten:
+                self._writer.aside(command_topic(), time, encoded(command, time))
+            self._unwritten.clear()
+            self._writer.write(samples)
+            self._writer.flush()
+
+    def _finish(self, files: ExitStack, earlier: Sequence[Path], wall: float, error: DivergenceError | None) -> RunSummary:
+        """Close the log, and return the summary, which is also written beside the log. wall: duration, s."""
+        writer, time = self._writer, self.time
+        assert writer is not None
+        run = run_of(self.simulation, "complete" if error is None else "diverged", wall_time=wall, message=str(error or ""))
+        run = replace(run, simulated_time=time, scenario=replace(run.scenario, duration=max(time, self._step)))
+        writer.close(result_metadata(run, error))
+        files.close()
+        log = self._folder / LOG
+        collector = Collector(run.info.joints, samples=max(writer.samples, 1))
+        for chunk in open_log(log).iter_samples():
+            collector.write(chunk)
+        seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
+        written = {"log": log, "summary": self._folder / SUMMARY}
+        summary = make_summary(run, seen, samples=writer.samples, files=written, replaced=tuple(earlier))
+        summary = replace(summary, live=self.figures())
+        save_summary(summary, self._folder / SUMMARY)
         return summary
 
-    def _tell_notices(self) -> None:
-        for notices in (self.commands.notices, *(transport.notices for transport in self.transports)):
-            while notices:
-                self._tell(notices.pop(0))
+    def _report(self) -> None:
+        report(self._tell, self.commands.notices, self.transports)
 
     def figures(self) -> dict[str, Any]:
         """Lateness, load and command counts so far, as plain data."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from importlib.util import find_spec
@@ -180,3 +181,30 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
             message = f"the transport '{name}' needs '{entry.module}', which is not installed"
             raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
     return tuple(names)
+
+
+@contextmanager
+def opened(
+    names: Sequence[str], interface: Interface, access: Access, tell: Callable[[str], None]
+) -> Iterator[list[Transport]]:  # fmt: skip
+    """Context with open transports; `tell` receives their addresses. Raises InputError if a transport is unavailable."""
+    transports: list[Transport] = []
+    with ExitStack() as stack:
+        for name in names:
+            transports.append(TRANSPORTS.get(name).make(interface, access))
+            stack.callback(transports[-1].close)
+            tell(f"{name}: {transports[-1].where}")
+        yield transports
+
+
+def publish(transports: Sequence[Transport], time: int, messages: Sequence[bytes]) -> None:
+    """Publish the messages of a step on every transport; time in ns."""
+    for transport in transports:
+        transport.publish(time, messages)
+
+
+def report(tell: Callable[[str], None], notices: list[str], transports: Sequence[Transport]) -> None:
+    """Pass all notices of commands and transports to `tell`."""
+    for each in (notices, *(transport.notices for transport in transports)):
+        while each:
+            tell(each.pop(0))

@@ -49,10 +49,6 @@ class FrameMessages:
         messages = _filled(self.topic.template, samples.time[due], poses)
         return list(zip(samples.time[due].tolist(), messages, strict=True))
 
-    def rewind(self) -> None:
-        """Restart at time 0."""
-        self._next = 0
-
     def _poses(self, positions: Array) -> Array:
         """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: (n, frames), rad or m."""
         half = np.where(self._slides, 0.0, 0.5 * positions)

@@ -44,10 +44,10 @@ def r2(time: Array, values: Array, reference: Array) -> float:
 
 
 def delay(time: Array, values: Array, reference: Array, *, limit: float | None = None) -> float:
-    """Delay of the values behind the reference, at the peak of their normalised cross-correlation; undefined if unrelated
-    signals would correlate as well, or if the peak lies at the limit of the search.
+    """Delay of the values behind the reference, at the peak of their normalised cross-correlation; undefined if the correlation
+    is below 0.6, or if the peak lies at the limit of the search.
 
     limit: largest delay in either direction, s; a quarter of the record by default.
     """
     lag = estimate_lag(time, reference, time, values, limit=limit)
-    return lag.seconds if lag is not None and lag.is_significant else math.nan
+    return lag.seconds if lag is not None and lag.is_trusted else math.nan

@@ -1,4 +1,4 @@
-"""Properties of an excitation: its frequency band, whether its spectrum consists of lines, and its period."""
+"""Frequency band of an excitation, and the lines of its spectrum."""
 
 from __future__ import annotations
 
@@ -18,16 +18,15 @@ _REACH = 16
 """Number of bins further inside whose median power is the comparison."""
 _OUTSIDE = 8
 """Number of bins further outside whose median power must be low too: a single weak bin of noise is not an edge."""
-_SAME = 1e-2
-"""Largest relative difference of a periodic input from itself one period later."""
-_EXACT = 1e-6
-"""Relative difference that is rounding; below it the period is exact."""
-_LINE = 1e-4
-"""Fraction of the strongest line's power (-40 dB) above which a line of a periodic input is used."""
+_LINE = 1e-3
+"""Fraction of the strongest line's power (-30 dB) above which a line is used."""
 
 
-def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, bool]:
-    """Lowest and highest excited frequency in Hz, and whether the excitation consists of lines. Raises RecordingError."""
+def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, NDArray[np.intp] | None]:
+    """Lowest and highest excited frequency in Hz, and the bins of the lines if the excitation consists of lines, else None.
+
+    Raises RecordingError if nothing is excited.
+    """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal.windows import tukey
 
@@ -47,7 +46,7 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
         )  # fmt: skip
     lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
     if lines is not None:
-        return float(f[lines[0]]), float(f[lines[1]]), True
+        return float(f[lines[0]]), float(f[lines[-1]]), lines
     bins = np.flatnonzero(inside)
     smooth = uniform_filter1d(power, 5)
     # Start the search for the edges inside the strongest half of the energy, so that a gap in the middle does not end it.
@@ -56,7 +55,7 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     enough = FLOOR * smooth[bins].max()
     first = _edge(power, smooth, low, int(bins[0]), -1, enough)
     last = _edge(power, smooth, high, int(bins[-1]), 1, enough)
-    return float(f[first]), float(f[last]), False
+    return float(f[first]), float(f[last]), None
 
 
 def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: float) -> int:
@@ -73,49 +72,13 @@ def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: f
     return found
 
 
-def _lines(power: Array, inside: NDArray[np.bool_]) -> tuple[int, int] | None:
-    """First and last bin of an excitation with a line spectrum (Hann window: three or four bins per line), else None."""
-    strong = inside & (power > 1e-2 * power[inside].max())
+def _lines(power: Array, inside: NDArray[np.bool_]) -> NDArray[np.intp] | None:
+    """Bins of the lines of an excitation with a line spectrum (Hann window: three or four bins per line), else None."""
+    strong = inside & (power > _LINE * power[inside].max())
     runs = int(np.sum(np.diff(strong.astype(int)) == 1))
     bins = np.flatnonzero(strong)
     narrow = runs > 0 and len(bins) <= 4.5 * runs and bins[0] > 2
     if not narrow or float(np.sum(power[strong])) < 0.95 * float(np.sum(power[inside])):
         return None
-    return int(bins[0]), int(bins[-1])
-
-
-def period_of(u: Array) -> int | None:
-    """Period of an input (n,) in samples, if the record contains it at least twice; None for a non-periodic input."""
-    from scipy.signal import correlate
-
-    n, x = len(u), u - np.mean(u)
-    shifts = np.arange(n // 2 + 1)
-    total = np.concatenate([[0.0], np.cumsum(x * x)])
-    # Sum of (x[i + p] - x[i])^2 over the overlap, computed from its three products.
-    product = correlate(x, x, mode="full", method="fft")[n - 1 : n - 1 + len(shifts)]
-    apart = (total[n] - total[shifts]) + total[n - shifts] - 2 * product
-    apart = np.sqrt(np.maximum(apart, 0.0) / (n - shifts) / (2 * np.var(x)))
-    away = np.flatnonzero(apart > 0.3)
-    if not len(away):
-        return None
-    later = shifts >= away[0]
-    # The transforms have rounding errors of about 1e-8 of the squares.
-    best = max(float(apart[later].min()), 1e-7)
-    found = int(shifts[later & (apart <= 2 * best)][0])
-    # With noise, every multiple of the period differs equally; a non-integer period drifts apart.
-    drifts = apart[2 * found] > 1.5 * apart[found] if 2 * found < len(apart) else True
-    return None if best > _SAME or (drifts and apart[found] > _EXACT) else found
-
-
-def lines_of(u: Array, period: int, step: float, band: tuple[float, float] | None) -> NDArray[np.intp]:
-    """Numbers of the harmonics that a periodic input (n,) excites inside the band (Hz)."""
-    count = len(u) // period
-    mean = u[-count * period :].reshape(count, period).mean(axis=0)
-    power = np.abs(np.fft.rfft(mean - np.mean(mean))) ** 2
-    f = np.fft.rfftfreq(period, step)
-    inside = (f > 0) & (f <= 0.45 / step)
-    if band is not None:
-        inside &= (f >= band[0]) & (f <= band[1])
-    if not inside.any():
-        return np.empty(0, dtype=np.intp)
-    return np.flatnonzero(inside & (power > _LINE * power.max()))
+    peaks = bins[(power[bins] >= power[bins - 1]) & (power[bins] > power[np.minimum(bins + 1, len(power) - 1)])]
+    return peaks if len(peaks) else None

@@ -2,13 +2,12 @@
 
 The estimator depends on the excitation:
 
-- *periodic*, for a periodic excitation (multisine): the Fourier transform of whole periods after the output has settled.
+- *lines*, for a sum of some sines (multisine): sines fitted by least squares after the output has settled. The sines need no
+  common period.
 - *local*, for an excitation that is dense in frequency (chirp, noise, steps): a local rational fit, after McKelvey and Guerin
   (Non-parametric frequency response estimation using a local rational model, SYSID 2012) and Pintelon, Schoukens,
   Vandersteen and Barbe (Mechanical Systems and Signal Processing 24, 2010). Unlike averaging over segments it has neither
   leakage nor smoothing: a chirp passes each frequency once, and segments would split it.
-- *welch*, for lines without a period in the record: `scipy.signal.csd` with Hann windows, half overlapping, evaluated at
-  the excited lines only.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.metrics.excitation import excited_band, lines_of, period_of
+from asrsim.metrics.excitation import excited_band
+from asrsim.metrics.lines import by_lines
 from asrsim.metrics.local import local_rational
-from asrsim.metrics.periodic import by_periods
-from asrsim.metrics.spectra import Spectra, uniform, welch
+from asrsim.metrics.spectra import Spectra, uniform
 from asrsim.samples import Array
 
-METHODS = ("auto", "periodic", "local", "welch")
+METHODS = ("auto", "lines", "local")
 _STILL, _NOTHING = 1e-7, 1e-12
 """Largest variation of an output that "does not move": relative to its size, and absolute in SI units."""
 _TRUSTED = 0.5
@@ -54,11 +53,11 @@ class FrequencyResponse:
     confidence: float
     """Confidence level of the bands, such as 0.95."""
     averages: float
-    """Number of periods (periodic), independent averages (welch) or degrees of freedom (local) per point."""
+    """Number of complex degrees of freedom of a point's confidence band."""
     resolution: float
     """Distance between independent points, Hz."""
     method: str
-    """Estimator: periodic, local or welch."""
+    """Estimator: lines or local."""
     band: tuple[float, float]
     """Excited band, Hz."""
     resonance: tuple[float, float] | None
@@ -89,7 +88,7 @@ def frequency_response(
         excitation: Input (n,). NaN at the ends are removed; inside, gaps of up to three samples are interpolated.
         output: Output (n,).
         band: Lowest and highest frequency, Hz; None: the band with more than -20 dB of the input's largest power.
-        method: auto, periodic, local or welch.
+        method: auto, lines or local.
         confidence: Confidence level of the bands.
 
     Raises:
@@ -113,7 +112,14 @@ def frequency_response(
                     "may hold it, or it is not connected", code="output-still")
         )  # fmt: skip
     step = float(t[1] - t[0])
-    spectra, chosen, (low, high) = _estimate(u, y, step, band, method)
+    low, high, lines = excited_band(u, step, band)
+    chosen = ("local" if lines is None else "lines") if method == "auto" else method
+    if chosen == "local":
+        spectra = local_rational(u, y, step, low, high)
+    elif lines is not None:
+        spectra = by_lines(u, y, step, lines)
+    else:
+        raise RecordingError("the excitation does not consist of separate lines", code="no-lines", hint="Expected a multisine")
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
@@ -126,24 +132,6 @@ def frequency_response(
                     code="single-frequency", hint="A chirp, a multisine or a wider band gives more")
         )  # fmt: skip
     return _response(spectra, chosen, (low, high), confidence, moves, findings)
-
-
-def _estimate(
-    u: Array, y: Array, step: float, band: tuple[float, float] | None, method: str
-) -> tuple[Spectra, str, tuple[float, float]]:
-    """Spectra, name of the estimator, and band. Raises RecordingError."""
-    period = period_of(u) if method in ("auto", "periodic") else None
-    if period is not None:
-        found = by_periods(u, y, step, period, lines_of(u, period, step, band))
-        if found is not None:
-            return found, "periodic", (float(found.frequency[0]), float(found.frequency[-1]))
-    if method == "periodic":
-        message = "the excitation has no period that the record contains twice after the output has settled"
-        raise RecordingError(message, code="not-periodic", hint="Expected a multisine over whole periods")
-    low, high, sparse = excited_band(u, step, band)
-    chosen = ("welch" if sparse else "local") if method == "auto" else method
-    estimate = welch if chosen == "welch" else local_rational
-    return estimate(u, y, step, low, high), chosen, (low, high)
 
 
 def _response(

@@ -17,14 +17,8 @@ _VALLEY = 0.2
 """Two peaks are distinct if the correlation between them falls by at least this amount."""
 _TOP = 0.1
 """Fraction of a peak's height over which its parabola is fitted."""
-_BLOCKS = 20
-"""Number of parts of the record whose slopes give the confidence interval."""
-_CHANCE = 1e-3
-"""Largest probability of chance at which a correlation is significant."""
-_STRETCHES = (0.72, 0.76, 0.8, 0.84, 0.88, 0.92, 1.08, 1.13, 1.18, 1.24, 1.3, 1.36)
-"""Time scalings that turn a record into an unrelated series of the same kind, whose correlation is due to chance."""
-_STRETCHED = 20_000
-"""Largest number of samples in the correlations with stretched series."""
+TRUSTED = 0.6
+"""Smallest correlation at which a lag is trusted: below, unrelated series correlate equally well."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,20 +35,11 @@ class Lag:
     """Whether the best correlation is at the edge of the search; the true lag may lie beyond."""
     ambiguous: bool
     """Whether other lags fit equally well (periodic signal); `seconds` is the smallest."""
-    margin: float
-    """Half-width of the 95 % confidence interval about `seconds`, s. It covers noise, not the choice among equivalent peaks."""
-    chance: float
-    """Probability that unrelated series of the same kind correlate equally well at some lag within the limit."""
 
     @property
-    def is_significant(self) -> bool:
-        """Whether the correlation is significant and its peak lies inside the search range."""
-        return self.chance < _CHANCE and self.correlation > 0 and not self.at_limit
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Confidence interval (95 %), s."""
-        return self.seconds - self.margin, self.seconds + self.margin
+    def is_trusted(self) -> bool:
+        """Whether the correlation is high enough, and its peak lies inside the search range."""
+        return self.correlation >= TRUSTED and not self.at_limit
 
 
 def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array, *, limit: float | None = None) -> Lag | None:
@@ -87,11 +72,9 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     if not at_limit and half <= peak + round(shift) < len(rho) - half:
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
-    margin = _margin(x, y, round((float(lags[peak]) - offset) / step), half) * step
     return Lag(
         seconds=float(lags[peak]) + shift * step, correlation=min(correlation, 1.0), limit=limit, ambiguous=ambiguous,
-        at_limit=at_limit and limit > 0, margin=margin,
-        chance=_chance(x, y, step, offset=offset, limit=limit, correlation=correlation),
+        at_limit=at_limit and limit > 0,
     )  # fmt: skip
 
 
@@ -110,87 +93,11 @@ def _roughness(rho: Array) -> float:
 
 def _refined(rho: Array, peak: int, half: int) -> tuple[float, float]:
     """Position of the maximum (samples from the peak) and its height, from a parabola through the peak."""
-    place = np.arange(-half, half + 1)
-    bend, slope, height = np.polyfit(place, rho[peak - half : peak + half + 1], 2)
+    bend, slope, height = np.polyfit(np.arange(-half, half + 1), rho[peak - half : peak + half + 1], 2)
     if bend >= 0:
         return 0.0, float(rho[peak])
     shift = float(np.clip(-slope / (2 * bend), -half, half))
     return shift, float(height + slope * shift + bend * shift**2)
-
-
-def _margin(x: Array, y: Array, shift: int, half: int) -> float:
-    """Half-width in samples of the lag's 95 % interval: spread of the blocks' correlation slopes divided by the curvature.
-
-    The correlation is a sum over blocks of the record. The spread of the blocks' slopes at the peak gives the spread of the
-    sum, for any noise in either series.
-    """
-    from scipy.stats import t
-
-    start, end = max(0, -shift), min(len(x), len(y) - shift)
-    edge = 2 * half
-    lead = np.arange(max(start, edge - shift), min(end, len(y) - shift - edge))
-    if len(lead) < 2 * _BLOCKS:
-        return float("inf")
-    a, middle = x[lead], y[lead + shift]
-    before, after = y[lead + shift - half], y[lead + shift + half]
-    gain = float(np.dot(a, middle) / max(np.dot(a, a), 1e-300))
-    # Subtract the slope of a itself, which is not an error of the lag.
-    own = np.interp(lead + half, np.arange(len(x)), x) - np.interp(lead - half, np.arange(len(x)), x)
-    slopes = a * (after - before) - gain * a * own
-    blocks = np.array([float(np.sum(block)) for block in np.array_split(slopes / (2 * half), _BLOCKS)])
-    bend = float(np.sum(a * (2 * middle - before - after))) / half**2
-    if bend <= 0:
-        return float("inf")
-    spread = float(np.sqrt(_BLOCKS / (_BLOCKS - 1) * np.sum((blocks - blocks.mean()) ** 2)))
-    return float(t.ppf(0.975, _BLOCKS - 1)) * spread / bend
-
-
-def _chance(x: Array, y: Array, step: float, *, offset: float, limit: float, correlation: float) -> float:
-    """Probability that unrelated series like x and y correlate equally well at some lag: the smaller of two estimates."""
-    by_samples = _chance_by_samples(x, y, limit / step, correlation)
-    return by_samples if by_samples < _CHANCE else _chance_by_stretching(x, y, step, offset, limit, correlation)
-
-
-def _chance_by_samples(x: Array, y: Array, limit: float, correlation: float) -> float:
-    """Probability of a chance correlation from the number of independent samples, given the autocorrelations (Bartlett,
-    Journal of the Royal Statistical Society 98, 1935). limit: samples in either direction.
-    """
-    from scipy.stats import t
-
-    n = min(len(x), len(y))
-    size = 1 << (2 * n - 1).bit_length()
-    product, width = np.ones(n), 1.0
-    for series in (x[:n], y[:n]):
-        own = np.fft.irfft(np.abs(np.fft.rfft(series - np.mean(series), size)) ** 2, size)[:n]
-        product = product * own / max(float(own[0]), 1e-300)
-        fall = np.flatnonzero(own < 0.5 * own[0])
-        width = max(width, float(fall[0]) if len(fall) else float(n))
-    independent = n / max(1.0 + 2.0 * float(np.sum(product[1:] * (1 - np.arange(1, n) / n))), 1.0)
-    # At least six: an exact match of a slow signal is no chance.
-    freedom = max(independent, 6.0) - 2.0
-    rho = min(abs(correlation), 1 - 1e-12)
-    tail = 2.0 * float(t.sf(rho * np.sqrt(freedom / (1 - rho**2)), freedom))
-    return min(1.0, tail * max(2 * limit / width, 1.0))
-
-
-def _chance_by_stretching(x: Array, y: Array, step: float, offset: float, limit: float, correlation: float) -> float:
-    """Probability of a chance correlation from y stretched in time: unrelated series correlate equally well, a shared
-    oscillation much less.
-    """
-    from scipy.stats import t
-
-    every = max(min(len(x), len(y)) // _STRETCHED, 1)
-    x, place, found = x[::every], np.arange(0, len(y), every), []
-    for factor in _STRETCHES:
-        stretched = np.interp(place / factor % (len(y) - 1), np.arange(len(y)), y)
-        _, rho = _normalised(x, stretched - np.mean(stretched), step * every, offset=offset, limit=limit)
-        if len(rho):
-            found.append(float(np.arctanh(min(np.max(rho), 1 - 1e-9))))
-    if len(found) < 3:
-        return 1.0
-    own = float(np.arctanh(min(correlation, 1 - 1e-9)))
-    apart = (own - float(np.mean(found))) / max(float(np.std(found, ddof=1)) * np.sqrt(1 + 1 / len(found)), 1e-12)
-    return float(t.sf(apart, len(found) - 1))
 
 
 def _finite(time: Array, values: Array) -> tuple[Array, Array]:

@@ -9,7 +9,6 @@ import numpy as np
 from asrsim.metrics.values import steady_state
 from asrsim.samples import Array
 
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FLOOR = (0.001, 0.03)
 """Smallest and largest noise threshold of the zero crossings, as a fraction of the largest excursion."""
 
@@ -27,34 +26,19 @@ def frequency(time: Array, values: Array, *, lowest: float = 0.0) -> float:
 
     lowest: lower limit of the frequency, Hz; slower motions (a drift, a moving reference) are ignored.
     """
-    return frequencies(time, values[None], np.array([steady_state(time, values)]), lowest=lowest)[0]
-
-
-def frequencies(time: Array, values: Array, steady: Array, *, lowest: float = 0.0) -> list[float]:
-    """Frequencies as from `frequency`, of series (m, n) with steady states (m,)."""
-    if len(time) < 8:
-        return [math.nan] * len(values)
-    high, low = values.max(axis=1), values.min(axis=1)
-    # Steady state of a decaying oscillation, mean of a sustained one.
-    tail = values[:, len(time) // 2 :]
-    decays = tail.max(axis=1) - tail.min(axis=1) < 0.5 * (high - low)
-    x = values - np.where(decays, steady, 0.5 * (high + low))[:, None]
-    largest = np.abs(x).max(axis=1)
-    noise = 4 * x[:, -max(len(time) // 10, 2) :].std(axis=1)
-    floors = np.minimum(np.maximum(noise, _FLOOR[0] * largest), _FLOOR[1] * largest)
-    moved = (high - low > STILL).tolist()
-    return [
-        _frequency(time, row, floor, lowest) if moves else math.nan
-        for row, floor, moves in zip(x, floors.tolist(), moved, strict=True)
-    ]
-
-
-def _frequency(time: Array, x: Array, floor: float, lowest: float) -> float:
-    up, down = _crossings(time, x, floor)
+    largest, smallest = float(np.max(values)), float(np.min(values))
+    if len(time) < 8 or not largest - smallest > STILL:
+        return math.nan
+    # A decaying oscillation swings about its steady state, a sustained one about the middle of its range.
+    decays = np.ptp(values[len(time) // 2 :]) < 0.5 * (largest - smallest)
+    x = values - (steady_state(time, values) if decays else 0.5 * (largest + smallest))
+    excursion = float(np.max(np.abs(x)))
+    noise = 4 * float(np.std(x[-max(len(time) // 10, 2) :]))
+    up, down = _crossings(time, x, min(max(noise, _FLOOR[0] * excursion), _FLOOR[1] * excursion))
     if min(len(up), len(down)) >= 2:
-        found = _even(up, down)
-        if found is not None and found > lowest:
-            return found
+        even = _even(up, down)
+        if even is not None and even > lowest:
+            return even
     elif lowest == 0.0:
         return math.nan
     # Exclude the approach to the steady state and the rest there: their spectrum would outweigh a short oscillation.
@@ -94,37 +78,21 @@ def _even(up: list[float], down: list[float]) -> float | None:
 
 
 def _spectral_peak(time: Array, x: Array, lowest: float) -> float:
-    """Frequency of the largest magnitude of the windowed transform, not restricted to its bins."""
+    """Frequency of the largest magnitude of the windowed transform, refined between bins by a parabola."""
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
-    window = np.hanning(len(grid))
-    y = (np.interp(grid, time, x) - np.mean(x)) * window
-    # A power of two: transform lengths with large prime factors take ten times the memory.
-    size = 1 << (2 * len(grid) - 1).bit_length()
+    y = (np.interp(grid, time, x) - np.mean(x)) * np.hanning(len(grid))
+    # Zeros make the bins finer. A power of two: transform lengths with large prime factors take ten times the memory.
+    size = 1 << (8 * len(grid) - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
     # Below one period per record the window's main lobe dominates; its flank may reach higher, but is not a peak.
     allowed = bins >= max(lowest, 1.0 / (grid[-1] - grid[0]))
+    allowed[[0, -1]] = False
     allowed[1:-1] &= (spectrum[1:-1] >= spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])
     if not allowed.any():
         return math.nan
-    coarse = float(bins[allowed][np.argmax(spectrum[allowed])])
-    width = float(bins[1])
-
-    def magnitude(f: float) -> float:
-        return abs(complex(np.dot(y, np.exp(-2j * np.pi * f * (grid - grid[0])))))
-
-    # Golden-section search: the main lobe of the window has one maximum and is wider than four bins.
-    low, high = max(coarse - width, 0.0), coarse + width
-    inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_inner, at_outer = magnitude(inner), magnitude(outer)
-    while high - low > 1e-6 * coarse:
-        if at_inner > at_outer:
-            high, outer, at_outer = outer, inner, at_inner
-            inner = high - _GOLDEN * (high - low)
-            at_inner = magnitude(inner)
-        else:
-            low, inner, at_inner = inner, outer, at_outer
-            outer = low + _GOLDEN * (high - low)
-            at_outer = magnitude(outer)
-    return 0.5 * (low + high)
+    peak = int(np.argmax(np.where(allowed, spectrum, 0.0)))
+    before, at, after = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300))
+    bend = before - 2 * at + after
+    return float(bins[peak] + (0.5 * (before - after) / bend * bins[1] if bend < 0 else 0.0))

@@ -1,4 +1,4 @@
-"""Result of a frequency response estimator; resampling of records to an even step; averaged cross spectra."""
+"""Result of a frequency response estimator, and resampling of records to an even step."""
 
 from __future__ import annotations
 
@@ -59,46 +59,3 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
         # Rounding errors of the time stamps must not add up over a long record.
         t = np.linspace(t[0], t[-1], len(t))
     return t, u, y, findings
-
-
-def welch(u: Array, y: Array, step: float, low: float, high: float) -> Spectra:
-    """Averaged cross spectra at the excited lines, from Hann windows that overlap by half.
-
-    The segments are as long as 8 windows allow, but at least 6 periods of the lowest frequency; if the record is too short for
-    that, half of the record.
-    """
-    from scipy.signal import csd
-
-    n = len(u)
-    wanted = max(2 * n // 9, math.ceil(6 / (low * step)))
-    segment = min(wanted, n // 2)
-    rate = 1.0 / step
-    f, cross = csd(u, y, fs=rate, window="hann", nperseg=segment, detrend="constant")
-    _, power_u = csd(u, u, fs=rate, window="hann", nperseg=segment, detrend="constant")
-    _, power_y = csd(y, y, fs=rate, window="hann", nperseg=segment, detrend="constant")
-    power_u, power_y = power_u.real, power_y.real
-    windows = 1 + (n - segment) // (segment - segment // 2)
-    # Half-overlapping Hann windows have a correlation of 1/6 (Welch 1967): number of independent averages.
-    averages = windows / (1 + 2 * (1 - 1 / windows) * (1 / 6) ** 2)
-    inside = (f >= low - 0.5 / (segment * step)) & (f <= high + 0.5 / (segment * step)) & (f > 0)
-    peaks = np.zeros(len(f), dtype=bool)
-    peaks[1:-1] = (power_u[1:-1] >= power_u[:-2]) & (power_u[1:-1] >= power_u[2:])
-    inside &= power_u > 1e-3 * power_u[inside].max() if inside.any() else inside
-    lines = np.flatnonzero(inside & peaks)
-    lines = lines if len(lines) else np.flatnonzero(inside)
-    if not len(lines):
-        raise RecordingError("no line of the excitation is resolved", code="too-short")
-    # A line spreads over three bins; their sum represents the line at its true frequency.
-    around = np.clip(lines[:, None] + np.arange(-1, 2), 0, len(f) - 1)
-    line_u, line_y, line_cross = power_u[around].sum(axis=1), power_y[around].sum(axis=1), cross[around].sum(axis=1)
-    frequency = np.sum(f[around] * power_u[around], axis=1) / line_u
-    raw = np.abs(line_cross) ** 2 / np.maximum(line_u * line_y, 1e-300)
-    # Pure noise has a coherence of 1/averages: subtract it, so that 0 means unrelated.
-    coherence = np.clip((raw - 1 / averages) / (1 - 1 / averages), 0, 1) if averages > 1 else raw
-    # Bendat and Piersol, Random Data, 4th edition, table 9.6.
-    known = np.maximum(coherence, 1e-12)
-    return Spectra(
-        frequency=np.asarray(frequency, dtype=np.float64), response=line_cross / line_u, coherence=coherence,
-        deviation=np.sqrt((1 - known) / (known * averages)), freedom=max(averages - 1, 1.0), averages=averages,
-        resolution=1.0 / (segment * step),
-    )  # fmt: skip

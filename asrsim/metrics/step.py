@@ -8,7 +8,6 @@ of noise.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -20,17 +19,11 @@ ROUNDING = 1e-9
 
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:
-    """Series (1, n), scaled to 0 before and 1 after the step; NaN without a step."""
+    """Series (n,) scaled to 0 before and 1 after the step; NaN without a step."""
     start = float(values[0]) if initial is None else initial
-    end = steady_state(time, values, share=SHARE) if target is None else target
-    return normalised(values[None], np.array([start]), np.array([end]))
-
-
-def normalised(values: Array, start: Array, end: Array) -> Array:
-    """Series (m, n) scaled to 0 before and 1 after their steps from `start` to `end`, (m,); NaN without a step."""
-    height = end - start
-    none = np.abs(height) <= ROUNDING * np.maximum(1.0, np.maximum(np.abs(start), np.abs(end)))
-    return np.asarray((values - start[:, None]) / np.where(none, math.nan, height)[:, None])
+    end = steady_state(time, values) if target is None else target
+    steps = abs(end - start) > ROUNDING * max(1.0, abs(start), abs(end))
+    return (values - start) / (end - start if steps else math.nan)
 
 
 def _first_crossing(time: Array, x: Array, level: float) -> float:
@@ -47,19 +40,14 @@ def _first_crossing(time: Array, x: Array, level: float) -> float:
 def rise(time: Array, values: Array, *, low: float = 0.1, high: float = 0.9,
          initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
     """Time from `low` to `high` of the step, between first crossings, interpolated; undefined without a step."""
-    x = _normalised(time, values, initial, target)[0]
+    x = _normalised(time, values, initial, target)
     return _first_crossing(time, x, high) - _first_crossing(time, x, low)
 
 
 def overshoot(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
     """Peak beyond the steady state as a fraction of the step's height, 0 without overshoot; undefined without a step."""
-    return float(overshoots(_normalised(time, values, initial, target))[0])
-
-
-def overshoots(x: Array) -> Array:
-    """Overshoots (m,), as from `overshoot`, of normalised series (m, n). Rounding errors count as 0."""
-    beyond = x.max(axis=1) - 1.0
-    return np.asarray(np.where(beyond <= ROUNDING, 0.0, beyond))
+    beyond = float(np.max(_normalised(time, values, initial, target))) - 1.0
+    return 0.0 if beyond <= ROUNDING else beyond
 
 
 def settling(time: Array, values: Array, *, band: float = 0.02,
@@ -68,30 +56,20 @@ def settling(time: Array, values: Array, *, band: float = 0.02,
 
     Undefined without a step, or if the value is outside the band in the last tenth (not settled).
     """
-    return settlings(time, _normalised(time, values, initial, target), band)[0]
-
-
-def settlings(time: Array, x: Array, band: float = 0.02) -> list[float]:
-    """Settling times, as from `settling`, of normalised series (m, n)."""
-    outside: Any = np.abs(x - 1.0) > band
-    last = x.shape[1] - 1 - outside[:, ::-1].argmax(axis=1)
-    end = last_part(time, time, SHARE)[0][0]
-    return [
-        _settled(time, row, i, band, end) if out else math.nan if math.isnan(row[0]) else 0.0
-        for row, i, out in zip(x, last.tolist(), outside.any(axis=1).tolist(), strict=True)
-    ]
-
-
-def _settled(time: Array, x: Array, i: int, band: float, end: float) -> float:
-    """Time at which a series that is outside the band for the last time at sample `i` enters it; NaN if after `end`."""
-    if time[i] >= end or i + 1 >= len(time):
+    x = _normalised(time, values, initial, target)
+    if math.isnan(x[0]):
+        return math.nan
+    outside = np.flatnonzero(np.abs(x - 1.0) > band)
+    if not len(outside):
+        return 0.0
+    i = int(outside[-1])
+    if i + 1 == len(time) or time[i] >= last_part(time, time, SHARE)[0][0]:
         return math.nan
     edge = 1.0 + math.copysign(band, x[i] - 1.0)
-    share = (edge - x[i]) / (x[i + 1] - x[i])
-    return float(time[i] + share * (time[i + 1] - time[i]) - time[0])
+    return float(time[i] + (edge - x[i]) / (x[i + 1] - x[i]) * (time[i + 1] - time[i]) - time[0])
 
 
 def peak_time(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
     """Time from the window's start to the largest excursion in the step's direction; undefined without a step."""
-    x = _normalised(time, values, initial, target)[0]
+    x = _normalised(time, values, initial, target)
     return math.nan if math.isnan(x[0]) else float(time[int(np.argmax(x))] - time[0])

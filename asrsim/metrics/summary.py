@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from asrsim.metrics.measures import measure
-from asrsim.metrics.oscillation import frequencies
-from asrsim.metrics.step import normalised, overshoots, settlings
-from asrsim.metrics.values import SHARE, last_part, means
 from asrsim.plain import finite_or_none
 from asrsim.samples import Array
 
@@ -48,65 +42,16 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
           `asrsim.log.derived`); measures of missing quantities are NaN.
         step: Sample at which the step begins, for overshoot and settling; None: there is no step, and they are NaN.
     """
-    q, error, deflection = (columns.get(name) for name in ("link_position", "position_error", "deflection"))
-    peak = math.nan if deflection is None else measure("peak", time, deflection)
-    if q is None:
-        return _nothing(peak)
-    nothing = np.full((1, len(time)), math.nan)
-    return summaries(time, q[None], nothing if error is None else error[None], [step], np.array([peak]))[0]
 
+    def of(name: str, quantity: str = "link_position", start: float | None = None) -> float:
+        return measure(name, time, columns[quantity], start=start) if quantity in columns else math.nan
 
-def summaries(
-    time: Array, positions: Array, errors: Array, steps: Sequence[int | None], peaks: Array
-) -> tuple[JointSummary, ...]:
-    """Measures of m joints. positions, errors: (m, n); steps: as in `summarise`; peaks: largest deflections (m,)."""
-    found: list[JointSummary | None] = [None] * len(positions)
-    finite: Any = np.isfinite(positions)
-    whole: Any = finite.all(axis=1)
-    for j in np.flatnonzero(~whole).tolist():
-        keep, step = finite[j], steps[j]
-        if keep.any():
-            later = None if step is None else int(keep[:step].sum())
-            one = summaries(time[keep], positions[j : j + 1, keep], errors[j : j + 1, keep], [later], peaks[j : j + 1])[0]
-            found[j] = replace(one, steady_state_error=_error(time, errors[j]))
-        else:
-            found[j] = _nothing(float(peaks[j]))
-    rows: Any = np.flatnonzero(whole)
-    if not len(rows):
-        return tuple(one for one in found if one is not None)
-    positions = positions if len(rows) == len(found) else positions[rows]
-    steady = means(*last_part(time, positions, SHARE))
-    beyond, settled = _steps(time, positions, steady, [steps[j] for j in rows])
-    shaken = frequencies(time, positions, steady)
-    off = means(*last_part(time, errors, SHARE))
-    known: Any = np.isfinite(errors).all(axis=1)
-    for i, j in enumerate(rows.tolist()):
-        found[j] = JointSummary(
-            steady_state=float(steady[i]), steady_state_error=float(off[j]) if known[j] else _error(time, errors[j]),
-            overshoot=beyond[i], settling=settled[i], frequency=shaken[i], peak_deflection=float(peaks[j]),
-        )  # fmt: skip
-    return tuple(one for one in found if one is not None)
-
-
-def _steps(time: Array, positions: Array, steady: Array, steps: Sequence[int | None]) -> tuple[list[float], list[float]]:
-    """Overshoots and settling times of m series, each from its step on."""
-    beyond, settled = [math.nan] * len(steps), [math.nan] * len(steps)
-    for step in {step for step in steps if step is not None and step < len(time)}:
-        rows = [i for i, other in enumerate(steps) if other == step]
-        moments, later = time[step:], positions[rows, step:]
-        target = means(*last_part(moments, later, SHARE)) if step else steady[rows]
-        x = normalised(later, later[:, 0], target)
-        for i, over, seconds in zip(rows, overshoots(x).tolist(), settlings(moments, x), strict=True):
-            beyond[i], settled[i] = over, seconds
-    return beyond, settled
-
-
-def _error(time: Array, errors: Array) -> float:
-    return measure("steady_state", time, errors)
-
-
-def _nothing(peak: float) -> JointSummary:
-    nan = math.nan
+    start = math.nan if step is None or step >= len(time) else float(time[step])
     return JointSummary(
-        steady_state=nan, steady_state_error=nan, overshoot=nan, settling=nan, frequency=nan, peak_deflection=peak
+        steady_state=of("steady_state"),
+        steady_state_error=of("steady_state", "position_error"),
+        overshoot=of("overshoot", start=start),
+        settling=of("settling", start=start),
+        frequency=of("frequency"),
+        peak_deflection=of("peak", "deflection"),
     )

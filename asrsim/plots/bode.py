@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.figures import PER_PAGE, Page, describe, shorten
+from asrsim.plots.figures import PER_PAGE, Page, joint_title
 from asrsim.plots.layout import Grid, set_title
 from asrsim.plots.responses import OUTPUT, Response
 from asrsim.samples import Array
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
+NARROWEST = 3.0, 20.0
+"""Smallest ranges of the axes of gain (dB) and phase (degrees): smaller differences do not matter."""
 CERTAIN = 0.9
 """The coherence is drawn only if some point falls below this value."""
 
@@ -61,7 +63,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     for c, (name, info) in enumerate(joints.items()):
         mine = [one for one in moving if one.joint.name == name]
         draw_bode(axes[0, c], axes[1, c], axes[2, c] if telling else None, mine, several=several)
-        axes[0, c].set_title(f"{shorten(name, 40)}\n{describe(info)}", loc="left")
+        axes[0, c].set_title(joint_title(info), loc="left")
         axes[-1, c].set_xlabel("frequency (Hz)")
     handles: list[Any] = []
     for one in {(r.variant, r.experiment): r for r in found}.values():
@@ -110,10 +112,10 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
         angles.append(result.phase[trusted])
         if result.resonance is not None:
             gain.plot(result.resonance[0], 20 * math.log10(result.resonance[1]), "o", ms=3.5, color=look["color"], zorder=4)
-    for ax, parts in ((gain, levels), (phase, angles)):
+    for ax, parts, least in ((gain, levels, NARROWEST[0]), (phase, angles, NARROWEST[1])):
         known = np.concatenate(parts) if parts else np.empty(0)
         if len(known):
-            edge = 0.1 * max(float(np.ptp(known)), 1.0)
+            edge = max(0.1 * float(np.ptp(known)), 0.5 * (least - float(np.ptp(known))))
             ax.set_ylim(float(known.min()) - edge, float(known.max()) + edge)
     gain.set_xscale("log")
     if found:

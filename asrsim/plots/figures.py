@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.layout import GAP_Y, Grid, set_title
-from asrsim.plots.legends import legend, limit_handle
+from asrsim.plots.legends import LIMIT, legend
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
 from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import BodyPanel, body_panels
@@ -42,16 +42,16 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     page of joints follows.
     """
     if quantities is not None:
-        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
+        yield from grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
         return
     many = len(joint_names(runs)) >= OVERVIEW_FROM
     if many:
         yield Page(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
-    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
+    yield from islice(grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
     if not brief:
-        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
+        yield from grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
     if any(run.bodies for run in runs):
         yield Page(name="objects", figure=objects_figure(runs))
 
@@ -61,7 +61,8 @@ def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
 
 
-def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
+def grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
+    """Pages of some panels; `name` is the name of their files, and `subject` stands in their titles."""
     # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
     for joint in joint_names(runs):
@@ -105,12 +106,12 @@ def grid_figure(
             if not content(panel, runs, joint):
                 _empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # A single quantity, named by the axis: draw it in the variants' colours.
-        alone = several and len(names) == 1
+        # A single quantity of several runs is named by the axis.
+        names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
-        legend(axes[r, -1], [] if alone else names, several=several, words=words, extra=_limit_handles(shown))
+        legend(axes[r, -1], names, several=several, words=words)
     for c, joint in enumerate(joints):
-        axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
+        axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
     figure_title(figure, runs, subject, part)
     return figure
@@ -142,8 +143,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             ax.set_xlabel("time (s)")
             ax.xaxis.set_tick_params(labelbottom=True)
     several = len(runs) > 1
-    legend(axes[0, -1], [name for name in panel.of_any(several=several) if name in shown], several=several,
-           extra=_limit_handles(shown))  # fmt: skip
+    legend(axes[0, -1], [name for name in (*panel.of_any(several=several), LIMIT) if name in shown], several=several)
     figure_title(figure, runs, "all joints", (1, 1))
     return figure
 
@@ -178,8 +178,7 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
             own = len(runs) > 1 and not led
             draw_curve(
                 axes, curves[key], linestyle=style.line_style(plain.index(key)) if own else "-", gid=f"{body}.{key}.{number}",
-                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key),
-                linewidth=2.6 if led else style.WIDTH, zorder=1.5 if led else 2.0,
+                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key), reference=led,
             )  # fmt: skip
             words[REFERENCE if led else key] = "goal" if led else panel.entries[key]
             shown.append(curves[key])
@@ -189,10 +188,6 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
     return words
 
 
-def _limit_handles(shown: Collection[str]) -> list[Any]:
-    return [limit_handle(own=kind == "own limit") for kind in ("limit", "own limit") if kind in shown]
-
-
 def _empty(axes: Axes) -> None:
     axes.set_ylabel("")
     axes.set_yticks([])
@@ -200,9 +195,9 @@ def _empty(axes: Axes) -> None:
     axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=style.GREY)
 
 
-def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
-    info = next(info for run in runs for info in run.joints if info.name == joint)
-    return f"{shorten(joint, 40)}\n{describe(info)}"
+def joint_title(joint: JointInfo) -> str:
+    """Title of a joint's column: its name, and its actuator and mode."""
+    return f"{shorten(joint.name, 40)}\n{describe(joint)}"
 
 
 def describe(joint: JointInfo) -> str:

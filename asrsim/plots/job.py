@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
-from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.metrics import METRICS, ExpectationResult, MetricRow, write_metrics
 from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
-from asrsim.plots.figures import run_pages
+from asrsim.plots.figures import Page, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RunComparison, assign, compare_run
@@ -23,6 +24,9 @@ from asrsim.plots.recorded import RECORDED, write_recorded
 from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
+
+Progress = Callable[[str, float], None]
+"""Callback that receives the current task and the fraction done, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +65,8 @@ class PlotResult:
 
     runs: tuple[RunCurves, ...]
     recordings: tuple[Recording, ...] = ()
-    assigned: tuple[tuple[Path, str, bool], ...] = ()
-    """(recording, label of its run or `all`, whether the run was guessed)."""
+    assigned: tuple[tuple[Path, str], ...] = ()
+    """(recording, label of its run or `all`)."""
     compared: tuple[RunComparison, ...] = ()
     responses: tuple[Response, ...] = ()
     rows: tuple[MetricRow, ...] = ()
@@ -89,10 +93,9 @@ class PlotResult:
                 {
                     "file": str(path),
                     "run": label,
-                    "guessed": guessed,
                     "columns": {c.source: f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.quantity},
                 }
-                for (path, label, guessed), recording in zip(self.assigned, self.recordings, strict=True)
+                for (path, label), recording in zip(self.assigned, self.recordings, strict=True)
             ],
             "alignment": [
                 {"run": one.label, "experiment": name, "lag": a.lag, "how": a.how,
@@ -111,38 +114,56 @@ class PlotResult:
         }  # fmt: skip
 
 
-def plot(job: PlotJob, progress: Callable[[str, float], None] | None = None) -> PlotResult:
+def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     """Draw the pictures and return the result. progress: called with the current task and the fraction done.
 
     Raises InputError (logs, recordings, options) before anything is written, and OutputError.
     """
     formats = check_formats(job.formats)
+    if not job.logs and not (job.bode and job.experiments):
+        raise InputError("no log was named", key="logs", code="no-log",
+                         hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
+    runs = _read_runs(job, progress)
+    labels = [run.label for run in runs]
+    assigned = assign(labels, job.experiments)
+    recordings = _read_recordings(job, [path for path, _ in assigned], runs)
+    findings = [finding for recording in recordings for finding in recording.findings]
+    members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
+    compared = _compared(job, runs, members)
+    findings += [finding for one in compared for finding in one.findings]
+    rows = [row for one in compared for row in one.rows]
+    found: list[Response] = []
+    if job.bode:
+        found, problems = _responses(job, runs, recordings, compared)
+        rows += [row for one in found for row in one.rows()]
+        findings += problems
+    claims = [(label, verdict) for label, path in zip(labels, job.logs, strict=True) for verdict in judge(open_log(path))]
+    result = PlotResult(
+        runs=tuple(runs),
+        recordings=tuple(recordings),
+        assigned=tuple((path, "all" if n is None else labels[n]) for path, n in assigned),
+        compared=tuple(compared),
+        responses=tuple(found),
+        rows=tuple(rows),
+        claims=tuple(claims),
+        findings=tuple({str(finding): finding for finding in findings}.values()),
+    )
+    return _written(job, result, formats)
 
-    def told(what: str, number: int, count: int) -> Callable[[float], None] | None:
-        return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
 
-    if not job.logs:
-        return _written(job, _recordings_alone(job), formats)
+def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
     alone = not job.experiments and not job.bode
-    runs = distinct_labels(
-        [
+    runs = []
+    for number, path in enumerate(job.logs):
+        runs.append(
             read_curves(
                 path, joints=job.joints, quantities=job.quantities if alone else _beside(path),
-                bodies=alone and job.quantities is None,
-                start=job.start, end=job.end, progress=told("reading", n, len(job.logs)),
+                bodies=alone and job.quantities is None, start=job.start, end=job.end,
             )
-            for n, path in enumerate(job.logs)
-        ]
-    )  # fmt: skip
-    labels = [run.label for run in runs]
-    result = PlotResult(runs=tuple(runs))
-    if job.experiments:
-        result = _with_recordings(job, result, labels)
-        result = _compared(job, result, told)
-    if job.bode:
-        result = _with_responses(job, result)
-    result = _judged(job, result, labels)
-    return _written(job, result, formats)
+        )  # fmt: skip
+        if progress is not None:
+            progress("reading", (number + 1) / len(job.logs))
+    return distinct_labels(runs)
 
 
 def _beside(path: Path) -> tuple[str, ...]:
@@ -151,130 +172,89 @@ def _beside(path: Path) -> tuple[str, ...]:
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 
-def _recordings_alone(job: PlotJob) -> PlotResult:
-    """Result with the frequency responses of recordings without a run. Raises InputError for options that need a run."""
-    if not job.bode or not job.experiments:
-        raise InputError("no log was named", key="logs", code="no-log",
-                         hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
-    result = _with_recordings(job, PlotResult(runs=()), [])
-    found: list[Response] = []
-    problems: list[Problem] = []
-    for number, recording in enumerate(result.recordings):
-        more, said = recorded_responses(
-            recording, variant=number, joints=job.joints, band=job.band, given=job.given, output=job.output
-        )
-        found += more
-        problems += said
-    return _told(result, found, problems)
-
-
-def _with_recordings(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
-    assigned = assign(labels, job.experiments)
-    joints = [joint.name for joint in result.runs[0].info.joints] if result.runs else None
+def _read_recordings(job: PlotJob, paths: Sequence[Path], runs: Sequence[RunCurves]) -> list[Recording]:
+    """Recordings with their columns assigned to joints. Raises InputError with the problems of all files."""
+    joints = [joint.name for joint in runs[0].info.joints] if runs else None
     mapping = job.mapping if isinstance(job.mapping, Path) else list(job.mapping) if job.mapping else None
     recordings: list[Recording] = []
     problems: list[Problem] = []
-    for path, _, _ in assigned:
+    for path in paths:
         try:
             recordings.append(read_recording(path, mapping=mapping, joints=joints, rate=job.rate))
         except InputError as error:
             problems += error.problems
     if problems:
         raise InputError(problems)
-    return replace(
-        result,
-        recordings=tuple(recordings),
-        assigned=tuple((path, "all" if n is None else labels[n], guessed) for path, n, guessed in assigned),
-        findings=tuple(finding for recording in recordings for finding in recording.findings),
-    )
+    return recordings
 
 
-def _compared(job: PlotJob, result: PlotResult, told: Callable[[str, int, int], Callable[[float], None] | None]) -> PlotResult:
-    compared: list[RunComparison] = []
-    runs: list[RunCurves] = []
-    claimed = claimed_clocks([run.info for run in result.runs], result.recordings) if job.lag == "auto" else {}
+def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequence[Recording]]) -> list[RunComparison]:
+    """Comparison of each run with its recordings (`members`); runs without recordings are omitted."""
+    everything = [recording for mine in members for recording in mine]
+    claimed = claimed_clocks([run.info for run in runs], everything) if job.lag == "auto" else {}
     lags: dict[str, LagChoice] = dict(claimed)
-    for number, run in enumerate(result.runs):
-        mine = [r for r, (_, label, _) in zip(result.recordings, result.assigned, strict=True) if label in ("all", run.label)]
+    compared: list[RunComparison] = []
+    for run, mine in zip(runs, members, strict=True):
         if not mine:
             continue
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
             # A recording has one clock: the lag found with the first run holds for the other runs.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
-            progress=told("comparing", number, len(result.runs)),
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)
         known = {n: replace(a, how="as `expect` compares them") if n in claimed else a for n, a in one.alignments.items()}
-        one = replace(one, alignments=known)
-        compared.append(one)
-        runs.append(run)
-    rows = tuple(row for one in compared for row in one.rows)
-    findings = {str(p): p for p in (*result.findings, *(p for one in compared for p in one.findings))}
-    return replace(result, compared=tuple(compared), rows=rows, findings=tuple(findings.values()))
+        compared.append(replace(one, alignments=known))
+    return compared
 
 
-def _with_responses(job: PlotJob, result: PlotResult) -> PlotResult:
+def _responses(
+    job: PlotJob, runs: Sequence[RunCurves], recordings: Sequence[Recording], compared: Sequence[RunComparison]
+) -> tuple[list[Response], list[Problem]]:
+    """Frequency responses of runs and recordings, and findings. Raises InputError if there is no response."""
     found: list[Response] = []
     problems: list[Problem] = []
-    for number, run in enumerate(result.runs):
-        one = next((c for c in result.compared if c.label == run.label), None)
+    options: dict[str, Any] = {"joints": job.joints, "band": job.band, "given": job.given, "output": job.output}
+    for number, run in enumerate(runs):
         experiments = [
             Experiment(recording=r, joints=one.joints[str(r.path)], lag=one.alignments[str(r.path)].lag)
-            for r in result.recordings
-            if one is not None and str(r.path) in one.alignments
+            for one in compared
+            for r in recordings
+            if one.label == run.label and str(r.path) in one.alignments
         ]
-        more, said = responses(
-            run.path,
-            label=run.label,
-            variant=number,
-            joints=job.joints,
-            experiments=experiments,
-            band=job.band,
-            given=job.given,
-            output=job.output,
-        )
+        more, said = responses(run.path, label=run.label, variant=number, experiments=experiments, **options)
         found += more
         problems += said
-    return _told(result, found, problems)
-
-
-def _told(result: PlotResult, found: Sequence[Response], problems: Sequence[Problem]) -> PlotResult:
-    """The result with these responses added; raises InputError if there are none."""
+    for number, recording in enumerate(recordings if not runs else ()):
+        more, said = recorded_responses(recording, variant=number, **options)
+        found += more
+        problems += said
     if not found:
         raise InputError(problems)
-    rows = [*result.rows, *(row for one in found for row in one.rows())]
-    said = [replace(p, file=p.file or Path(one.source), key=p.key or one.joint.name) for one in found for p in one.findings]
-    return replace(result, responses=tuple(found), rows=tuple(rows), findings=(*result.findings, *problems, *said))
-
-
-def _judged(job: PlotJob, result: PlotResult, labels: list[str]) -> PlotResult:
-    claims = [(label, verdict) for label, path in zip(labels, job.logs, strict=True) for verdict in judge(open_log(path))]
-    return replace(result, claims=tuple(claims))
+    own = [replace(p, file=p.file or Path(one.source), key=p.key or one.joint.name) for one in found for p in one.findings]
+    return found, [*problems, *own]
 
 
 def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> PlotResult:
+    """The result with its files, after drawing them."""
     folder = make_folder(job.folder)
     before = {path.name for path in folder.iterdir()}
     files: list[Path] = []
+    pages: list[Iterator[Page]] = []
+    if result.compared:
+        runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
+        references = any(name.startswith("reference") for name in job.quantities or ())
+        pages.append(comparison_pages(runs, result.compared, references=references))
+    if result.responses:
+        robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs)) or "recorded"
+        pages.append(bode_pages(result.responses, title=f"{robots} · {pair_in_words(job.given, job.output)}"))
     with styled():
-        if result.compared:
-            runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
-            references = any(name.startswith("reference") for name in job.quantities or ())
-            for page in comparison_pages(runs, result.compared, references=references):
-                files += save_figure(page.figure, folder, page.name, formats)
-        if result.responses:
-            robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs)) or "recorded"
-            for page in bode_pages(result.responses, title=f"{robots} · {pair_in_words(job.given, job.output)}"):
-                files += save_figure(page.figure, folder, page.name, formats)
-        if not result.compared and not result.responses:
-            for page in run_pages(result.runs, quantities=job.quantities):
-                files += save_figure(page.figure, folder, page.name, formats)
+        for page in chain.from_iterable(pages or [run_pages(result.runs, quantities=job.quantities)]):
+            files += save_figure(page.figure, folder, page.name, formats)
     if result.compared:
         files.append(write_recorded(folder / RECORDED, result.compared))
     if result.rows:
-        write_metrics_json(folder / "metrics.json", result.rows)
-        write_metrics_csv(folder / "metrics.csv", result.rows)
-        files += [folder / "metrics.json", folder / "metrics.csv"]
+        write_metrics(folder / METRICS, result.rows)
+        files.append(folder / METRICS)
     return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))

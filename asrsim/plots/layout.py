@@ -54,7 +54,7 @@ class Grid:
         )  # fmt: skip
         for ax in axes.flat:
             # Fixed position: otherwise axis labels would move with the width of the tick labels.
-            ax.yaxis.set_label_coords(-0.57 / self.width, 0.5)
+            ax.yaxis.set_label_coords(-0.62 / self.width, 0.5)
             ax.yaxis.set_major_formatter(Plain())
         variants(figure, labels)
         return figure, axes

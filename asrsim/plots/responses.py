@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +15,13 @@ from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
-from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
+from asrsim.plots.curves import EXTRA, REFERENCE, available, require_names, stored, table
 from asrsim.recordings import Column, Recording, resample
-from asrsim.samples import Array, JointInfo
+from asrsim.samples import JointInfo
 
 OUTPUT = "link_position"
+_RUN = "the run"
+"""Source of a column that was logged and not recorded."""
 LEAST = 64
 """Smallest number of samples that input and output must have in common."""
 
@@ -90,6 +91,16 @@ class Experiment:
         channels = self.recording.channels.values()
         return next((c for c in channels if c.quantity == quantity and self.joints.get(c.joint or "") == joint), None)
 
+    def require(self, quantity: str, joint: str) -> Column:
+        """Recorded quantity of a joint of the run. Raises RecordingError if not recorded."""
+        column = self.column(quantity, joint)
+        if column is None:
+            raise RecordingError(
+                f"the recording has no {quantity} of {joint}", code="no-quantity",
+                hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
+            )  # fmt: skip
+        return column
+
 
 def responses(
     path: Path,
@@ -110,44 +121,32 @@ def responses(
     """
     reader = open_log(path)
     first, last = Signal.parse(given, REFERENCE), Signal.parse(output, OUTPUT)
-    _check(reader, [signal for signal, text in ((first, given), (last, output)) if text is not None])
+    named = [signal for signal, text in ((first, given), (last, output)) if text is not None]
+    require_names(reader, "quantity", [signal.quantity for signal in named], (*available(reader), *EXTRA))
+    members = [joint.name for joint in reader.info.joints]
+    require_names(reader, "joint", [signal.joint for signal in named if signal.joint is not None], members)
     found: list[Response] = []
     problems: list[Problem] = []
     for info in reader.info.joints:
         if (joints is not None and info.name not in joints) or (last.joint not in (None, info.name)):
             continue
-        source = replace(first, joint=first.joint or info.name)
-        series = _run_series(reader, info, source, last, chosen=given is not None)
-        if series is None:
+        u, y = _logged(reader, first.quantity, first.joint or info.name), _logged(reader, last.quantity, info.name)
+        if u is None and given is None:
+            u = _logged(reader, "reference_1", info.name)
+        if u is None or y is None or not np.nanmax(u.values) - np.nanmin(u.values) > 1e-9 * np.nanmax(np.abs(u.values)):
             continue
-        time, excitation, response, unit = series
-        if not len(time) or not np.nanmax(excitation) - np.nanmin(excitation) > 1e-9 * np.nanmax(np.abs(excitation)):
-            continue
-        entry = partial(Response, joint=info, label=label, variant=variant, unit=unit, output=last.quantity)
         try:
-            result = frequency_response(time, excitation, response, band=band)
+            found.append(_response(info, label, variant, u, y, band))
         except InputError as error:
             problems += [replace(problem, key=info.name, file=path) for problem in error.problems]
             continue
-        found.append(entry(source=label, experiment=False, response=result, findings=result.findings))
         for one in experiments:
-            said: tuple[Problem, ...] = ()
             try:
-                if given is not None:
-                    result = _of_columns(*_pair(one, info.name, source, last), band)
-                elif (recorded := one.column(last.quantity, info.name)) is None:
-                    continue
-                elif (reference := _recorded_reference(one, info)) is not None:
-                    result = _of_columns(reference, recorded, band)
-                else:
-                    result = _related(time + one.lag, excitation, recorded, band)
-                    said = (Problem("has no recorded reference; the input is the simulation's", file=one.recording.path,
-                                    key=info.name, code="reference-of-simulation"),)  # fmt: skip
+                pair = _recorded_pair(one, info, first, last, u, chosen=given is not None)
+                if pair is not None:
+                    found.append(_response(info, label, variant, *pair, band, recording=one.recording))
             except InputError as error:
                 problems += [replace(problem, key=info.name, file=one.recording.path) for problem in error.problems]
-                continue
-            source_name = one.recording.path.name
-            found.append(entry(source=source_name, experiment=True, response=result, findings=(*said, *result.findings)))
     if not found and not problems:
         name = "reference" if given is None else first.quantity
         message = f"no joint has a moving {name}; a frequency response needs one"
@@ -175,58 +174,68 @@ def recorded_responses(
     problems: list[Problem] = []
     for name in [last.joint] if last.joint is not None else joints or recording.joints:
         try:
-            u, y = _pair(one, name, replace(first, joint=first.joint or name), last)
-            result = _of_columns(u, y, band)
+            u, y = one.require(first.quantity, first.joint or name), one.require(last.quantity, name)
+            info = JointInfo(name=name, actuator="", mode=None, prismatic=y.unit == "m")
+            found.append(_response(info, recording.path.name, variant, u, y, band, recording=recording))
         except InputError as error:
             problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
-            continue
-        info = JointInfo(name=name, actuator="", mode=None, prismatic=y.unit == "m")
-        label = recording.path.name
-        found.append(
-            Response(joint=info, label=label, variant=variant, source=label, experiment=True, unit=_ratio(y.unit, u.unit),
-                     output=last.quantity, response=result, findings=result.findings)
-        )  # fmt: skip
     return found, problems
 
 
-def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
-    names, joints = (*available(reader), *EXTRA), tuple(joint.name for joint in reader.info.joints)
-    problems = []
-    for signal in signals:
-        for kind, value, choices in (("quantity", signal.quantity, names), ("joint", signal.joint, joints)):
-            if value is not None and value not in choices:
-                problems.append(
-                    Problem(f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices,
-                            meant=value, code=f"unknown-{kind}")
-                )  # fmt: skip
-    if problems:
-        raise LogError(problems)
-
-
-def _run_series(
-    reader: LogReader, info: JointInfo, first: Signal, last: Signal, *, chosen: bool
-) -> tuple[Array, Array, Array, str] | None:
-    """Time, input, output and unit of the gain; None if the run lacks one of the signals."""
-    members = list(dict.fromkeys((info.name, first.joint or info.name)))
-    recorded = {name for joint in reader.info.joints if joint.name in members for name in joint.quantities}
-    names = [name for name in stored([first.quantity, last.quantity, "reference_1"]) if name in recorded]
-    if OUTPUT not in recorded:
-        return None
+def _logged(reader: LogReader, quantity: str, joint: str) -> Column | None:
+    """Quantity of a joint in a log, stored or derived; None if the log has no numbers of it."""
+    info = next(info for info in reader.info.joints if info.name == joint)
+    names = [name for name in dict.fromkeys((OUTPUT, *stored([quantity]))) if name in info.quantities]
     try:
-        samples = reader.read(quantities=list(dict.fromkeys([OUTPUT, *names])), joints=members).samples
-        columns = table(samples, [first.quantity, last.quantity], reader.info.joints)
+        samples = reader.read(quantities=names, joints=[joint]).samples
+        values = table(samples, [quantity], reader.info.joints)[quantity][:, 0]
     except (LogError, KeyError):
         return None
-    excitation = columns[first.quantity][:, samples.joints.index(first.joint or info.name)]
-    response = columns[last.quantity][:, samples.joints.index(info.name)]
-    source = first.quantity
-    if not np.isfinite(excitation).any() and not chosen and "reference_1" in samples.values:
-        source, excitation = "reference_1", samples.values["reference_1"][:, samples.joints.index(info.name)]
-    if not np.isfinite(excitation).any() or not np.isfinite(response).any():
+    if not np.isfinite(values).any():
         return None
-    infos = {joint.name: joint for joint in reader.info.joints}
-    units = style.unit(last.quantity, info), style.unit(source, infos[first.joint or info.name])
-    return samples.time, excitation, response, _ratio(*units)
+    unit = style.unit(quantity, info)
+    return Column(time=samples.time, values=values, unit=unit, joint=joint, quantity=quantity, source=_RUN, conversion="")
+
+
+def _recorded_pair(
+    one: Experiment, info: JointInfo, first: Signal, last: Signal, excitation: Column, *, chosen: bool
+) -> tuple[Column, Column] | None:
+    """Input and output of a joint's response in a recording; None if the output is not recorded.
+
+    chosen: the user chose the input, so it must be recorded. Otherwise the run's `excitation` replaces a missing reference.
+    """
+    if chosen:
+        return one.require(first.quantity, first.joint or info.name), one.require(last.quantity, info.name)
+    output, mode = one.column(last.quantity, info.name), MODES.get(info.mode) if info.mode is not None else None
+    if output is None:
+        return None
+    # In modes without a reference map, reference 1 belongs to a motor and not to the link.
+    of_link = mode is not None and (mode.mapped or not mode.spring)
+    reference = one.column("reference_1", info.name) if of_link else None
+    return reference or replace(excitation, time=excitation.time + one.lag), output
+
+
+def _response(
+    joint: JointInfo, label: str, variant: int, u: Column, y: Column, band: tuple[float, float] | None,
+    recording: Recording | None = None,
+) -> Response:  # fmt: skip
+    """Response of a column to another, which is resampled at its times. recording: None for a run. Raises RecordingError."""
+    excitation = u.values
+    if not np.array_equal(u.time, y.time):
+        excitation = resample(u.time, excitation, y.time)
+        if np.isfinite(excitation).sum() < LEAST:
+            raise RecordingError("input and output do not overlap in time", code="no-overlap")
+    both = np.isfinite(excitation)
+    found = frequency_response(y.time[both], excitation[both], y.values[both], band=band)
+    findings = found.findings
+    if recording is not None and u.source == _RUN:
+        findings = (Problem("has no recorded reference; the input is the simulation's", file=recording.path, key=joint.name,
+                            code="reference-of-simulation"), *findings)  # fmt: skip
+    return Response(
+        joint=joint, label=label, variant=variant, source=label if recording is None else recording.path.name,
+        experiment=recording is not None, unit=_ratio(y.unit, u.unit), output=y.quantity or "", response=found,
+        findings=findings,
+    )  # fmt: skip
 
 
 def _ratio(above: str, below: str) -> str:
@@ -234,37 +243,3 @@ def _ratio(above: str, below: str) -> str:
     above, below = above.replace(" ", "·"), below.replace(" ", "·")
     divisor = f"({below})" if "/" in below or "·" in below else below or "1"
     return "" if above == below else f"{above or '1'}/{divisor}"
-
-
-def _pair(one: Experiment, name: str, first: Signal, last: Signal) -> tuple[Column, Column]:
-    """Columns of input and output in the recording. Raises RecordingError if one is missing."""
-    found = []
-    for quantity, joint in ((first.quantity, first.joint or name), (last.quantity, name)):
-        column = one.column(quantity, joint)
-        if column is None:
-            raise RecordingError(
-                f"the recording has no {quantity} of {joint}", code="no-quantity",
-                hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
-            )  # fmt: skip
-        found.append(column)
-    return found[0], found[1]
-
-
-def _of_columns(u: Column, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
-    return _related(u.time, u.values, y, band)
-
-
-def _related(time: Array, excitation: Array, y: Column, band: tuple[float, float] | None) -> FrequencyResponse:
-    """Response of a recorded column to an input (n,) at the times (n,), resampled at the column's times."""
-    if time is not y.time and not np.array_equal(time, y.time):
-        excitation = resample(time, excitation, y.time)
-        if np.isfinite(excitation).sum() < LEAST:
-            raise RecordingError("input and output do not overlap in time", code="no-overlap")
-    both = np.isfinite(excitation)
-    return frequency_response(y.time[both], excitation[both], y.values[both], band=band)
-
-
-def _recorded_reference(one: Experiment, info: JointInfo) -> Column | None:
-    """Recorded reference of the link. In modes without a reference map, reference 1 belongs to a motor: None."""
-    mode = MODES.get(info.mode) if info.mode is not None else None
-    return one.column("reference_1", info.name) if mode is not None and (mode.mapped or not mode.spring) else None

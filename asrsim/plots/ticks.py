@@ -33,7 +33,7 @@ class Plain(ScalarFormatter):
         power = math.floor(math.log10(largest)) if largest else 0
         step = min((abs(b - a) for a, b in pairwise(self.axis.get_majorticklocs())), default=largest) or largest
         digits = max(0, power - math.floor(math.log10(step) + 1e-9)) if step else 0
-        return str(self.fix_minus(f"{x / 10.0**power:.{digits}f}e{power:+03d}" if x else "0"))
+        return str(self.fix_minus(f"{x / 10.0**power:.{digits}f}e{power}" if x else "0"))
 
 
 class Picture(Figure):

@@ -10,8 +10,8 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics.lag import Lag, estimate_lag
-from asrsim.quantities import DERIVED
+from asrsim.metrics.lag import TRUSTED, Lag, estimate_lag
+from asrsim.quantities import DERIVED, QUANTITIES, is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import wrong_unit
 from asrsim.samples import Array, JointInfo, Samples
@@ -38,32 +38,25 @@ def align_recording(
         series: Gives the run's series.
         lag: See `LagChoice`.
         limit: s, largest lag that auto may find; None: a quarter of the shorter record.
-        infos: The run's joints; columns whose unit does not fit their joint are tried last.
+        infos: The run's joints; columns whose unit does not fit their joint are left out.
 
     Raises:
         RecordingError: Recording and run share no quantity, or do not overlap in time under auto.
     """
-    known = {info.name: info for info in infos}
-
-    def order(column: Column) -> tuple[bool, int]:
-        info = known.get(pairing[str(column.joint)])
-        wrong = info is not None and wrong_unit(column, info.name, prismatic=info.prismatic, mode=info.mode) is not None
-        return wrong, ALIGN_ON.index(column.quantity) if column.quantity in ALIGN_ON else len(ALIGN_ON)
-
+    columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
     best: tuple[str, Array, Array, Column] | None = None
-    columns = [column for column in recording.channels.values() if column.quantity and column.joint in pairing]
-    for column in sorted(columns, key=order):
-        joint = pairing[str(column.joint)]
-        if (found := series(joint, str(column.quantity))) is None:
+    for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
+        if (found := series(joint, quantity)) is None:
             continue
+        column = columns[joint, quantity]
         moves = _moves(found[1]) and _moves(column.values)
         if best is None or moves:
-            best = (f"{joint}.{column.quantity}", *found, column)
+            best = (f"{joint}.{quantity}", *found, column)
         # Without a search the first series is enough: only its times matter.
         if moves or lag != "auto":
             break
     if best is None:
-        choices = tuple(column.meaning for column in columns)
+        choices = tuple(f"{joint}.{quantity}" for joint, quantity in columns)
         raise RecordingError(
             "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
         )
@@ -72,6 +65,26 @@ def align_recording(
         return align(time, values, column.time, column.values, choice=lag, limit=limit, name=name)
     except RecordingError as error:
         raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
+
+
+def comparable(
+    recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo], quantities: Sequence[str] | None = None
+) -> tuple[dict[tuple[str, str], Column], list[Problem]]:
+    """(joint, quantity) of the run -> column, and problems of columns in units of another kind of joint, which are left out."""
+    known = {info.name: info for info in infos}
+    found: dict[tuple[str, str], Column] = {}
+    wrong: list[Problem] = []
+    for column in recording.channels.values():
+        joint = pairing.get(column.joint or "")
+        if joint is None or column.quantity is None or not is_comparable(column.quantity, quantities):
+            continue
+        info = known.get(joint)
+        problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
+        if problem is None:
+            found[joint, column.quantity] = column
+        else:
+            wrong.append(replace(problem, file=recording.path, message=f"{problem.message}; the column is not compared"))
+    return found, wrong
 
 
 def series_of(read: Reader, infos: Sequence[JointInfo]) -> SeriesOf:
@@ -111,8 +124,6 @@ def _moves(values: Array) -> bool:
 
 LagChoice = float | Literal["auto", "off", "start"]
 """auto: by cross-correlation; off: clocks unchanged; start: aligns the first samples; a number: delay of the recording, s."""
-TRUSTED = 0.6
-"""Correlation below which an estimated lag is rejected."""
 _CLEARLY = 0.1
 """Gain in correlation from which a series with reversed sign is taken to be reversed."""
 _GAP = 3.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.times import is_time
 
-Columns = dict[str, list[RawColumn]]
-"""Name of a variable -> its columns: a vector has one column, a matrix several."""
+Leaf = tuple[str, list[RawColumn]]
+"""Path of a struct, and the columns of a variable in it: a vector has one column, a matrix several."""
 
 
 def read_matlab(path: Path, reading: Reading) -> Content:
@@ -35,20 +35,24 @@ def read_matlab(path: Path, reading: Reading) -> Content:
 
 def read_numpy(path: Path, reading: Reading) -> Content:
     """Content of a NumPy file: named arrays; a structured array becomes a table."""
+    try:
+        loaded = np.load(path)
+    except ValueError as error:
+        if "pickle" not in str(error):
+            raise
+        message = "is no NumPy file, or contains Python objects, which are not read"
+        raise RecordingError(message, code="damaged", hint="Expected .npy or .npz with arrays of numbers") from None
+    arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else loaded
     findings: list[Problem] = []
-    loaded = np.load(path)
-    if isinstance(loaded, np.ndarray):
-        return _content("numpy", _fields(loaded, path.stem), findings, reading)
     found: dict[str, Any] = {}
-    with loaded as arrays:
-        for name in arrays.files:
-            try:
-                found |= _fields(arrays[name], name)
-            except ValueError as error:
-                if "pickle" not in str(error):
-                    raise
-                # Unpickling a Python object would run code from the file.
-                findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
+    for name in arrays:
+        try:
+            found |= _fields(arrays[name], name)
+        except ValueError as error:
+            if "pickle" not in str(error):
+                raise
+            # Unpickling a Python object would run code from the file.
+            findings.append(Problem("contains Python objects, which are not read", key=name, code="objects"))
     return _content("numpy", found, findings, reading)
 
 
@@ -94,7 +98,7 @@ def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
 
 
 def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
-    tables = tuple(_tables(tree, "", {}, findings, {*reading.time.columns}))
+    tables = tuple(_tables([*_leaves(tree, "", findings)], {*reading.time.columns}))
     if not tables:
         raise RecordingError(
             findings or Problem("contains no series of numbers", code="no-numbers",
@@ -103,70 +107,51 @@ def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], readin
     return Content(format=form, tables=tables, findings=tuple(findings))
 
 
-def _tables(
-    struct: Mapping[str, Any], prefix: str, above: Columns, findings: list[Problem], stated: set[str]
-) -> Iterator[RawTable]:
-    """Tables of a struct and of its inner structs.
-
-    Args:
-        struct: Name -> value.
-        prefix: Path of the struct, which precedes the names of its columns.
-        above: Time columns of the enclosing structs.
-        findings: Receives a problem for each array that is not read.
-        stated: Names that the user gives to the time.
-    """
-    columns: Columns = {}
-    inner: list[tuple[str, Mapping[str, Any]]] = []
-    for name, value in struct.items():
+def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> Iterator[Leaf]:
+    """Vectors and matrices of a struct and of the structs in it. struct: path of the struct, which ends with a point."""
+    for name, value in tree.items():
         cells = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object and value.ndim)
-        for path, item in [(f"{name}[{i}]", item) for i, item in enumerate(np.ravel(value))] if cells else [(name, value)]:
+        items = (
+            [(f"{struct}{name}[{i}]", item) for i, item in enumerate(np.ravel(value))] if cells else [(struct + name, value)]
+        )
+        for path, item in items:
             if isinstance(item, Mapping):
-                inner.append((f"{prefix}{path}.", item))
+                yield from _leaves(item, f"{path}.", findings)
             elif type(item).__name__ in ("MatlabOpaque", "MatlabFunction", "MatlabObject", "object"):
-                findings.append(
-                    Problem("is a MATLAB object (timeseries, table, function), which cannot be read", key=prefix + path,
-                            code="mat-object", hint="Save its parts, for example s.time = ts.Time; s.data = ts.Data")
-                )  # fmt: skip
-            else:
-                columns |= _columns(prefix + path, item)
-    times = above | {
-        name: own for name, own in columns.items() if len(own) == 1 and (is_time(name.rpartition(".")[2]) or name in stated)
-    }
-    for length in dict.fromkeys(len(own[0].values) for own in columns.values()):
-        group = {name: own for name, own in columns.items() if len(own[0].values) == length}
-        clock = {name: own for name, own in times.items() if len(own[0].values) == length}
-        if clock:
-            merged = clock | group
-            if len(merged) > len(clock):
-                yield RawTable(columns=tuple(column for own in merged.values() for column in own))
-            continue
-        matrices = [own for own in group.values() if len(own) > 1]
-        vectors = tuple(column for own in group.values() if len(own) == 1 for column in own)
-        yield from (RawTable(columns=tuple(own)) for own in matrices)
-        if vectors and (times or matrices):
-            counts = ", ".join(str(len(own[0].values)) for own in times.values()) or "there is none"
-            findings.append(
-                Problem(f"have {length} samples, but no time vector has this length ({counts}); they are not read",
-                        key=listed([column.name for column in vectors], 8), code="length",
-                        hint="Name the time with --map NAME=time")
-            )  # fmt: skip
-        elif vectors:
-            yield RawTable(columns=vectors)
-    for path, item in inner:
-        yield from _tables(item, path, times, findings, stated)
+                message = "is a MATLAB object (timeseries, table, function), which cannot be read"
+                hint = "Save its parts, for example s.time = ts.Time; s.data = ts.Data"
+                findings.append(Problem(message, key=path, code="mat-object", hint=hint))
+            elif columns := _columns(path, item):
+                yield struct, columns
 
 
-def _columns(name: str, value: Any) -> Columns:
-    """Columns of a vector or matrix. The longer side of a matrix is the time."""
+def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
+    """Tables of the leaves: one for each struct and length, with the times of this length in the struct and around it.
+
+    stated: names that the user gives to the time.
+    """
+    groups: dict[tuple[str, int], list[RawColumn]] = {}
+    for struct, columns in leaves:
+        groups.setdefault((struct, len(columns[0].values)), []).extend(columns)
+    vectors = [(struct, columns[0]) for struct, columns in leaves if len(columns) == 1]
+    times = [(struct, one) for struct, one in vectors if is_time(one.name.rpartition(".")[2]) or one.name in stated]
+    for (struct, length), group in groups.items():
+        clock = [one for around, one in times if struct.startswith(around) and len(one.values) == length]
+        if signals := [one for one in group if one not in clock]:
+            yield RawTable(columns=(*clock, *signals))
+
+
+def _columns(name: str, value: Any) -> list[RawColumn]:
+    """Columns of a vector or matrix; none for other values. The longer side of a matrix is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
     if array.dtype.kind in "Mm" and array.ndim == 1 and len(array):
         zero = int(array[0].astype("M8[ns]").astype(np.int64)) if array.dtype.kind == "M" else None
         array = (array - (array[0] if array.dtype.kind == "M" else np.timedelta64(0))) / np.timedelta64(1, "s")
     if array.dtype.kind not in "fiub" or array.ndim not in (1, 2) or len(array) < 2:
-        return {}
+        return []
     array = array.astype(float)
     if array.ndim == 1:
-        return {name: [RawColumn(name=name, values=array, zero=zero)]}
+        return [RawColumn(name=name, values=array, zero=zero)]
     array = np.ascontiguousarray(array if array.shape[0] >= array.shape[1] else array.T)
-    return {name: [RawColumn(name=f"{name}_{i + 1}", values=array[:, i]) for i in range(array.shape[1])]}
+    return [RawColumn(name=f"{name}_{i + 1}", values=array[:, i]) for i in range(array.shape[1])]

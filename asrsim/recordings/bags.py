@@ -6,9 +6,9 @@ import json
 import struct
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,18 @@ import numpy as np
 
 from asrsim.errors import Problem, RecordingError
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS
-from asrsim.quantities import QUANTITIES, unit_of
-from asrsim.recordings.data import Content, RawColumn, RawTable
+from asrsim.quantities import QUANTITIES
+from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import printable
 
+_SAME_CLOCK = 1.0
+"""Largest difference between header stamps and times of recording on one clock, s."""
 _LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 _NAMES = ("name", "names", "joint_names")
 """Message fields that name the entries of the other arrays in the message."""
+_REST = ("nanosec", "nsec", "nsecs")
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
@@ -48,21 +51,20 @@ class NoSignal(Exception):  # noqa: N818
     """Raised for a message whose arrays are too long for signals."""
 
 
+def _members(message: Any) -> Mapping[str, Any]:
+    """Fields of a message or JSON object, by name; none for other values."""
+    return message if isinstance(message, dict) else vars(message) if is_dataclass(message) else {}
+
+
 def stamp_of(message: Any) -> int | None:
     """Time stamp of a message, ns, from its header or its own fields; None where it is missing or zero."""
-    for holder, key in ((_member(message, "header"), "stamp"), (message, "stamp"), (message, "timestamp")):
-        stamp = _member(holder, key)
-        whole, rest = (
-            next((value for name in names if (value := _member(stamp, name)) is not None), None)
-            for names in (("sec", "secs"), ("nanosec", "nsec", "nsecs"))
-        )
-        if isinstance(whole, int) and isinstance(rest, int):
-            return (whole * 1_000_000_000 + rest) or None
+    members = _members(message)
+    for stamp in (_members(members.get("header")).get("stamp"), members.get("stamp"), members.get("timestamp")):
+        parts = _members(stamp)
+        whole, rest = ([parts[name] for name in names if name in parts] for names in (("sec", "secs"), _REST))
+        if whole and rest and isinstance(whole[0], int) and isinstance(rest[0], int):
+            return (whole[0] * 1_000_000_000 + rest[0]) or None
     return None
-
-
-def _member(message: Any, key: str) -> Any:
-    return message.get(key) if isinstance(message, dict) else getattr(message, key, None)
 
 
 def _is_number(value: Any) -> bool:
@@ -71,29 +73,23 @@ def _is_number(value: Any) -> bool:
 
 def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
     """Labels and values of all numbers in a message or JSON object. Raises NoSignal."""
-    members = message if isinstance(message, dict) else {
-        each.name: getattr(message, each.name) for each in fields(message) if not each.name.startswith("__")
-    }  # fmt: skip
+    members = _members(message)
     named = [members[key] for key in _NAMES if isinstance(members.get(key), list)]
     names: Sequence[str] = next((entries for entries in named if entries and isinstance(entries[0], str)), [])
     for key, value in members.items():
         if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):
             continue
         path = f"{prefix}{key}"
-        if _is_number(value):
-            yield (path, None), float(value)
-        elif isinstance(value, dict) or is_dataclass(value):
-            yield from flatten(value, f"{path}.")
-        elif isinstance(value, np.ndarray | list | tuple):
-            if len(value) > _LONGEST:
-                raise NoSignal
-            fitting = len(names) == len(value)
-            for i, item in enumerate(value):
-                place = f"{path}[{names[i] if fitting else i}]"
-                if _is_number(item):
-                    yield (place, str(names[i]) if fitting else None), float(item)
-                elif isinstance(item, dict) or is_dataclass(item):
-                    yield from flatten(item, f"{place}.")
+        array = isinstance(value, np.ndarray | list | tuple)
+        if array and len(value) > _LONGEST:
+            raise NoSignal
+        fitting = array and len(names) == len(value)
+        items = [(f"{path}[{names[i] if fitting else i}]", item) for i, item in enumerate(value)] if array else [(path, value)]
+        for i, (place, item) in enumerate(items):
+            if _is_number(item):
+                yield (place, str(names[i]) if fitting else None), float(item)
+            else:
+                yield from flatten(item, f"{place}.")
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None]:
@@ -107,8 +103,8 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
         return joint, f"{side}_{_JOINT_STATE[name]}"
     if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]
-    if last == "link_state" and name in LINK_STATE_FIELDS and len(parts) > 1:
-        return parts[-2], LINK_STATE_FIELDS[name]
+    if last in ("link_state", "details") and len(parts) > 1 and (quantity := LINK_STATE_FIELDS.get(name, name)) in QUANTITIES:
+        return parts[-2], quantity
     return joint, None
 
 
@@ -134,17 +130,15 @@ class _Group:
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
-    """All numeric series of a bag, except ignored topics. Raises RecordingError where nothing can be read."""
+    """All numeric series of a bag. Raises RecordingError where nothing can be read."""
     findings: list[Problem] = []
     with ExitStack() as stack:
         if path.suffix.lower() in (".bag", ".db3") or path.is_dir():
             topics, messages = _open_bag(path, stack, findings)
-        elif _is_own_log(path):
-            return _own_log(path)
         else:
             topics, messages = _open_mcap(path, stack, findings)
-        tables = tuple(_tables(topics, messages, reading.ignored, findings))
-    unknown = [topic for topic in topics.values() if topic.decode is None and topic.name not in reading.ignored]
+        tables = tuple(_tables(topics, messages, reading.time.columns, findings))
+    unknown = [topic for topic in topics.values() if topic.decode is None]
     findings += [
         Problem(f"topic is not read: {one.reason}", key=one.name, value=one.kind, code="unknown-message-type")
         for one in unknown
@@ -158,7 +152,7 @@ def read_bag(path: Path, reading: Reading) -> Content:
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other numeric messages whose definitions are in the "
             "file",
         )  # fmt: skip
-    return Content(format="bag", tables=tables, findings=tuple(findings), topics=tuple(one.name for one in topics.values()))
+    return Content(format="bag", tables=tables, findings=tuple(findings))
 
 
 def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
@@ -191,10 +185,8 @@ def _open_bag(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[di
 
 def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[dict[int, _Topic], Messages]:
     from mcap.exceptions import McapError
-    from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-    from mcap.stream_reader import StreamReader, breakup_chunk
-
-    from asrsim.log.chunks import decompress
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
 
     stream = stack.enter_context(path.open("rb"))
     types = {"ros1": _Types(ros1=True), "cdr": _Types(ros1=False)}
@@ -211,17 +203,9 @@ def _open_mcap(path: Path, stack: ExitStack, findings: list[Problem]) -> tuple[d
         language = "IDL" if schema.encoding == "ros2idl" else "MSG"
         return types[encoding].topic(channel.topic, kind, schema.data.decode("utf-8", "replace"), language)
 
-    def records() -> Iterator[McapRecord]:
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=path.stat().st_size).records:
-            if isinstance(record, Chunk):
-                data = decompress(record.compression, record.data, record.uncompressed_size)
-                yield from breakup_chunk(replace(record, compression="", data=data))
-            else:
-                yield record
-
     def messages() -> Messages:
         try:
-            for record in records():
+            for record in StreamReader(stream, record_size_limit=path.stat().st_size).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel) and record.id not in topics:
@@ -270,13 +254,15 @@ class _Types:
         return _Topic(name, kind, lambda data: read(data, full))
 
 
-def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], findings: list[Problem]) -> Iterator[RawTable]:
-    """Tables of a bag: one for each topic and set of labels in its messages."""
+def _tables(
+    topics: dict[int, _Topic], messages: Messages, stated: Sequence[str], findings: list[Problem]
+) -> Iterator[RawTable]:
+    """Tables of a bag: one for each topic and set of labels in its messages. stated: names that the user gives to the time."""
     groups: dict[tuple[int, frozenset[Label]], _Group] = {}
     broken: Counter[int] = Counter()
     for topic_id, logged, data in messages:
         topic = topics[topic_id]
-        if topic.decode is None or topic.name in ignored:
+        if topic.decode is None:
             continue
         try:
             message = topic.decode(data)
@@ -306,7 +292,7 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
             findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
             continue
         values = np.frombuffer(group.values).reshape(count, len(labels))
-        columns = []
+        columns = [_time_of(topic.name, group, stated, findings)]
         for i, (label, joint) in enumerate(labels):
             name = printable(topic.name if label == "data" else f"{topic.name}/{label}")
             seen[name] += 1
@@ -317,33 +303,20 @@ def _tables(topics: dict[int, _Topic], messages: Messages, ignored: set[str], fi
                     quantity=quantity, joint=None if joint is None else printable(joint),
                 )
             )  # fmt: skip
-        received, stamped = (np.array(times, dtype=np.int64) for times in (group.received, group.stamped))
-        yield RawTable(
-            name=topic.name, columns=tuple(columns), received=received, stamped=stamped if stamped.all() else None
-        )  # fmt: skip
+        yield RawTable(name=topic.name, columns=tuple(columns))
 
 
-def _is_own_log(path: Path) -> bool:
-    """Whether asrsim wrote the file, by the library name in its MCAP header."""
-    with path.open("rb") as stream:
-        return b"asrsim " in stream.read(128)
-
-
-def _own_log(path: Path) -> Content:
-    """Content of a log that asrsim wrote in another run."""
-    from asrsim.log import read_log
-
-    log = read_log(path)
-    slides = {info.name for info in log.info.joints if info.prismatic}
-    columns = [
-        RawColumn(name=f"{joint}.{quantity}", values=values, joint=joint, quantity=quantity,
-                  unit=unit_of(quantity, prismatic=joint in slides))
-        for joint in log.samples.joints
-        for quantity, values in log.samples.joint(joint).items()
-        if quantity in QUANTITIES
-    ]  # fmt: skip
-    if not columns:
-        raise RecordingError("the log contains no quantity of any joint", code="no-columns")
-    note = Problem("the log is truncated; it is read up to its last complete chunk", code="truncated")
-    table = RawTable(columns=(RawColumn(name="time", values=log.samples.time, unit="s"), *columns))
-    return Content(format="asrsim", tables=(table,), findings=(note,) if log.truncated else ())
+def _time_of(topic: str, group: _Group, stated: Sequence[str], findings: list[Problem]) -> RawColumn:
+    """Time of messages: header stamps if the user chose them or they agree with the times of recording, which are used else."""
+    received, stamped = (np.array(times, dtype=np.int64) for times in (group.received, group.stamped))
+    lag = float(np.median(stamped - received)) * 1e-9
+    by_header = stamped.all() and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)
+    if stamped.all() and not by_header and not stated:
+        message = f"two time bases: header stamps differ by {abs(lag):.6g} s from the time of recording, which is used"
+        hint = "Use the stamps with `time: header` in its document"
+        findings.append(Problem(message, key=topic, code="two-time-bases", hint=hint))
+    stamps = stamped if by_header else received
+    zero = int(stamps[0]) if stamps[0] > EPOCH * 1e9 else 0
+    return RawColumn(
+        name="header" if by_header else "received", values=np.asarray((stamps - zero) * 1e-9, dtype=np.float64), zero=zero
+    )

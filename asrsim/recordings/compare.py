@@ -12,10 +12,18 @@ import numpy as np
 from asrsim.errors import Problem, RecordingError
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
-from asrsim.quantities import is_comparable, unit_of
-from asrsim.recordings.align import Alignment, LagChoice, align_recording, require_overlap, resample, simulated
+from asrsim.quantities import unit_of
+from asrsim.recordings.align import (
+    Alignment,
+    LagChoice,
+    align_recording,
+    comparable,
+    require_overlap,
+    resample,
+    simulated,
+)  # fmt: skip
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.matching import match_joints, wrong_unit
+from asrsim.recordings.matching import match_joints
 from asrsim.recordings.suspicions import beside, condense
 from asrsim.samples import Array, JointInfo, Samples
 
@@ -104,25 +112,12 @@ def compare(
         RecordingError: No common joint, no common quantity, or no overlap in time.
     """
     pairing, findings = match_joints(samples.joints, recording, joints)
-    found: dict[tuple[str, str], tuple[Array, Column]] = {}
-    known = {info.name: info for info in infos}
-    wrong: list[Problem] = []
-    for column in recording.channels.values():
-        joint = pairing.get(column.joint or "")
-        if joint is None or column.quantity is None or not is_comparable(column.quantity, quantities):
-            continue
-        values = simulated(samples, joint, column.quantity, infos)
-        if values is None:
-            continue
-        info = known.get(joint)
-        problem = None if info is None else wrong_unit(column, joint, prismatic=info.prismatic, mode=info.mode)
-        if problem is not None:
-            wrong.append(replace(problem, file=recording.path))
-        else:
-            found[joint, column.quantity] = (values, column)
+    columns, wrong = comparable(recording, pairing, infos, quantities)
+    values = {(joint, quantity): simulated(samples, joint, quantity, infos) for joint, quantity in columns}
+    found = {key: own for key, own in values.items() if own is not None}
     if wrong and not found:
         raise RecordingError(condense(wrong))
-    findings += [replace(problem, message=f"{problem.message}; the column is not compared") for problem in wrong]
+    findings += wrong
     if not found:
         recorded = sorted({c.meaning for c in recording.channels.values() if c.joint in pairing and c.quantity})
         asked = f" of {', '.join(quantities)}" if quantities else ""
@@ -132,14 +127,13 @@ def compare(
         )  # fmt: skip
 
     def series_of(joint: str, quantity: str) -> tuple[Array, Array] | None:
-        values = simulated(samples, joint, quantity, infos)
-        return None if values is None else (samples.time, values)
+        return (samples.time, found[joint, quantity]) if (joint, quantity) in found else None
 
     prismatic = {info.name for info in infos if info.prismatic}
     alignment = align_recording(recording, pairing, series_of, lag=lag, limit=lag_limit, infos=infos)
     series = tuple(
-        _series(joint, quantity, samples.time, values, column, alignment.lag, prismatic=joint in prismatic)
-        for (joint, quantity), (values, column) in found.items()
+        _series(joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, prismatic=joint in prismatic)
+        for (joint, quantity), own in found.items()
     )
     findings += alignment.findings
     for one in series:

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError
 from asrsim.samples import Array
 
+EPOCH = 1e8
+"""Times above this value are Unix times (1973 and later), s."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawColumn:
@@ -38,14 +41,10 @@ class RawTable:
     """Columns of equal length: a sheet, the vectors of a struct, or the messages of a topic."""
 
     name: str = ""
-    """Prefix of the column names: a topic, or the path of a struct."""
+    """Topic of the messages; "" for other tables."""
     columns: tuple[RawColumn, ...]
     lines: NDArray[np.int64] | None = None
     """Line number (n,) of each row in a text file, counted from 1."""
-    received: NDArray[np.int64] | None = None
-    """Times of recording (n,) of messages, ns; None for tables whose time is a column."""
-    stamped: NDArray[np.int64] | None = None
-    """Time stamps (n,) in the headers of messages, ns; None where the headers have none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +56,6 @@ class Content:
     findings: tuple[Problem, ...] = ()
     layout: Mapping[str, str | int] = field(default_factory=dict)
     """Detected layout of a text or sheet, under the keys of a reading document."""
-    topics: tuple[str, ...] = ()
-    """All topics of a bag, including topics without numbers."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pickle
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
@@ -41,9 +40,6 @@ class Reader:
     """True: the file is read in a child process with limits on time and memory. True for all formats except text."""
 
 
-LEAST, RATIO = 256 * 2**20, 50
-"""Limits on the unpacked size of an archive: bytes that are always allowed, and the allowed multiple of the file's size.
-Measured signals in text compress by a factor of 3 to 30."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 for _name, _reader in {
     "text": Reader(
@@ -68,21 +64,19 @@ def content_of(path: Path, reading: Reading) -> Content:
         name = format_of(path)
         reader = READERS.get(name)
         found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
-        tables = tuple(_without(table, reading.missing) for table in found.tables)
-        return replace(found, tables=tables, findings=tuple(replace(one, file=path) for one in found.findings))
+        if reading.missing is not None:
+            found = replace(found, tables=tuple(_without(table, reading.missing) for table in found.tables))
+        return replace(found, findings=tuple(replace(one, file=path) for one in found.findings))
     except RecordingError as error:
         raise RecordingError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
-    except (OSError, zipfile.BadZipFile) as error:
+    except OSError as error:
         raise RecordingError(f"cannot be read: {error}", file=path, code="no-file") from None
 
 
-def _without(table: RawTable, missing: float | None) -> RawTable:
-    """Table in which the code for missing values (such as -9999) is replaced by NaN."""
-    if missing is None:
-        return table
-    return replace(
-        table, columns=tuple(replace(one, values=np.where(one.values == missing, np.nan, one.values)) for one in table.columns)
-    )
+def _without(table: RawTable, missing: float) -> RawTable:
+    """Table with NaN in place of the number that marks missing values, such as -9999."""
+    columns = [replace(one, values=np.where(one.values == missing, np.nan, one.values)) for one in table.columns]
+    return replace(table, columns=tuple(columns))
 
 
 def format_of(path: Path) -> str:
@@ -111,8 +105,6 @@ def format_of(path: Path) -> str:
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
     """Content read in a child process, as damaged files may crash a library or make it request all memory."""
-    if path.is_file() and zipfile.is_zipfile(path):
-        _check_unpacked(path)
     # The request is trusted and may be a pickle. The answer depends on the hostile file and is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
@@ -124,18 +116,6 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
         raise RecordingError(f"cannot be read: its reader {error}", file=path, code="damaged") from None
 
 
-def _check_unpacked(path: Path) -> None:
-    """Raises RecordingError for an archive whose unpacked size is too large: a few kB may unpack to more than the memory."""
-    with zipfile.ZipFile(path) as archive:
-        size = sum(one.file_size for one in archive.infolist())
-    if size > max(LEAST, RATIO * path.stat().st_size):
-        message = (
-            f"would unpack to {size / 2**20:.0f} MiB; the limit is {LEAST / 2**20:.0f} MiB or {RATIO} times the file's size"
-        )
-        hint = "If you trust the file, unpack it with its own tools first, or export it as CSV"
-        raise RecordingError(message, code="too-large", hint=hint)
-
-
 def answer_of(request: dict[str, str]) -> bytes:
     """Answer of the child process: the content or the problems, packed."""
     try:
@@ -145,9 +125,9 @@ def answer_of(request: dict[str, str]) -> bytes:
         return pack(error.problems)
     except AsrsimError as error:
         return pack([Problem(str(error), code="damaged")])
-    except MemoryError:
-        return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
     except Exception as error:  # on damaged files libraries raise errors of many types
+        if isinstance(error, MemoryError):
+            return pack([Problem("cannot be read: its reader needs too much memory", code="too-large")])
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
         return pack([Problem(message, code="damaged")])
@@ -180,12 +160,8 @@ def unpack(data: bytes) -> Content:
     found = json.loads(head)
     if isinstance(found, list):
         raise RecordingError(problems(found))
-    tables = tuple(
-        RawTable(
-            name=table["name"], lines=arrays[table["lines"]], received=arrays[table["received"]],
-            stamped=arrays[table["stamped"]],
-            columns=tuple(RawColumn(**{**column, "values": arrays[column["values"]]}) for column in table["columns"]),
-        )
-        for table in found["tables"]
-    )  # fmt: skip
-    return Content(**{**found, "tables": tables, "findings": problems(found["findings"]), "topics": tuple(found["topics"])})
+    for table in found["tables"]:
+        table["lines"] = arrays[table["lines"]]
+        table["columns"] = tuple(RawColumn(**{**one, "values": arrays[one["values"]]}) for one in table["columns"])
+    tables = tuple(RawTable(**table) for table in found["tables"])
+    return Content(**{**found, "tables": tables, "findings": problems(found["findings"])})

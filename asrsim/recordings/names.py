@@ -27,10 +27,13 @@ _WORDS = {
         "torque": "tau torques effort efforts", "motor": "hub mot hubangle", "deflection": "defl", "external": "ext",
         "elastic": "el spring", "equilibrium": "eq",
         "reference": "references ref cmd command commanded des desired target setpoint qref qdes qcmd",
+        "": "joint joints axis link measured meas actual data value values angular state states",
+        "?": "eff moment th qd phi rate enc encoder rotation omega load trq",
     }.items()
     for word in words.split()
 }  # fmt: skip
-"""Spelling in a column's name -> word in `_QUANTITIES`."""
+"""Spelling in a column's name -> word in `_QUANTITIES`; "" for words without effect on the meaning, as in `q1_meas`; "?" for
+words that suggest a quantity of a joint, but may mean something else."""
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
@@ -44,12 +47,8 @@ _QUANTITIES = {
     for words in spellings.split(",")
 }  # fmt: skip
 """Sorted words of a column's name -> quantity."""
-_FILLING = {"joint", "joints", "axis", "link", "measured", "meas", "actual", "data", "value", "values", "angular", "state",
-            "states"}  # fmt: skip
-"""Words without effect on the meaning, as in `q1_meas` and `joint 1 position`."""
-_DOUBTFUL = {"eff", "moment", "theta", "th", "qd", "phi", "rate", "state", "enc", "encoder", "rotation", "omega", "load", "trq",
-             "position", "velocity", "torque", "force", "deflection", "stiffness"}  # fmt: skip
-"""Words that suggest a quantity of a joint: the user is asked about ambiguous names with one of these words."""
+_DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
+"""Words of an ambiguous name about which the user is asked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,10 +69,15 @@ def tokens_of(name: str) -> list[str]:
     return [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text))]
 
 
+def _words(tokens: Sequence[str]) -> list[str]:
+    """Words of a name in the spelling of `_QUANTITIES`, without words that have no effect on the meaning."""
+    return [word for token in tokens if (word := _WORDS.get(token, token))]
+
+
 def stated_unit(name: str, beside: str = "") -> Unit | None:
     """Unit of a column, from `beside` or else from its name. A velocity in deg is read in deg/s."""
     unit = find_unit(beside) or split_header(name)[1]
-    if unit is not None and unit.si in ("rad", "m") and any(_WORDS.get(word, word) == "velocity" for word in tokens_of(name)):
+    if unit is not None and unit.si in ("rad", "m") and "velocity" in _words(tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
     return unit
 
@@ -89,7 +93,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     array = re.search(r"[\[(](\d+)[\])]$", tail)
     tokens = tokens_of(tail[: array.start()] if array else tail)
     numbers = [int(word) for word in tokens if word.isdecimal()]
-    words = [_WORDS.get(word, word) for word in tokens if not word.isdecimal() and word not in _FILLING]
+    words = [word for word in _words(tokens) if not word.isdecimal()]
     named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
     if named and unit is not None and unit.si == "rad":
         words.append("position")  # hub1_rad, Joint 1 [deg], elbow [deg]
@@ -97,8 +101,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
     quantity = exact if exact in KNOWN else _QUANTITIES.get(" ".join(sorted(words)))
     # Other characters (q', q*, a dot above) are ambiguous.
     if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
-        mentioned = {_WORDS.get(word, word) for word in tokens_of(rest)}
-        asked = bool(_DOUBTFUL & mentioned) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
+        asked = bool(_DOUBTFUL & {*_words(tokens_of(rest))}) or (unit is not None and unit.si in ("rad", "rad/s", "N m"))
         reason = "its name may or may not be a quantity of a joint"
         return Meaning(joint=joint, reason=reason, asked=asked and "reference" not in words)
     owner = above[-1] if above else ""
@@ -108,7 +111,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None) -> Me
         return _fitting(joint or (joints or [""])[0], exact, unit)
     if count > (joint is None) or unclear or (count and re.search(r"\d|left|right|^field$", owner.lower())):
         return Meaning(reason="the number in its name is ambiguous", asked=True)
-    if joint is None and not count and {*tokens_of(owner)} - _FILLING:
+    if joint is None and not count and _words(tokens_of(owner)):
         return _of_joint(owner, quantity, unit, joints)  # elbow/position, /joint_states/elbow/position
     if joint is None:
         place = int(array[1]) if array else numbers[0] if numbers else None

@@ -49,8 +49,6 @@ def propose(
     elif clock := series[0].clock:
         doubt = next((one.message for one in recording.findings if one.hint and json.dumps(one.key) in clock), "")
         lines.append(_line(f"time: {clock}", f"? {doubt}" if doubt else "its name and unit"))
-    marks = [one for one in recording.findings if isinstance(one.value, float)]
-    lines += [_line(f"# missing: {one.value:g}", f"? {one.key}: {one.message}") for one in marks]
     lines += _map(recording, reading)
     place.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return place, recording

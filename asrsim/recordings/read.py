@@ -87,7 +87,7 @@ def _recording(
 ) -> Recording:  # fmt: skip
     """Recording made of the series. Raises RecordingError with all problems of the mapping."""
     series = _windowed(series, reading)
-    explicit = _explicit(series, reading, joints, content.topics)
+    explicit = _explicit(series, reading, joints)
     repeated = {_first_of(one.name) for one in series if _first_of(one.name) != one.name}
     with np.errstate(over="ignore", invalid="ignore"):
         columns = [_column(one, explicit.get(i), reading, joints, repeated) for i, one in enumerate(series)]
@@ -124,9 +124,7 @@ def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeri
     return kept
 
 
-def _explicit(
-    series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None, topics: Sequence[str]
-) -> dict[int, ColumnMap]:
+def _explicit(series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None) -> dict[int, ColumnMap]:
     """Index of a series -> its mapping. Raises RecordingError for unknown columns, unknown joints and unfitting units.
 
     joints: joints of the simulation. Documents may name other joints, as they may describe a larger robot.
@@ -135,11 +133,8 @@ def _explicit(
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in reading.maps:
-        parts = [i for i, name in enumerate(names) if name.startswith((f"{one.column}/", f"{one.column}."))]
         index = find_raw(one.column, [one.column for one in series])
-        if index is None and one.quantity is None and (parts or one.column in topics):
-            found |= dict.fromkeys(parts, one)
-        elif index is None:
+        if index is None:
             message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
             problems.append(Problem(message, key=one.column, choices=_shown(names), hint=hint, code="no-such-column"))
         elif one.quantity is not None and not fits((unit := _unit(series[index], one)).si, KNOWN[one.quantity].unit):
@@ -217,17 +212,14 @@ def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
     said += [f"{quantity} assumed"] if quantity and not stated and not one.origin.startswith("named") else []
     values = series.values * unit.factor * one.scale
     said += [] if one.scale == 1.0 else [f"x {one.scale:g}"]
-    good, zero = np.isfinite(values), 0.0
     if one.unwrapped:
+        good = np.isfinite(values)
         values[good] = np.unwrap(values[good])
         said.append("unwrapped")
-    if one.zero and good.any():
-        zero = float(values[good][0] if one.zero == "start" else np.mean(values[good]))
-        said.append(f"- {zero:.6g} (its {one.zero})")
     said += [f"{one.offset:+g}"] if one.offset else []
     reason = one.origin if one.quantity or origin else f"not used: {one.origin}"
     return Column(
-        time=series.time, values=values - zero + one.offset, unit="" if unit.si == "1" else unit.si or quantity,
+        time=series.time, values=values + one.offset, unit="" if unit.si == "1" else unit.si or quantity,
         joint=one.joint, quantity=one.quantity, source=series.name, conversion="; ".join(said), stated=stated, origin=reason,
     )  # fmt: skip
 

@@ -25,7 +25,7 @@ SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*(?:(?P<joint>[^\[\]*]+)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
-    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER})|\s+-\s*(?P<zero>start|mean))?"
+    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?"
 )
 """Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02`."""
 
@@ -45,8 +45,6 @@ class ColumnMap:
     """Factor on the numbers in addition to the unit's factor, such as -1 for a reversed axis."""
     offset: float = 0.0
     """Offset added after scaling, SI units."""
-    zero: str = ""
-    """`start` or `mean`: the column's first value or mean is subtracted after scaling; "": neither."""
     unwrapped: bool = False
     """True: jumps of an angle by a whole turn are removed."""
     origin: str = "command line"
@@ -168,11 +166,6 @@ class Reading:
         times = [f"{column}=time{unit}" for column in self.time.columns[:1]]
         return [*times, *(f"{one.column}={one.text}" for one in self.maps), *([f"window={'..'.join(ends)}"] if ends else [])]
 
-    @property
-    def ignored(self) -> set[str]:
-        """Names of the columns and topics that are not read."""
-        return {one.column for one in self.maps if one.quantity is None}
-
 
 READING = block_of(Reading, "reading")
 """Keys of the reading document."""
@@ -236,8 +229,8 @@ def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys 
 
     `COLUMN=JOINT.QUANTITY [unit]` and `COLUMN=ignore` give a `ColumnMap`, `COLUMN=time [ms]` gives `TimeKeys`, and
     `window=2..12` gives (start, end) in s. A minus or factor before the joint scales: `COLUMN=-JOINT.QUANTITY`,
-    `COLUMN=0.01*JOINT.QUANTITY`. The offset comes last, in SI units: `... [deg] - 0.02`. The offsets `- start` and `- mean`
-    subtract the column's first value and mean. `unwrapped` before the offset removes jumps by whole turns.
+    `COLUMN=0.01*JOINT.QUANTITY`. The offset comes last, in SI units: `... [deg] - 0.02`. `unwrapped` before the offset removes
+    jumps by whole turns.
     """
     column, _, target = (part.strip() for part in text.rpartition("="))
     if not column or not target:
@@ -260,7 +253,7 @@ def parse_item(text: str, origin: str = "command line") -> ColumnMap | TimeKeys 
     if quantity not in KNOWN:
         raise _error(column, f"no quantity is called '{found['name']}'", choices=(*KNOWN, *ALIASES), meant=found["name"])
     return ColumnMap(
-        column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target, zero=found["zero"] or "",
+        column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target,
         unit=parse_unit(found["unit"]) if found["unit"] else None, unwrapped=found["unwrapped"] is not None,
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
         offset=float((found["offset"] or "0").replace(" ", "")),

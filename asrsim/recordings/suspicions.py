@@ -18,8 +18,6 @@ _FEWEST = 20
 """Fewest common samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
-_MARKS = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0)
-"""Numbers that recorders write for missing values."""
 
 
 def suspicions(columns: Sequence[Column], series: Sequence[RawSeries]) -> list[Problem]:
@@ -115,12 +113,6 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         )
         hint = "Comparisons skip these samples; they are not interpolated"
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
-    for mark in _MARKS:
-        others = numbers[numbers != mark]
-        if len(numbers) - len(others) > 1 and len(others) and np.max(np.abs(others)) < 0.02 * abs(mark):
-            message = f"{len(numbers) - len(others)} numbers are far from all others: do they mark missing values?"
-            cure = f"If so, state it in the document beside the file: `missing: {mark:g}`"
-            yield Problem(message, key=column.source, value=mark, hint=cure, code="missing-mark")
     whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
     periods = [(numbers, 2.0**bits) for bits in (8, 16, 32) if whole and numbers.max() < 2.0**bits]
     for series, period in [(values, math.tau)] * (column.unit == "rad") + periods:

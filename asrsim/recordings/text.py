@@ -7,8 +7,9 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,12 @@ from numpy.typing import NDArray
 from asrsim.errors import Problem, RecordingError, listed
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.reading import SEPARATORS, Reading
-from asrsim.recordings.units import find_unit
 from asrsim.samples import Array
 
 COMMENTS = ("#", "%", "//")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
-_STAMP = re.compile(r"(\d{4}-\d\d-\d\d)?(?:(?:^|[T ])(\d\d:\d\d:\d\d)(?:[.,](\d+))?)?(Z|[-+]\d\d:?\d\d)?")
-"""ISO 8601: a date, a time of day, or both."""
+_EPOCH, _MICROSECOND = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
 _SAMPLE = 200
 """Number of lines at the start of a file that decide its layout."""
 _BLOCK = 20_000
@@ -54,31 +53,25 @@ def number(cell: str, decimal: str) -> float | None:
 
 
 def stamp_ns(cell: str) -> int | None:
-    """Unix time in ns of a date (UTC by default), or ns since midnight for a time of day; None for other text."""
-    found = _STAMP.fullmatch(cell)
-    if found is None or not (found[1] or found[2]):
-        return None
-    try:
-        moment = datetime.fromisoformat(f"{found[1] or '1970-01-01'}T{found[2] or '00:00:00'}{found[4] or 'Z'}")
-    except ValueError:
-        return None
-    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86400 + since.seconds) * 1_000_000_000 + int((found[3] or "0").ljust(9, "0")[:9])
+    """Unix time in ns of an ISO 8601 date (UTC by default), or ns since midnight for a time of day; None for other text."""
+    for text in (cell, f"1970-01-01T{cell}"):
+        with suppress(ValueError):
+            moment = datetime.fromisoformat(text)
+            return ((moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - _EPOCH) // _MICROSECOND * 1000
+    return None
+
+
+def kind_of(cell: str, decimal: str) -> str:
+    """Kind of a cell: `missing`, `number`, `stamp` (a date or time) or `text`."""
+    if cell.lower() in MISSING:
+        return "missing"
+    return "number" if number(cell, decimal) is not None else "stamp" if stamp_ns(cell) is not None else "text"
 
 
 def share_of_values(cells: Sequence[str], decimal: str) -> float:
     """Fraction of cells that are numbers, dates or missing; 0 if all cells are missing."""
-    values = [number(cell, decimal) is not None or stamp_ns(cell) is not None for cell in cells]
-    filled = any(value and cell.lower() not in MISSING for value, cell in zip(values, cells, strict=True))
-    return sum(values) / len(cells) if filled else 0.0
-
-
-def kind_of(cells: Sequence[str], decimal: str) -> str:
-    """Kind of a column by its cells: `number`, `stamp` (dates and times) or `text`."""
-    filled = [cell for cell in cells if cell.lower() not in MISSING]
-    numbers = sum(number(cell, decimal) is not None for cell in filled)
-    stamps = sum(stamp_ns(cell) is not None for cell in filled)
-    return "number" if 2 * numbers >= len(filled) else "stamp" if 2 * stamps >= len(filled) else "text"
+    kinds = [kind_of(cell, decimal) for cell in cells]
+    return 1.0 - kinds.count("text") / len(kinds) if {*kinds} != {"missing"} else 0.0
 
 
 @dataclass(kw_only=True)
@@ -89,8 +82,6 @@ class Rows:
     """Separator of cells; None: runs of white space."""
     decimal: str
     names: tuple[str, ...]
-    units: tuple[str, ...]
-    """Unit of each column from a row of units; "" without such a row."""
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp or text."""
     header: int
@@ -156,9 +147,7 @@ class Rows:
             message = "has no header; columns are called column_1, column_2, ..."
             findings.append(Problem(message, hint="Name them with --map 2=joint_1.link_position", code="no-header"))
         columns = tuple(
-            RawColumn(
-                name=name, values=np.ascontiguousarray(values[:, i]), unit=self.units[i], zero=self.zeros.get(i), place=i + 1
-            )
+            RawColumn(name=name, values=np.ascontiguousarray(values[:, i]), zero=self.zeros.get(i), place=i + 1)
             for i, name in enumerate(self.names)
             if self.kinds[i] != "text"
         )
@@ -211,35 +200,34 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str, separator: st
         whole = len(cells) == columns and line > (reading.header or 0) and not cells[0].startswith(COMMENTS)
         return share_of_values(cells, decimal) if whole else None
 
-    # A line such as "Samples 400 400" above the header is no data: it has fewer numbers than most rows, and text follows.
-    shares = [*map(share, rows), None]
-    usual = max(0.5, float(np.median([one for one in shares if one is not None] or [1.0])))
-    whole = [one is not None and one >= usual for one in shares]
-    place = next(
-        (i for i, own in enumerate(shares) if (own or 0.0) >= 0.5 and (whole[i] or shares[i + 1] is None or whole[i + 1])), None
-    )
+    # A line such as "Samples 400 400" above the header is no row of numbers, as text follows.
+    shares = [*map(share, rows)]
+    below = [*shares[1:], None]
+    place = next((i for i, both in enumerate(zip(shares, below, strict=True)) if _begins(*both)), None)
     if place is None:
         raise RecordingError(
             "contains no row of numbers", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header",
         )  # fmt: skip
-    fitting = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
-    fitting = [(line, cells) for line, cells in fitting if len(cells) == columns and share_of_values(cells, decimal) < 0.5]
-    units = next((row for row in reversed(fitting[-2:]) if len(fitting) > 1 and _are_units(row[1])), None)
-    header, names = next((row for row in reversed(fitting) if row is not units), (0, [""] * columns))
-    by_numbers = any(name.isdecimal() for name in (*(one.column for one in reading.maps), *reading.time.columns))
-    if place and not header and reading.header is None and not by_numbers and len(rows[place - 1][1]) > 2:
+    above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
+    fitting = [row for row in above if len(row[1]) == columns and share_of_values(row[1], decimal) < 0.5]
+    header, names = fitting[-1] if fitting else (0, [""] * columns)
+    if place and not fitting and reading.header is None and len(rows[place - 1][1]) > 2:
         line, names = rows[place - 1]
         raise RecordingError(
             f"the header has {len(names)} names, but the rows have {columns} fields", line=line, code="header-misfit",
-            hint="Repair that line, or name the columns by their numbers: --map 1=time --map 2=joint_1.link_position",
+            hint="Repair that line, or state `header: 0` in the document beside the file and name the columns by their numbers",
         )  # fmt: skip
-    data = [cells for _, cells in rows[place:] if len(cells) == columns]
+    kinds = [Counter(kind_of(cells[i], decimal) for _, cells in rows[place:] if len(cells) == columns) for i in range(columns)]
     return Rows(
         separator=separator, decimal=decimal, names=_unique(names), header=header, first=rows[place][0],
-        units=tuple(map(_unit, units[1])) if units else ("",) * columns,
-        kinds=tuple(kind_of([cells[i] for cells in data], decimal) for i in range(columns)),
+        kinds=tuple(max(("number", "stamp", "text"), key=lambda kind: counts[kind]) for counts in kinds),
     )  # fmt: skip
+
+
+def _begins(share: float | None, below: float | None) -> bool:
+    """Whether a row begins the table: all of its cells are values, or at least half of its cells and of those below it."""
+    return share is not None and (share == 1.0 or (share >= 0.5 and (below is None or below >= 0.5)))
 
 
 def _encoding(path: Path) -> str:
@@ -292,15 +280,6 @@ def _cells(line: str, separator: str | None) -> list[str]:
 def _uncommented(cells: list[str]) -> list[str]:
     """Cells of a header without a comment sign, as in `# t, q1` and `%Time (s)`."""
     return [cells[0].lstrip(" #%/"), *cells[1:]] if cells[0].startswith(COMMENTS) else cells
-
-
-def _unit(cell: str) -> str:
-    return "" if cell.strip("[]()- ").lower() in ("", "unit", "units") else cell.strip("[](){}<> ")
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    units = [unit for cell in cells if (unit := _unit(cell))]
-    return 2 * sum(find_unit(unit) is not None for unit in units) > len(units)
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:

@@ -4,36 +4,27 @@ from __future__ import annotations
 
 import json
 import re
-from bisect import bisect_left
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, listed
-from asrsim.recordings.data import Content, RawColumn, RawSeries, RawTable
+from asrsim.recordings.data import EPOCH, Content, RawColumn, RawSeries, RawTable
 from asrsim.recordings.names import find_raw, tokens_of
 from asrsim.recordings.reading import Reading
-from asrsim.recordings.units import Unit, find_unit, split_header
+from asrsim.recordings.units import UNITS, Unit, find_unit, split_header
 from asrsim.samples import Array
 
-TIME_WORDS = {"time", "times", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date",
-              "seconds", "sec", "secs", "millis", "micros", "nanos", "epoch", "unix", "utc", "header", "field", "rosbag",
-              "zeit", "s", "ms", "us", "ns"}  # fmt: skip
+TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
+              "sec", "secs", "nanosec", "nsec", "millis", "micros", "nanos", "epoch", "header", "field", "zeit", "s", "ms",
+              "us", "ns"}  # fmt: skip
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
-_FRACTIONS = {"nanosec": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanoseconds": 1e-9, "usec": 1e-6, "usecs": 1e-6}
-"""Last word in the name of a column with fractions of a second -> size of its unit, s."""
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-EPOCH = 1e8
-"""Times above this value are Unix times (1973 and later), s."""
 FASTEST, SLOWEST = 3e-5, 0.5
-"""Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and no unit is assumed."""
+"""Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
 _DIGITS = 9
 """Decimals of a second to which stamps are compared; slopes over shorter steps would overflow."""
-_SAME_CLOCK = 1.0
-"""Largest difference between header stamps and times of recording on one clock, s."""
 _GAP = 1.7
 """Ratio to the usual time step above which a step contains missing samples."""
 
@@ -62,19 +53,16 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
     found: list[tuple[RawTable, Clock, NDArray[np.bool_]]] = []
     for table in content.tables:
         try:
-            if table.received is None or any(find_raw(name, table.columns) is not None for name in reading.time.columns):
-                clock = _of_columns(table, reading, findings)
-            else:
-                clock = _of_messages(table, reading, findings)
-            found.append((table, clock, clean_time(clock.seconds, table.lines, name=clock.name, findings=findings)))
+            clock = _of_columns(table, reading, findings)
+            name = table.name or clock.name
+            found.append((table, clock, clean_time(clock.seconds, table.lines, name=name, findings=findings)))
         except RecordingError as error:
             faults += error.problems
     starts = [clock.zero + round(clock.seconds[keep][0] * 1e9) for _, clock, keep in found if clock.zero > EPOCH * 1e9]
     first = min(starts, default=0)
     series: list[RawSeries] = []
     for table, clock, keep in found:
-        zero = clock.zero - first if clock.zero > EPOCH * 1e9 else clock.zero if table.received is not None else 0
-        time = clock.seconds[keep] + zero * 1e-9
+        time = clock.seconds[keep] + (clock.zero - first if clock.zero > EPOCH * 1e9 else 0) * 1e-9
         series += [
             RawSeries(column=column, time=time, values=column.values[keep], clock=clock.described)
             for i, column in enumerate(table.columns) if i not in clock.used
@@ -87,34 +75,13 @@ def series_of(content: Content, reading: Reading, findings: list[Problem]) -> tu
     return series, first * 1e-9 if starts else None
 
 
-def _of_messages(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
-    """Time of messages: header stamps if the user chose them or they agree with the times of recording, which are used else."""
-    received, stamped = np.asarray(table.received), table.stamped
-    lag = np.inf if stamped is None else float(np.median(stamped - received)) * 1e-9
-    by_header = reading.time.columns == ("header",) or (reading.time.columns != ("received",) and abs(lag) < _SAME_CLOCK)
-    ns = stamped if by_header and stamped is not None else received
-    if stamped is not None and not by_header and not reading.time.columns:
-        message = f"two time bases: header stamps differ by {abs(lag):.6g} s from the time of recording, which is used"
-        findings.append(
-            Problem(message, key=table.name, code="two-time-bases", hint="Use the stamps with `time: header` in its document")
-        )
-    if table.stamped is None:
-        findings += [
-            Problem("has the name of a time, but the time of recording is used", key=column.name, code="two-time-bases",
-                    hint=f"To use this column: --map '{column.name}=time [unit]'")
-            for column in table.columns if is_named_time(column)
-        ]  # fmt: skip
-    zero = int(np.median(ns))
-    return Clock(name=table.name, seconds=np.asarray((ns - zero) * 1e-9, dtype=np.float64), zero=zero)
-
-
 def is_time(name: str, unit: Unit | None = None) -> bool:
     """Whether a name means a time: all of its words do, or it is a single word with a unit of time."""
-    words = [word for word in tokens_of(name) if not word.isdecimal()]
+    words = _stem(name)
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
     # LabVIEW calls the time X_Value.
-    return words == ["x", "value"] or (bool(words) and {*words} <= TIME_WORDS | {*_FRACTIONS} and words != ["field"])
+    return words == ["x", "value"] or (bool(words) and {*words} <= TIME_WORDS and words != ["field"])
 
 
 def is_named_time(column: RawColumn) -> bool:
@@ -124,116 +91,90 @@ def is_named_time(column: RawColumn) -> bool:
 
 
 def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> Clock:
-    """Time of a table: the column that the user states, else the first column with the name of a time."""
-    columns, stated = table.columns, reading.time.columns
+    """Time of a table: the columns that the user states, else the first column with the name of a time."""
+    columns, names = table.columns, [column.name for column in table.columns]
     mapped = {find_raw(one.column, columns) for one in reading.maps}
     named = [i for i, column in enumerate(columns) if is_named_time(column) and i not in mapped]
     if reading.time.rate is not None:
         seconds = np.arange(len(columns[0].values)) / reading.time.rate
         return Clock(name="time", seconds=seconds, used=frozenset(named))
-    names = [column.name for column in columns]
-    places = []
-    for name in stated:
-        if (place := find_raw(name, columns)) is None:
-            raise RecordingError("the file has no such time column", key=name, choices=tuple(names[:12]), code="no-time")
-        places.append(place)
-    if not places and not named:
+    stated = {name: find_raw(name, columns) for name in reading.time.columns}
+    missing = [name for name, place in stated.items() if place is None]
+    if missing and not table.name:  # topics without the stated column have the times of their messages
+        raise RecordingError("the file has no such time column", key=missing[0], choices=tuple(names[:12]), code="no-time")
+    places = [place for place in stated.values() if place is not None] or named[:1]
+    if not places:
         raise RecordingError(
             f"none of the columns is a time: {listed(names, 20)}", code="no-time",
             hint="Name the time with --map COLUMN=time [unit], or give the sampling rate with --rate",
         )  # fmt: skip
-    places = places or _seconds_and_rest(columns, named)
-    others = [i for i in named if i > max(places)]
-    if others and not stated:
+    if len(named) > 1 and not stated:
+        first, second = named[:2]
+        hint = f"State the time of all columns: --map '{names[second]}=time'"
         # In a table such as `time, q1, time, q2`, each time belongs to the signals that follow it.
-        apart = next((i for i in others if any(j not in named for j in range(places[0], i))), len(columns))
-        left = [i for i in range(apart, len(columns)) if i not in named]
-        message = f"is a second time column; '{names[places[0]]}' is used"
-        message += f"; the columns after it are not read: {listed([names[i] for i in left], 8)}" if left else ""
-        hint = f"If it is the time of all columns: --map '{names[others[0]]}=time'"
-        findings.append(Problem(message, key=names[others[0]], hint=hint, code="second-time"))
-        named += left
-    return replace(_clock(table, places, reading, findings), used=frozenset((*places, *named)))
+        if second > first + 1 and _stem(names[first]) == _stem(names[second]):
+            message = f"is a second time column; state one, and ignore the columns with another time: {listed(names, 20)}"
+            raise RecordingError(message, key=names[second], code="second-time", hint=hint)
+        message = f"is a second time column; '{names[first]}' is used"
+        findings.append(Problem(message, key=names[second], hint=hint, code="second-time"))
+    parts = [_clock(columns[place], reading, findings, alone=len(places) == 1) for place in places]
+    label = json.dumps(names[places[0]] if len(places) == 1 else [names[place] for place in places], ensure_ascii=False)
+    unit = f", unit: {parts[0].described}" if len(places) == 1 and parts[0].described else ""
+    return Clock(
+        name=names[places[0]], seconds=np.sum([part.seconds for part in parts], axis=0), zero=sum(part.zero for part in parts),
+        used=frozenset((*places, *named)), described=f"{{column: {label}{unit}}}",
+    )  # fmt: skip
 
 
-def _last_word(column: RawColumn) -> str:
-    return "".join(tokens_of(split_header(column.name)[0])[-1:])
+def _stem(name: str) -> list[str]:
+    """Words of a name without numbers: those of `t1` and `t2`, and of `time` and `time#2`, are equal."""
+    return [word for word in tokens_of(name) if not word.isdecimal()]
 
 
-def _seconds_and_rest(columns: Sequence[RawColumn], named: list[int]) -> list[int]:
-    """Indices of the first time column and the column added to it: nanoseconds, or the time of day of a date."""
-    whole = [i for i in named if _last_word(columns[i]) in ("sec", "secs", "seconds")]
-    parts = [i for i in named if _last_word(columns[i]) in _FRACTIONS]
-    if whole and parts:
-        return [whole[0], parts[0]]
-    stamps = [columns[i].zero for i in named[:2]]
-    return named[:2] if len(stamps) == 2 and stamps[0] and stamps[1] and stamps[1] < 86_400_000_000_000 else named[:1]
-
-
-def _clock(table: RawTable, places: Sequence[int], reading: Reading, findings: list[Problem]) -> Clock:
-    """Time in s made of the columns with the indices `places`."""
-    columns = [table.columns[place] for place in places]
-    first, name = columns[0], columns[0].name
-    label = json.dumps(name if len(columns) == 1 else [column.name for column in columns], ensure_ascii=False)
-    if len(columns) > 1:
-        seconds, zero = np.zeros(len(first.values)), 0
-        for column in columns:
-            size = _FRACTIONS.get(_last_word(column), 1.0)
-            if column is not first and column.zero is None and size == 1.0:
-                message = "is added to the time, so its name must end with a unit such as nanosec"
-                raise RecordingError(message, code="unknown-unit", key=column.name)
-            # The start is subtracted first: a Unix time in s leaves too few digits of a float for the fraction.
-            whole = column.zero is None and size == 1.0 and np.isfinite(column.values[0])
-            start = round(column.values[0]) if whole else 0
-            zero += start * 10**9 + (column.zero or 0)
-            seconds += (column.values - start) * size
-        return Clock(name=name, seconds=seconds, zero=zero, described=f"{{column: {label}}}")
-    if first.zero is not None:
-        return Clock(name=name, seconds=first.values, zero=first.zero, described=f"{{column: {label}}}")
+def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> Clock:
+    """Time in s of one column. Its description is the unit."""
+    name, values = column.name, column.values
+    if column.zero is not None:
+        return Clock(name=name, seconds=values, zero=column.zero)
     plain, unit = split_header(name)
-    unit = find_unit(first.unit) or unit or (find_unit(plain) if len(plain) > 1 else None)
+    unit = unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
     factor = reading.time.factor or (unit.factor if unit is not None and unit.si == "s" else None)
-    if factor is None and first.unit:
-        hint = f"State it: --map '{name}=time [ms]'"
-        raise RecordingError(f"the unit of this time is unknown: {first.unit}", key=name, code="unknown-unit", hint=hint)
-    if not np.isfinite(first.values).any():
+    if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
-    factor = _factor(first.values, factor, name=name, findings=findings, trusted=reading.time.unit is not None)
-    seconds, date = _since_first_date(first.values, factor)
-    word = reading.time.unit or next((word for word, size in _SECONDS.items() if size == factor), unit.symbol if unit else "s")
-    return Clock(name=name, seconds=seconds, zero=date, described=f"{{column: {label}, unit: {word}}}")
-
-
-def _factor(values: Array, factor: float | None, *, name: str, findings: list[Problem], trusted: bool) -> float:
-    """Size of the time unit, s: as stated, else the largest of s, ms, us, ns with time steps up to 0.2 s, which is reported.
-
-    trusted: The user states the unit, which is not checked. Raises RecordingError where no unit gives plausible steps.
-    """
-    steps = np.abs(np.diff(values[np.isfinite(values)]))
-    step = float(np.median(steps[steps > 0])) if steps.any() else 0.0
-    usual = next((unit for unit, size in _SECONDS.items() if (step >= FASTEST or not step) and step * size <= 0.2), None)
-    if factor is None:
-        if usual is None:
-            raise RecordingError(
-                f"the time unit is unclear: the samples are {step:g} apart", key=name, code="time-unit",
-                hint=f"State it: --map '{name}=time [ms]'; s, ms, us, ns, min, h and days are known",
-            )  # fmt: skip
-        if usual != "s":
-            message = f"the time states no unit; {usual} is assumed, since the samples are {step:g} apart"
-            hint = f"State another unit with --map '{name}=time [s]', or give --rate if the column counts rows"
-            findings.append(Problem(message, key=name, hint=hint, code="time-unit-assumed"))
-        return _SECONDS[usual]
-    if step and not trusted and not FASTEST <= step * factor <= SLOWEST:
-        other = usual or "s"
-        message = f"its samples are {step * factor:g} s apart in its stated unit"
-        message += f"; in {other} they would be {step * _SECONDS[other]:g} s"
-        findings.append(Problem(message, key=name, hint=f"If so: --map '{name}=time [{other}]'", code="suspected-time"))
-    return factor
-
-
-def _since_first_date(values: Array, factor: float) -> tuple[Array, int]:
-    """Times in s, and the Unix time in ns of time 0; for Unix times the first is time 0, other times stay as they are."""
     size = float(np.nanpercentile(values, 50, method="nearest"))
+    if factor is None and size > EPOCH:  # the digits of a Unix time state its unit
+        unit = UNITS[("s", "ms", "us", "ns")[min(int(np.log10(size / EPOCH) / 3), 3)]]
+        factor = unit.factor
+    if factor is None and not alone:
+        raise RecordingError(
+            "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
+        )
+    if reading.time.factor is None:
+        _check_steps(values, factor, name=name, findings=findings)
+    seconds, date = _since_first_date(values, factor or 1.0, size)
+    word = reading.time.unit or (unit.symbol if unit is not None and factor is not None else "s")
+    return Clock(name=name, seconds=seconds, zero=date, described=word)
+
+
+def _check_steps(values: Array, factor: float | None, *, name: str, findings: list[Problem]) -> None:
+    """Report time steps that are implausible in the stated unit. Raises RecordingError where no unit is stated either."""
+    steps = np.abs(np.diff(values[np.isfinite(values)]))
+    step = float(np.median(steps[steps > 0])) * (factor or 1.0) if steps.any() else SLOWEST
+    if FASTEST <= step <= SLOWEST:
+        return
+    message = f"its samples are {step:g} {'s' if factor else 'units'} apart: is the time in another unit than s?"
+    hint = f"State the unit: --map '{name}=time [ms]' (s, ms, us, ns, min, h, days), or give --rate if the column counts rows"
+    problem = Problem(message, key=name, hint=hint, code="suspected-time" if factor else "time-unit")
+    if factor is None:
+        raise RecordingError(problem)
+    findings.append(problem)
+
+
+def _since_first_date(values: Array, factor: float, size: float) -> tuple[Array, int]:
+    """Times in s, and the Unix time in ns of time 0; for Unix times the first is time 0, other times stay as they are.
+
+    size: median of the values.
+    """
     if size * factor <= EPOCH:
         return values * factor, 0
     zero = float(values[np.abs(values - size) * factor < EPOCH][0])
@@ -245,7 +186,7 @@ def _since_first_date(values: Array, factor: float) -> tuple[Array, int]:
 def clean_time(
     time: Array, lines: NDArray[np.int64] | None, *, name: str, findings: list[Problem]
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Mask of the samples to keep: the longest series of strictly increasing times. Removed samples are reported.
+    """Mask of the samples to keep, with strictly increasing times. Removed samples are reported.
 
     Of samples with equal stamps the first is kept. Raises RecordingError where many samples are removed or the time jumps far,
     as with two time bases or two recordings in one file.
@@ -269,11 +210,15 @@ def clean_time(
     stamps = np.round(time, _DIGITS)
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
-    leave_out(repeated, "repeated time stamps", "repeated-time", 0.5, "too few digits, or a row for each of several joints")
+    why = "too few digits, a row for each of several joints, or a time in two columns (state both: `time: [sec, nanosec]`)"
+    leave_out(repeated, "repeated time stamps", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
-    if np.any(np.diff(stamps[valid]) < 0):
-        falling = np.delete(valid, rising(stamps[valid]))
-        leave_out(falling, "time stamps that do not rise", "two-time-bases", 0.1, "two time bases, or two recordings")
+    t = stamps[valid]
+    # A stamp that falls back is not above all earlier ones. A stamp that jumps ahead is not below all later ones.
+    behind = np.append(False, t[1:] <= np.maximum.accumulate(t)[:-1])
+    ahead = np.append(t[:-1] >= np.minimum.accumulate(t[::-1])[::-1][1:], False)
+    odd = valid[min(behind, ahead, key=np.sum)]
+    leave_out(odd, "time stamps that do not rise", "two-time-bases", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:
         message = f"{int(keep.sum())} samples have increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")
@@ -291,25 +236,3 @@ def clean_time(
         message = f"samples are {typical * 1e3:.4g} ms apart with a jitter of {jitter * 1e3:.2g} ms (standard deviation)"
         findings.append(Problem(message, key=name, code="jitter"))
     return keep
-
-
-def rising(values: Array) -> list[int]:
-    """Indices of the longest strictly increasing subsequence of the values (n,)."""
-    ends: list[float] = []
-    places: list[int] = []
-    before = np.full(len(values), -1)
-    for i, value in enumerate(values.tolist()):
-        length = bisect_left(ends, value)
-        if length == len(ends):
-            ends.append(value)
-            places.append(i)
-        elif value < ends[length]:
-            ends[length], places[length] = value, i
-        else:
-            continue
-        before[i] = places[length - 1] if length else -1
-    chain, place = [], places[-1]
-    while place >= 0:
-        chain.append(place)
-        place = int(before[place])
-    return chain[::-1]

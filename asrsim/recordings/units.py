@@ -106,18 +106,11 @@ def find_unit(text: str) -> Unit | None:
 
 def parse_unit(text: str) -> Unit:
     """Unit with this spelling. Raises RecordingError, which lists the known units."""
-    unit = find_unit(text) or _multiple(text)
+    unit = find_unit(text)
     if unit is None:
         hint = did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}"
         raise RecordingError("is not a known unit", value=text, hint=hint, code="unknown-unit")
     return unit
-
-
-def _multiple(text: str) -> Unit | None:
-    """Multiple of a unit, such as `250us` and `0.1 deg`; None for other text."""
-    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?(?:e-?\d+)?)\s*([^\d\s/].*)", text)
-    unit = find_unit(match[2]) if match else None
-    return None if match is None or unit is None else Unit(text.strip(), unit.si, float(match[1]) * unit.factor)
 
 
 def split_header(header: str) -> tuple[str, Unit | None]:
@@ -125,11 +118,9 @@ def split_header(header: str) -> tuple[str, Unit | None]:
     text = header.strip(' "')
     for inner in reversed([*_BRACKETED.finditer(text)]):
         name = " ".join(filter(None, (text[: inner.start()].strip(), text[inner.end() :].strip()))).rstrip("_")
-        unit = None if inner["unit"].isdecimal() else find_unit(inner["unit"]) or _multiple(inner["unit"])  # not q[1]
+        unit = None if inner["unit"].isdecimal() else find_unit(inner["unit"])  # not q[1]
         if name and unit is not None and (inner.end() == len(text) or len(unit.symbol) > 1):
             return name, unit
-    if text.endswith("°") and text[:-1].strip():
-        return text[:-1].strip(), UNITS["°"]
     head, _, last = text.rpartition(" ")
     if "/" in last.strip("/") and head and (unit := find_unit(last)) is not None:
         return head.rstrip(), unit  # dq rad/s

@@ -23,8 +23,26 @@ class Camera:
 
     eye: Array
     target: Array
-    up: Array
     field: float = FIELD
+
+    @property
+    def axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors (3,) in the world: right, up and forward in the picture."""
+        return view_axes(self.target - self.eye)
+
+
+def view_axes(direction: Array) -> tuple[Array, Array, Array]:
+    """Unit vectors (3,) to the right, up and forward of an upright camera that looks in a direction (3,)."""
+    forward = direction / np.linalg.norm(direction)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return right, np.cross(right, forward), forward
+
+
+def _direction(azimuth: float, elevation: float) -> Array:
+    """Unit vector (3,) with an azimuth from x about z and an elevation, both in degrees."""
+    a, e = np.radians(azimuth), np.radians(elevation)
+    return np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
 
 
 def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array | None:
@@ -44,29 +62,21 @@ def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array |
 def viewpoint(axis: Array | None) -> Array:
     """Direction (3,) from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
     if axis is None:
-        side, rise = np.array([np.cos(np.radians(-52.0)), np.sin(np.radians(-52.0)), 0.0]), 24.0
-    elif abs(axis[2]) > 0.8:
+        return _direction(-52.0, 24.0)
+    if abs(axis[2]) > 0.8:
         # A motion in the horizontal plane is shown from above.
-        side, rise = np.array([np.cos(np.radians(-75.0)), np.sin(np.radians(-75.0)), 0.0]), 58.0
-    else:
-        flat = np.array([axis[0], axis[1], 0.0])
-        flat /= np.linalg.norm(flat)
-        # Choose the side from which x points to the right, or y if x points away from the camera.
-        right = np.cross([0.0, 0.0, 1.0], flat)
-        if right[0] < -1e-9 or (abs(right[0]) <= 1e-9 and right[1] < 0):
-            flat = -flat
-        turn = np.radians(18.0)
-        side = np.array([flat[0] * np.cos(turn) - flat[1] * np.sin(turn), flat[0] * np.sin(turn) + flat[1] * np.cos(turn), 0.0])
-        rise = 14.0
-    return np.asarray(side * np.cos(np.radians(rise)) + np.array([0.0, 0.0, np.sin(np.radians(rise))]))
+        return _direction(-75.0, 58.0)
+    # Choose the side from which x points to the right, or y if x points away from the camera.
+    right = np.cross([0.0, 0.0, 1.0], axis)
+    turned = right[0] < -1e-9 or (abs(right[0]) <= 1e-9 and right[1] < 0)
+    x, y = (-axis if turned else axis)[:2]
+    return _direction(float(np.degrees(np.arctan2(y, x))) + 18.0, 14.0)
 
 
 def fitting_aspect(points: Array, towards: Array) -> float:
     """Width / height of the points as seen from far away, between 0.7 and 1.6."""
-    forward = -towards / np.linalg.norm(towards)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    width, height = np.ptp(points @ right), np.ptp(points @ np.cross(right, forward))
+    right, up, _ = view_axes(-towards)
+    width, height = np.ptp(points @ right), np.ptp(points @ up)
     return float(np.clip(width / max(float(height), 1e-9), 0.7, 1.6))
 
 
@@ -75,11 +85,7 @@ def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
 
     points: (k, 3) m; towards: (3,) from the scene to the camera; aspect: width / height of the picture.
     """
-    forward = -towards / np.linalg.norm(towards)
-    up = np.array([0.0, 0.0, 1.0])
-    right = np.cross(forward, up)
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
+    right, up, forward = view_axes(-towards)
     tangent = np.tan(np.radians(FIELD / 2)) / MARGIN
     target = 0.5 * (points.min(axis=0) + points.max(axis=0))
     # Centre the points in the picture, not their bounding box in the world.
@@ -90,4 +96,4 @@ def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
         far = distance + depth
         a, b = x / far, y / far
         target = target + distance * (0.5 * (a.min() + a.max()) * right + 0.5 * (b.min() + b.max()) * up)
-    return Camera(eye=target - distance * forward, target=target, up=up)
+    return Camera(eye=target - distance * forward, target=target)

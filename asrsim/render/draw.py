@@ -24,12 +24,12 @@ TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.7
 
 
 class Painter:
-    """Draws the shapes of a scene in given frames. One array stores all points of the scene, body by body."""
+    """Draws the shapes of a scene in given frames. One array stores all points of the scene."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self.bodies = tuple(dict.fromkeys(part.body for part in scene.parts))
-        parts = sorted(scene.parts, key=lambda part: self.bodies.index(part.body))
+        parts = scene.parts
         counts = np.cumsum([0, *(len(part.mesh.points) for part in parts)])
         empty = np.empty((0, 3))
         self._points = np.concatenate([empty, *(part.mesh.points for part in parts)])
@@ -45,18 +45,12 @@ class Painter:
 
     def outer_points(self, frames: Mapping[str, Array]) -> Array:
         """Outermost points (k, 3) of every body in the world, m: sufficient to place a camera."""
-        turn, shift = self._stacked(frames)
-        body = self._point_body[self._outer]
-        return np.asarray(np.einsum("kij,kj->ki", turn[body], self._points[self._outer]) + shift[body])
+        return self.points(frames)[self._outer]
 
     def points(self, frames: Mapping[str, Array]) -> Array:
         """Points (k, 3) of all shapes in the world, m."""
         turn, shift = self._stacked(frames)
-        moved = np.empty_like(self._points)
-        for number in range(len(self.bodies)):
-            mine = self._point_body == number
-            moved[mine] = self._points[mine] @ turn[number].T + shift[number]
-        return moved
+        return np.asarray(np.einsum("kij,kj->ki", turn[self._point_body], self._points) + shift[self._point_body])
 
     def image(
         self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
@@ -124,17 +118,9 @@ def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 
-def _axes(camera: Camera) -> tuple[Array, Array, Array]:
-    """Unit vectors (3,) of a camera: right, up and forward."""
-    forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
-    right = np.cross(forward, camera.up)
-    right /= np.linalg.norm(right)
-    return right, np.cross(right, forward), forward
-
-
 def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
     """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view (not positive: behind the camera)."""
-    right, up, forward = _axes(camera)
+    right, up, forward = camera.axes
     away = points - camera.eye
     near = away @ forward
     inverse = np.where(near > 1e-9, 1.0 / np.where(near > 1e-9, near, 1.0), -1.0)
@@ -144,7 +130,7 @@ def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
 
 def _rays(camera: Camera, width: int, height: int) -> Array:
     """Direction of the ray through each pixel, (height * width, 3), with component 1 along the view."""
-    right, up, forward = _axes(camera)
+    right, up, forward = camera.axes
     scale = np.tan(np.radians(camera.field / 2)) / (0.5 * height)
     x = scale * (np.arange(width) + 0.5 - 0.5 * width)
     y = scale * (0.5 * height - 0.5 - np.arange(height))
@@ -153,7 +139,7 @@ def _rays(camera: Camera, width: int, height: int) -> Array:
 
 def _light(normals: Array, corners: Array, camera: Camera) -> Array:
     """Brightness (m, 3) at the corners: a main lamp behind the camera and a weaker lamp on the opposite side."""
-    right, _, forward = _axes(camera)
+    right, _, forward = camera.axes
     view = camera.eye - corners
     # Some files have triangles with inward normals: light the side that faces the camera.
     facing = np.sign(np.einsum("mki,mki->mk", normals, view))

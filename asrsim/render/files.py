@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -65,16 +65,19 @@ def _font(size: int) -> FreeTypeFont:
     return ImageFont.truetype(str(Path((folders or ["."])[0]) / "mpl-data/fonts/ttf/DejaVuSans.ttf"), size)
 
 
-def stamped(film: Film, time: float) -> Picture:
-    """Picture of the film at a time (s), with the time in a corner and a faint robot at its equilibrium."""
+def _stamped(film: Film, times: Sequence[float], progress: Progress | None) -> Iterator[Picture]:
+    """Pictures of the film at the times (s), with the time in a corner and a faint robot at its equilibrium."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
-    frame = film.ghosted(time)
-    picture = Pictures.fromarray(frame.image)
     size = max(11, round(0.045 * (film.width * film.height) ** 0.5))
-    ImageDraw.Draw(picture).text((0.5 * size, 0.3 * size), f"{frame.time:.2f} s", fill="#4a4a4a", font=_font(size))
-    return picture
+    for number, time in enumerate(times, 1):
+        frame = film.frame(time, ghost=True)
+        picture = Pictures.fromarray(frame.image)
+        ImageDraw.Draw(picture).text((0.5 * size, 0.3 * size), f"{frame.time:.2f} s", fill="#4a4a4a", font=_font(size))
+        yield picture
+        if progress is not None:
+            progress(number / len(times))
 
 
 def strip_of(film: Film, *, count: int = ROW, progress: Progress | None = None) -> Picture:
@@ -107,11 +110,7 @@ def write_gif(film: Film, path: Path, *, speed: float = 1.0, fps: float = GIF_FP
     from PIL import Image as Pictures
 
     times = _times(film, speed, fps, most=GIF_FRAMES)
-    pictures = []
-    for number, time in enumerate(times, 1):
-        pictures.append(stamped(film, time))
-        if progress is not None:
-            progress(number / len(times))
+    pictures = list(_stamped(film, times, progress))
     # All frames share one palette: otherwise colours would flicker.
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
@@ -135,10 +134,8 @@ def write_mp4(film: Film, path: Path, *, speed: float = 1.0, fps: float = MP4_FP
         )  # fmt: skip
         try:
             writer.send(None)
-            for number, time in enumerate(times, 1):
-                writer.send(np.ascontiguousarray(stamped(film, time)))
-                if progress is not None:
-                    progress(number / len(times))
+            for picture in _stamped(film, times, progress):
+                writer.send(np.ascontiguousarray(picture))
         finally:
             with suppress(OSError):
                 writer.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -85,7 +85,10 @@ class Film:
         """Link positions (n, joints) at which springs without load rest; measured positions for joints without springs."""
         self.scene, self.notes = self._open()
         self._painter = Painter(self.scene)
-        self.camera, self.width, self.height = common_view([self])
+        self.camera: Camera
+        self.width: int
+        self.height: int
+        share_view([self])
 
     @property
     def start(self) -> float:
@@ -97,30 +100,20 @@ class Film:
         """End of the film, s."""
         return float(self.samples.time[-1])
 
-    def frame(self, time: float) -> Frame:
-        """Picture of the sample nearest to a time in s."""
+    def frame(self, time: float, *, ghost: bool = False) -> Frame:
+        """Picture of the sample nearest to a time in s. ghost: with a faint robot at the equilibrium of its springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
         touching = self._touching(row)
-        image = self._painter.image(
-            self._frames(row), self.camera, self.width, self.height, sharpness=self._sharpness,
-            touched={body for pair in touching for body in pair},
-        )  # fmt: skip
+        touched = {body for pair in touching for body in pair}
+        image = self._image(self._frames(row), touched)
+        if ghost:
+            rest = self._image(self._frames(row, self._equilibria[row]))
+            image = np.asarray((1.0 - GHOST) * image + GHOST * rest + 0.5, dtype=np.uint8)
         names = dict.fromkeys(body for pair in touching for body in pair if body in self.scene.objects)
         return Frame(time=float(self.samples.time[row]), image=image, touching=tuple(names))
 
-    def frames(self, times: Sequence[float]) -> Iterator[Frame]:
-        """Pictures at the times in s."""
-        return (self.frame(time) for time in times)
-
-    def ghosted(self, time: float) -> Frame:
-        """Picture as from `frame`, with a faint robot at the equilibrium of its springs without load."""
-        found = self.frame(time)
-        row = int(np.argmin(np.abs(self.samples.time - time)))
-        rest = self._painter.image(
-            self._frames(row, self._equilibria[row]), self.camera, self.width, self.height, sharpness=self._sharpness
-        )
-        mixed = (1.0 - GHOST) * found.image.astype(np.float64) + GHOST * rest
-        return replace(found, image=np.asarray(mixed + 0.5, dtype=np.uint8))
+    def _image(self, frames: dict[str, Array], touched: Collection[str] = ()) -> Image:
+        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, touched=touched)
 
     def _frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
         values = self.samples.values["link_position"][row] if values is None else values
@@ -146,10 +139,9 @@ class Film:
         info = replace(self.info, urdf=_shape_only(self.info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
         with TemporaryDirectory(prefix="asrsim-render-") as folder:
             scenario, robot = restore(info, Path(folder))
-            shown = drawable(robot, scenario.package_paths)
-            scene = Scene(shown.robot, scenario)
-        missing = [str(warning) for warning in shown.warnings if warning.key is None]  # warnings on pictures, not on collisions
-        return scene, (*missing, *shown.notes, *scene.notes)
+            shown, notes = drawable(robot, scenario.package_paths)
+            scene = Scene(shown, scenario)
+        return scene, (*notes, *scene.notes)
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
         """Outermost points of all bodies during the motion (k, 3) m, the joints' axes, and the range of each joint (rad)."""
@@ -173,8 +165,8 @@ class Film:
         return np.asarray(_STEADY * even + (1 - _STEADY) * way / way[-1] if way[-1] > 0.0 else even)
 
 
-def common_view(films: Sequence[Film]) -> tuple[Camera, int, int]:
-    """Camera that sees the motion of all films, and width and height of the pictures in pixels."""
+def share_view(films: Sequence[Film]) -> None:
+    """Set one camera, which sees the motion of all films, and one size of their pictures."""
     seen = [film._sight() for film in films]
     cloud = np.concatenate([points for points, _, _ in seen])
     axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
@@ -184,14 +176,9 @@ def common_view(films: Sequence[Film]) -> tuple[Camera, int, int]:
     size = films[0]._size
     # Video encoders need even numbers.
     width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
-    return fit_camera(cloud, towards, aspect=width / height), width, height
-
-
-def share_view(films: Sequence[Film]) -> None:
-    """Set the same camera and size for the films of compared runs."""
-    view = common_view(films)
+    camera = fit_camera(cloud, towards, aspect=width / height)
     for film in films:
-        film.camera, film.width, film.height = view
+        film.camera, film.width, film.height = camera, width, height
 
 
 def even_times(film: Film, count: int) -> list[float]:

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.render.frames import frame, pose_frame, rpy_frame
 from asrsim.render.mesh_files import read_mesh
 from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
 from asrsim.robot import Robot
 from asrsim.robot.chain import Chain
+from asrsim.robot.model import Vector
+from asrsim.robot.poses import rotation_matrix
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario, World
 
@@ -42,17 +43,17 @@ class Scene:
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
         world = scenario.world
         self.notes: list[str] = []
-        self.base = rpy_frame(scenario.base_position, scenario.base_rpy)
+        self.base = _rpy_frame(scenario.base_position, scenario.base_rpy)
         """Frame (4, 4) of the root link at the start."""
         self._chain = Chain(robot=robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy)
         self.joints = robot.outward_joints
         """Joints sorted so that a parent's joint precedes its children's."""
-        self.origins = {joint.name: rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
+        self.origins = {joint.name: _rpy_frame(joint.origin, joint.rpy) for joint in self.joints}
         """Joint -> its frame (4, 4) in the parent's frame."""
         self.root = robot.root.name
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
-        self.objects = {item.name: rpy_frame(item.position, item.rpy) for item in world.objects}
+        self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}
         self._read = cache(read_mesh)
         self.parts = self._robot_parts(robot) + self._object_parts(world)
 
@@ -62,13 +63,13 @@ class Scene:
         positions: joint -> position in rad or m, 0 if missing; poses: body -> x y z, quaternion x y z w, of objects and of a
         floating base.
         """
-        root = pose_frame(poses[self.root]) if self.root in poses else self.base
+        root = _pose_frame(poses[self.root]) if self.root in poses else self.base
         links = self._chain.poses(
             {name: np.array([at]) for name, at in positions.items()}, (root[None, :3, :3], root[None, :3, 3])
         )
-        frames = {link: frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
+        frames = {link: _frame(position[0], rotation[0]) for link, (rotation, position) in links.items()}
         for name, at_start in self.objects.items():
-            frames[name] = pose_frame(poses[name]) if name in poses else at_start
+            frames[name] = _pose_frame(poses[name]) if name in poses else at_start
         return frames
 
     def axes(self, frames: Mapping[str, Array]) -> dict[str, Array]:
@@ -83,7 +84,7 @@ class Scene:
                 mesh = self._mesh(shape.kind, shape.scale if file else shape.size, file, f"the mesh of link '{link.name}'")
                 if mesh is None:
                     continue
-                placed = _placed(mesh, rpy_frame(shape.origin, shape.rpy))
+                placed = _placed(mesh, _rpy_frame(shape.origin, shape.rpy))
                 parts.append(Part(body=link.name, mesh=placed, colours=_coloured(placed, shape.colour)))
         return parts
 
@@ -108,6 +109,25 @@ class Scene:
 
 
 _ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}
+
+
+def _frame(position: Array, rotation: Array) -> Array:
+    """Homogeneous frame (4, 4) at a position (3,) in m."""
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = rotation, position
+    return result
+
+
+def _rpy_frame(position: Vector, rpy: Vector) -> Array:
+    """Frame (4, 4) of a URDF `<origin xyz rpy>`, m and rad."""
+    return _frame(np.array(position), rotation_matrix(rpy))
+
+
+def _pose_frame(pose: Array) -> Array:
+    """Frame (4, 4) of a logged pose: x y z (m), quaternion x y z w."""
+    from scipy.spatial.transform import Rotation
+
+    return _frame(pose[:3], np.asarray(Rotation.from_quat(pose[3:7]).as_matrix()))
 
 
 def _placed(mesh: Mesh, origin: Array) -> Mesh:

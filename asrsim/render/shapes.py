@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from asrsim.errors import Problem, listed
+from asrsim.errors import listed
 from asrsim.robot import Robot
 from asrsim.robot.engine_text import usable_shapes
 from asrsim.robot.model import Shape
@@ -20,32 +20,8 @@ _ROD_COLOURS: tuple[Colour, ...] = ((0.84, 0.37, 0.0, 1.0), (0.0, 0.45, 0.70, 1.
 _BALL_COLOUR: Colour = (0.15, 0.15, 0.17, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drawable:
-    """Robot whose moving links all have visuals."""
-
-    robot: Robot
-    """Robot whose visuals name their meshes by file path."""
-    warnings: tuple[Problem, ...]
-    """Warnings about meshes that cannot be used."""
-    collisions: tuple[str, ...]
-    """Links drawn by their collision shapes."""
-    rods: tuple[str, ...]
-    """Links drawn as a rod and a ball."""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Notes for the user on links drawn without visuals."""
-        said = []
-        if self.collisions:
-            said.append(f"links without visuals, drawn by their collision shapes: {listed(self.collisions, 6)}")
-        if self.rods:
-            said.append(f"links without shapes, drawn as rods: {listed(self.rods, 6)}")
-        return tuple(said)
-
-
-def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> Drawable:
-    """The robot with visuals added for links that have none.
+def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> tuple[Robot, tuple[str, ...]]:
+    """The robot with visuals added for links that have none, and notes on meshes and links for the user.
 
     Fixed links without children get no visuals. A rod leads from a link's frame to each joint attached to the link, or to
     its centre of mass; its thickness follows from the rods' lengths.
@@ -66,7 +42,13 @@ def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None
             rods.append(link.name)
             visuals = tuple(shape for end in ends[link.name] for shape in _rod(end, radius, _ROD_COLOURS[number % 2]))
         links.append(replace(link, visuals=visuals))
-    return Drawable(robot=replace(robot, links=tuple(links)), warnings=warnings, collisions=tuple(collisions), rods=tuple(rods))
+    # Warnings with a key are about collision shapes, which pictures do not show.
+    notes = [str(warning) for warning in warnings if warning.key is None]
+    if collisions:
+        notes.append(f"links without visuals, drawn by their collision shapes: {listed(collisions, 6)}")
+    if rods:
+        notes.append(f"links without shapes, drawn as rods: {listed(rods, 6)}")
+    return replace(robot, links=tuple(links)), tuple(notes)
 
 
 def _rod_ends(robot: Robot) -> dict[str, list[Array]]:

@@ -74,7 +74,7 @@ def box(size: Array) -> Mesh:
 
 def sphere(radius: float) -> Mesh:
     """Sphere; radius in m."""
-    return _turned(*_arc(radius, 0.0, -0.5 * math.pi, 0.5 * math.pi))
+    return capsule(radius, 0.0)
 
 
 def cylinder(radius: float, length: float) -> Mesh:
@@ -87,14 +87,9 @@ def cylinder(radius: float, length: float) -> Mesh:
 
 def capsule(radius: float, length: float) -> Mesh:
     """Cylinder about z with a half sphere at each end; `length` is that of the cylinder, m."""
-    low, high = _arc(radius, -0.5 * length, -0.5 * math.pi, 0.0), _arc(radius, 0.5 * length, 0.0, 0.5 * math.pi)
-    return _turned(np.concatenate([low[0], high[0]]), np.concatenate([low[1], high[1]]))
-
-
-def _arc(radius: float, height: float, start: float, end: float) -> tuple[Array, Array]:
-    angles = np.linspace(start, end, SIDES // 2 if end - start > 2 else SIDES // 4)
+    angles = np.linspace(-0.5 * math.pi, 0.5 * math.pi, SIDES // 2)
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    return radius * normals + [0.0, height], normals
+    return _turned(radius * normals + [[0.0, math.copysign(0.5 * length, angle)] for angle in angles], normals)
 
 
 def _turned(profile: Array, normals: Array) -> Mesh:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ import numpy as np
 from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics import MetricRow, summarise
+from asrsim.metrics import METRICS, MetricRow, read_metrics, summarise
 from asrsim.plain import Shape, misfit
 from asrsim.plots.recorded import RECORDED
 from asrsim.report.html import data_address
@@ -52,9 +51,6 @@ _SUMMARY_SHAPE: Shape = {
 }  # fmt: skip
 """Keys and types of `summary.json` that the page uses. A summary of another structure was edited: its numbers are recomputed.
 """
-_METRICS_SHAPE: Shape = {
-    "metrics": [{"source": str, "joint": str, "quantity": str, "measure": str, "unit": str, "value": _NUMBER}],
-}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,20 +134,16 @@ def find_comparison(folder: Path) -> Compared | None:
     pictures: list[Path] = []
     first: Path | None = None
     for place in _compared_folders(folder):
-        with suppress(OSError, ValueError, RecursionError):
-            data = json.loads((place / "metrics.json").read_text(encoding="utf-8"))
-            if misfit(data, _METRICS_SHAPE):
-                continue
-            rows = data["metrics"]
-            metrics += [MetricRow(**{**row, "value": math.nan if row["value"] is None else row["value"]}) for row in rows]
+        with suppress(OSError, ValueError):
+            metrics += read_metrics(place / METRICS)
             pictures += sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
             first = first or place
     return None if first is None else Compared(folder=first, metrics=tuple(metrics), pictures=tuple(pictures[:PICTURES]))
 
 
 def _compared_folders(folder: Path) -> list[Path]:
-    inner = sorted(path.parent for path in folder.glob("*/metrics.json") if path.parent.name != "compared")
-    return [folder, folder / "compared", *inner, *sorted(path.parent for path in folder.glob("*/compared/metrics.json"))]
+    inner = sorted(path.parent for path in folder.glob(f"*/{METRICS}") if path.parent.name != "compared")
+    return [folder, folder / "compared", *inner, *sorted(path.parent for path in folder.glob(f"*/compared/{METRICS}"))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +179,9 @@ def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
         times = telling_times(list(films.values()), FRAMES)
         for log, film in films.items():
             buffer = BytesIO()
-            film_strip(list(film.frames(times)), letters=0.07).save(buffer, format="JPEG", quality=84, optimize=True)
+            film_strip([film.frame(time) for time in times], letters=0.07).save(
+                buffer, format="JPEG", quality=84, optimize=True
+            )
             strips[log] = data_address(buffer.getvalue(), "image/jpeg")
     names = [label for log, label in zip(logs, labels, strict=True) if log in films]
     return Films(strips=strips, motion=motion_data(list(films.values()), names), notes=tuple(said))

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.figures import describe, joint_names
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
 from asrsim.plots.world import body_panels
-from asrsim.report.series import PageRun, pack
+from asrsim.report.series import pack
 from asrsim.samples import Array
 
 DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
@@ -34,16 +34,15 @@ Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
 """(joint, quantity, number of the run) -> time and values of a recording."""
 
 
-def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
+def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
     """Section of each joint: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
-    curves = [run.curves for run in runs]
     sections = []
-    for joint in joint_names(curves):
-        info = next(info for run in curves for info in run.joints if info.name == joint)
+    for joint in joint_names(runs):
+        info = joint_info(runs, joint)
         plots = []
         for key in (*JOINT_PANELS, *ENERGY_PANELS):
             panel = PANELS[key]
-            drawn = content(panel, curves, joint)
+            drawn = content(panel, runs, joint)
             if not drawn:
                 continue
             units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn)
@@ -114,6 +113,6 @@ def _envelope(grid: Array, time: Array, values: Array) -> Array:
     """Smallest and largest value in every interval of the grid."""
     step = grid[1] - grid[0]
     start = float(grid[0] - 0.5 * step)
-    envelope = Envelope(1, start=start, end=start + step * len(grid), bins=len(grid) // 2)
+    envelope = Envelope(start=start, end=start + step * len(grid), bins=len(grid) // 2)
     envelope.add(time, values[:, None])
     return envelope.pairs(0)

@@ -51,18 +51,8 @@ class Grid:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageRun:
-    """Series of a run on the page's grid."""
-
-    curves: RunCurves
-    """Names and descriptions of the run; its curves are the page's series."""
-    series: Mapping[tuple[str, str], Array]
-    """(joint, quantity) -> values (count,)."""
-
-
-def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[PageRun]]:
-    """Common grid as fine as `BUDGET` permits, and the runs' series on it; every extreme is kept. Raises LogError."""
+def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[RunCurves]]:
+    """Common grid as fine as `BUDGET` permits, and the runs' curves on it; every extreme is kept. Raises LogError."""
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
@@ -90,7 +80,7 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
 _DERIVED = ("deflection", "equilibrium_position", "position_error", "reference_position")
 
 
-def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
+def _read(source: CurveSource, grid: Grid, duration: float) -> RunCurves:
     envelope: Envelope | None = None
     whole = np.full((grid.count, len(source.columns)), np.nan) if not grid.thinned else np.empty((0, 0))
     count = 0
@@ -101,31 +91,16 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
             whole[rows] = matrix
             continue
         if envelope is None:
-            envelope = Envelope(len(source.columns), start=0.0, end=duration, bins=grid.count // 2)
+            envelope = Envelope(start=0.0, end=duration, bins=grid.count // 2)
         envelope.add(part.time, matrix)
     if not count:
         raise LogError("the log contains no samples", file=source.reader.path, code="empty-log")
-    series: dict[tuple[str, str], Array] = {}
+    curves: dict[tuple[str, str], Curve] = {}
     for index, column in enumerate(source.columns):
         values = whole[:, index] if envelope is None else envelope.pairs(index)
         if np.isfinite(values).any():
-            series[column] = values
-    time = grid.time
-    reader = source.reader
-    return PageRun(
-        series=series,
-        curves=RunCurves(
-            path=reader.path,
-            info=reader.info,
-            label=reader.info.variant or reader.path.stem,
-            joints=source.joints,
-            curves={column: Curve(time=time, values=values) for column, values in series.items()},
-            metadata=reader.metadata,
-            status=reader.status,
-            duration=reader.duration,
-            samples=count,
-        ),
-    )
+            curves[column] = Curve(time=grid.time, values=values)
+    return source.run(curves, count)
 
 
 def pack(values: Array) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def write_report(
     check_output(page, "page", inputs=logs)
     tell("reading", 0.1)
     grid, runs = read_runs(logs, quantities=QUANTITIES)
-    labels = [run.label for run in distinct_labels([run.curves for run in runs])]
+    labels = [run.label for run in distinct_labels(runs)]
     tell("reading", 0.5)
     contents = [read_content(log) for log in logs]
     tell("reading", 0.8)

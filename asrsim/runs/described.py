@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,11 @@ from asrsim.document.block import declared_keys
 from asrsim.errors import AsrsimError
 from asrsim.outfile import csv_text
 from asrsim.plain import mapped
-from asrsim.robot.model import Robot
+from asrsim.robot import Robot, load_robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.joint_keys import EQUILIBRIUM, INVERSE_DYNAMICS
+from asrsim.scenario.joint_keys import EQUILIBRIUM
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -31,14 +32,15 @@ LIVE = "live"
 """Metadata key: the run was live, and its log contains the commands from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
-    "resolved", "lines", "joint_order", "namespace", "desired", "inverse_dynamics",
+    "resolved", "lines", "joint_order", "namespace", "desired",
 }  # fmt: skip
 
 
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
-    """Description of a run, with all changes of the scenario and robot since they were read.
+    """Description of a run, with all changes of the scenario and of the robot's actuators since they were read.
 
-    Computed references become playbacks of an attached table. Other changes are written under their key in the scenario.
+    Computed references become playbacks of an attached table. Other changes are written under their key in the scenario. A
+    run with other changes of the robot is marked as unrepeatable.
     The scenario's path becomes absolute, so that runs of different projects can be distinguished.
 
     Args:
@@ -63,32 +65,31 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
                         _named(resolved, name, value, files)
                 except TypeError:
                     lost.append(name)
-        tables = ("references", "inverse_dynamics")
-        if any(not _alike(getattr(scenario, name), getattr(as_read, name)) for name in tables):
-            # The key of inverse dynamics is part of `references`, which may be rewritten above.
-            written = {joint: dict(signals) for joint, signals in resolved.get("references", {}).items()}
-            for signals in written.values():
-                signals.pop(INVERSE_DYNAMICS, None)
-            for joint, wanted in scenario.inverse_dynamics.items():
-                written.setdefault(joint, {})[INVERSE_DYNAMICS] = wanted
-            resolved["references"] = written
         if not scenario.expect:
             resolved.pop("expect", None)
-    urdf = info.urdf
     if robot is not None:
-        from asrsim.runs.urdf import urdf_as_run
-
-        urdf, blocks, faults = urdf_as_run(robot)
-        lost += faults
-        for joint, (mode, parameters) in blocks.items():
-            resolved["modes"] = {joint: mode, **_by_joint(resolved.get("modes", {}))}
-            own = {**parameters, **resolved.get("parameters", {}).get("*", {}), **resolved.get("parameters", {}).get(joint, {})}
-            resolved["parameters"] = {**resolved.get("parameters", {}), joint: own}
+        read = _robot_as_read(robot)
+        if (robot.joints, robot.links) != (read.joints, read.links):
+            lost.append("the robot's joints and links")
+        for block, before in zip(robot.actuators, read.actuators, strict=True):
+            if (block.mode, block.values()) != (before.mode, before.values()):
+                joint, parameters = block.joint, resolved.get("parameters", {})
+                resolved["modes"] = {joint: block.mode, **_by_joint(resolved.get("modes", {}))}
+                own = {**block.values(), **parameters.get("*", {}), **parameters.get(joint, {})}
+                resolved["parameters"] = {**parameters, joint: own}
     metadata = {**info.metadata, UNREPEATABLE: ", ".join(lost)} if lost else info.metadata
     return replace(
-        info, resolved={**info.resolved, "scenario": resolved}, attachments={**info.attachments, **files}, urdf=urdf,
+        info, resolved={**info.resolved, "scenario": resolved}, attachments={**info.attachments, **files},
         scenario_path=origin_of(scenario), metadata=metadata,
     )  # fmt: skip
+
+
+def _robot_as_read(robot: Robot) -> Robot:
+    """Robot as its text states it, without later changes."""
+    with TemporaryDirectory(prefix="asrsim-") as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(robot.text, encoding="utf-8")
+        return load_robot(path)
 
 
 def _as_read(scenario: Scenario) -> Scenario | None:

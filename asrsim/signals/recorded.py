@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,23 +37,23 @@ def read_column(path: Path, column: str, time_column: str | None) -> tuple[Array
     from asrsim.recordings.names import find_raw
     from asrsim.recordings.read import in_si
 
-    content, reading = _read(path, *_newest(path))
+    content, reading = _read(path, time_column, *_newest(path))
     table = next((one for one in content.tables if find_raw(column, one.columns) is not None), None)
     if table is None:
         raise _no_column(path, [one for each in content.tables for one in each.columns], column, "column")
     values = table.columns[find_raw(column, table.columns) or 0]
-    seconds, clock = _times(path, table, time_column, reading)
+    seconds, clock = _times(path, table, reading)
     problems = [finding for finding in content.findings if finding.line is not None and finding.key is None]  # skipped rows
-    for one in ([clock] if clock is not None and clock is not values else []) + [values]:
-        problems += _gaps(path, table, one)
+    for one in dict.fromkeys((clock, values)):
+        problems += [] if one is None else _gaps(path, table, one)
     kept = np.isfinite(seconds)
-    if table.received is not None:  # of messages with equal stamps the last counts, as for a receiver that is polled
+    if table.name:  # of messages with equal stamps the last counts, as for a receiver that is polled
         kept[:-1] &= np.diff(seconds) != 0.0
     finite = np.flatnonzero(kept)
     for bad in np.flatnonzero(np.diff(seconds[finite]) <= 0.0)[:MAX_PROBLEMS]:
         before, after = finite[bad], finite[bad + 1]
         message = f"time {seconds[after]:.9g} follows {seconds[before]:.9g}, but times must ascend"
-        name = table.name or None if clock is None else clock.name
+        name = table.name or (None if clock is None else clock.name)
         problems.append(Problem(message, file=path, line=_line(table, after), key=name, code="csv-time"))
     if problems:
         raise RecordingError(problems)
@@ -66,7 +67,7 @@ def series_names(path: Path) -> tuple[str, ...]:
     """Headers of all columns without units. Raises RecordingError for a file without a table."""
     from asrsim.recordings.units import split_header
 
-    content, _ = _read(path, *_newest(path))
+    content, _ = _read(path, None, *_newest(path))
     return tuple(split_header(column.name)[0] for table in content.tables for column in table.columns)
 
 
@@ -80,42 +81,36 @@ def _newest(path: Path) -> tuple[int, int]:
 
 # Cached, as a scenario often plays several columns of one file.
 @lru_cache(maxsize=2)
-def _read(path: Path, _file: int, _document: int) -> tuple[Content, Reading]:
+def _read(path: Path, time_column: str | None, _file: int, _document: int) -> tuple[Content, Reading]:
     from asrsim.recordings.formats import content_of
-    from asrsim.recordings.reading import resolve_reading
+    from asrsim.recordings.reading import TimeKeys, resolve_reading
 
     reading = resolve_reading(None, path)
+    if time_column is not None:
+        reading = replace(reading, time=TimeKeys(column=time_column))
     return content_of(path, reading), reading
 
 
-def _times(path: Path, table: RawTable, wanted: str | None, reading: Reading) -> tuple[Array, RawColumn | None]:
-    """Times in s and their column: the wanted column, else the document's, else the first column with the name of a time."""
+def _times(path: Path, table: RawTable, reading: Reading) -> tuple[Array, RawColumn | None]:
+    """Times in s and their column: the stated column, else the first column with the name of a time."""
     from asrsim.recordings.names import find_raw, stated_unit
     from asrsim.recordings.times import is_named_time
 
-    if wanted is None and reading.time.rate is not None:
+    if reading.time.rate is not None:
         return np.arange(len(table.columns[0].values)) / reading.time.rate, None
-    stated = wanted or (reading.time.columns[0] if len(reading.time.columns) == 1 else None)
-    if table.received is not None and stated in (None, "header", "received"):
-        stamps = table.stamped if stated == "header" else table.received
-        if stamps is None:
-            message = f"{table.name}: the messages have no stamp in a header"
-            raise RecordingError(message, file=path, key="time", code="no-time")
-        return np.asarray(stamps * 1e-9, dtype=np.float64), None
-    if stated is not None:
-        place = find_raw(stated, table.columns)
+    place = next((i for i, column in enumerate(table.columns) if is_named_time(column)), None)
+    if len(reading.time.columns) == 1:
+        place = find_raw(reading.time.columns[0], table.columns)
         if place is None:
-            raise _no_column(path, table.columns, stated, "time")
-        clock = table.columns[place]
-    elif named := [column for column in table.columns if is_named_time(column)]:
-        clock = named[0]
-    else:
+            raise _no_column(path, table.columns, reading.time.columns[0], "time")
+    if place is None:
         names = tuple(column.name for column in table.columns)
         hint = "Name the time column with the key 'time'"
         raise RecordingError("no column is called time or t", file=path, choices=names, hint=hint, code="no-column")
+    clock = table.columns[place]
     unit = None if clock.zero is not None else stated_unit(clock.name, clock.unit)
-    factor = reading.time.factor if wanted is None and reading.time.factor is not None else 1.0 if unit is None else unit.factor
-    return clock.values * factor, clock
+    zero = clock.zero * 1e-9 if table.name and clock.zero else 0.0
+    return zero + clock.values * (reading.time.factor or (1.0 if unit is None else unit.factor)), clock
 
 
 def _no_column(path: Path, columns: Sequence[RawColumn], wanted: str, key: str) -> RecordingError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from math import prod
 from typing import Any
 from weakref import ref
 
@@ -14,6 +15,8 @@ from asrsim.samples import Array
 from asrsim.simulation.layout import E_VELOCITY
 
 NO_RECORD = Record(0, None)
+NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
+"""Wrenches of a kick without wrenches, and the length of a kick of one piece."""
 
 
 class BoundEngine:
@@ -21,7 +24,9 @@ class BoundEngine:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self._exchange = np.zeros((len(engine.joints), 5))
+        self._exchange = np.zeros((0, len(engine.joints), 5))
+        self._parts: list[Array] = []
+        """The exchange for kicks of 0, 1, ... pieces."""
         self._world: int | None = None
         """Number of the world whose state the engine contains; None if it is no world's."""
         self.watch: Callable[[], None] | None = None
@@ -32,17 +37,21 @@ class BoundEngine:
         """Address of its step."""
         return self._step
 
-    def borrow(self, wrenches: Array) -> tuple[Array, Any]:
-        """The exchange array (joints, 5) and a record for one call of the kernel. wrenches: an example array (w, 6)."""
+    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
+        """The exchange array (pieces, joints, 5) and a record for one call of the kernel. pieces: largest number of pieces of a
+        kick; wrenches: number of wrenches."""
+        if len(self._exchange) < pieces:
+            self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
+            self._parts = [self._exchange[:count] for count in range(pieces + 1)]
         return self._exchange, NO_RECORD
 
     def give_back(self, record: Any) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
-    def _step(self, x: Any, exchange: Any, wrenches: Array, fraction: float) -> None:
+    def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
         if self.watch is not None:
             self.watch()
-        self.engine.step(self._exchange, wrenches, fraction)
+        self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
 
     def leave(self, states: Any, world: int | None) -> None:
         """Save the engine's state, which is about to be replaced by the state of another world or by a new one."""
@@ -72,43 +81,46 @@ class CalledEngine(BoundEngine):
         super().__init__(engine)
         own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
 
-        def called(record: int, x: int, exchange: int, wrenches: int, fraction: float) -> None:
+        def called(record: int, x: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
             engine = own()
             if engine is not None:
-                engine._called(wrenches, fraction)
+                engine._called(wrenches, lengths, pieces)
 
-        self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 4, ctypes.c_double)(called)
-        self._wrenches = np.zeros((0, 6))
+        self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(called)
+        self._wrenches = 0
         self._raised: BaseException | None = None
 
-    def borrow(self, wrenches: Array) -> tuple[Array, Any]:
+    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
         """Exchange array and record for one call of the kernel; see `BoundEngine.borrow`."""
         self._wrenches = wrenches
-        return self._exchange, NO_RECORD
+        return super().borrow(pieces, wrenches)
 
     @property
     def step(self) -> Any:
         """Address of its step."""
         return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
-    def _called(self, wrenches: int, fraction: float) -> None:
+    def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
         # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
-                row = self._wrenches
-                if len(row):
-                    row = np.array((ctypes.c_double * row.size).from_address(wrenches)).reshape(row.shape)
-                self._step(None, None, row, fraction)
+                forces = _numbers_at(wrenches, (pieces, self._wrenches, 6)) if self._wrenches else NO_WRENCHES
+                self._step(None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:
             self._raised = error
-        self._exchange[:, E_VELOCITY] = np.nan
+        self._exchange[..., E_VELOCITY] = np.nan
 
     def give_back(self, record: Any) -> None:
         """The call is over."""
         if self._raised is not None:
             error, self._raised = self._raised, None
             raise error
+
+
+def _numbers_at(address: int, shape: tuple[int, ...]) -> Array:
+    """Copy of the array at an address."""
+    return np.array((ctypes.c_double * prod(shape)).from_address(address)).reshape(shape)
 
 
 class NativeEngine(BoundEngine):
@@ -127,10 +139,10 @@ class NativeEngine(BoundEngine):
         """Address of its step."""
         return self._address
 
-    def borrow(self, wrenches: Array) -> tuple[Array, Any]:
+    def borrow(self, pieces: int, wrenches: int) -> tuple[Array, Any]:
         """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
         record = self._records.pop() if self._records else self._make_record()
-        return np.zeros((self._joints, 5)), record
+        return np.zeros((pieces, self._joints, 5)), record
 
     def give_back(self, record: Any) -> None:
         """The call is over."""

@@ -81,6 +81,8 @@ class Core:
         """(worlds,): number of substeps done."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """(worlds, 2): state of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`), and the joint at fault."""
+        self._pieces = 1
+        """Largest number of pieces of a kick so far."""
         self._engines = [self._bound(engine, prepared)] * worlds
         self.X: Any = [None] * worlds
         """States of the engine: an array (worlds, values) if the engine has a compiled step, else a list of state objects."""
@@ -185,11 +187,13 @@ class Core:
     # -- running ----------------------------------------------------------------------------------------------------
 
     def taken(self, given: Given) -> Given:
-        """The inputs as :meth:`run` takes them: in plain Python, lists."""
+        """The inputs as :meth:`run` takes them: in plain Python, lists, except for the arrays that the engine receives."""
+        if given.cuts.size:
+            self._pieces = max(self._pieces, int((given.cuts[..., 2] - given.cuts[..., 1]).max()))
         if self.compiled:
             return given
-        lists: Any = [table if table is given.wrenches else table.tolist() for table in given]
-        return Given(*lists)
+        lists: Any = [table.tolist() for table in given]
+        return Given(*lists)._replace(wrenches=given.wrenches, lengths=given.lengths)
 
     def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
         """Advance worlds by rows of what is given; options: first, count, every, watched, columns, out, rows, references; see
@@ -206,7 +210,7 @@ class Core:
         native = isinstance(bound, NativeEngine)
         if not native:
             bound.enter(self.X, int(which[0, 0]))
-        exchange, record = bound.borrow(given.wrenches[0, 0])
+        exchange, record = bound.borrow(self._pieces, given.wrenches.shape[2])
         self._run(
             which, *options[:4], self.done, self.fault, self.S, self.P, self._kinds, self._z,
             self.X if native else self.S[:, 0], *given, exchange, bound.step, record.address, *options[4:],
@@ -217,7 +221,7 @@ class Core:
         ((world, *places),) = which.tolist()
         bound.enter(self.X, world)
         state = self.S[world].tolist()
-        exchange, _ = bound.borrow(given.wrenches[0, 0])
+        exchange, _ = bound.borrow(self._pieces, given.wrenches.shape[2])
         own = slice(world, world + 1)
         columns, out, rows, references = options[4:]
         try:

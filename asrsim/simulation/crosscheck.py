@@ -72,9 +72,10 @@ def cross_check(
     found = np.full((2, 2, len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
+    logged = motion(chunks)
     try:
         again = _run(replace(same, engine=other), robot, progress and partial(progress, other))
-        version, found = again.info.metadata["engine_version"], _differences(motion(chunks), again)
+        version, found = again.info.metadata["engine_version"], _differences(logged, again)
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -86,7 +87,17 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        finding, note = _verdict(same, robot, other, worst, difference, progress)
+        sensitivity = _sensitivity(same, logged, robot, progress and partial(progress, "sensitivity"))
+        if difference <= SENSITIVE * sensitivity:
+            note = (
+                f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
+                f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
+            )
+        else:
+            finding = (
+                f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
+                f"(at most {LIMIT:g} is rounding): one of them is wrong"
+            )
     keys = ("position_max", "position_rms", "torque_max", "torque_rms")
     values = {name: map(finite_or_none, found[:, :, j].T.ravel().tolist()) for j, name in enumerate(names)}
     return {
@@ -96,31 +107,9 @@ def cross_check(
     }  # fmt: skip
 
 
-def _verdict(
-    scenario: Scenario,
-    robot: Robot | None,
-    other: str,
-    worst: str,
-    difference: float,
-    progress: Callable[[str, float], None] | None,
-) -> tuple[str, str]:
-    """Finding and note on a difference. The difference is a fault, unless the motion amplifies small changes as much."""
-    sensitivity = _sensitivity(scenario, robot, progress)
-    if difference <= SENSITIVE * sensitivity:
-        return "", (
-            f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from itself by "
-            f"{sensitivity:.2g} rad; what {other} differs by says nothing of either engine"
-        )
-    finding = (
-        f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
-        f"(at most {LIMIT:g} is rounding): one of them is wrong"
-    )
-    return finding, ""
-
-
-def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[str, float], None] | None) -> float:
-    """Difference in rad between the run and a run whose joints start with an offset of `NUDGE`; infinite if only one of them
-    reaches the end."""
+def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None) -> float:
+    """Difference in rad of the logged motion from a run whose joints start with an offset of `NUDGE`; infinite if that run
+    diverges."""
     from asrsim.scenario import checked_robot
 
     known = robot if robot is not None else checked_robot(scenario)[0]
@@ -131,11 +120,8 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    tell = progress and partial(progress, "sensitivity")
-    first, second = (_run(one, known, tell) for one in (scenario, replace(scenario, initial_positions=nudged)))
-    if "diverged" in (first.status, second.status) or first.samples is None:
-        return math.inf
-    return float(_differences(motion([first.samples]), second)[0, 0].max())
+    moved = _run(replace(scenario, initial_positions=nudged), known, progress)
+    return math.inf if moved.status == "diverged" else float(_differences(logged, moved)[0, 0].max())
 
 
 def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from asrsim.simulation.effects import through
 from asrsim.simulation.layout import GOALS
 from asrsim.simulation.rows import shape_of
 from asrsim.simulation.sensors import Sensor
-from asrsim.simulation.wrenches import wrench_table
 
 REST = Constant(value=0.0)
 KEPT = 3
@@ -44,47 +43,32 @@ class Cut:
 
 
 class Given(NamedTuple):
-    """Inputs of n substeps. Worlds with equal inputs share a set; see `asrsim.simulation.kernel.run`."""
+    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split. Worlds with equal inputs share a set
+    of inputs and references; worlds with equal signals and times share a set of the other tables."""
 
     inputs: Array
-    """(sets, n, joints, columns): external torques, references mapped to motors, and for each sensor whether it samples then,
-    and its noise."""
+    """(sets, rows, joints, columns): external torques, references mapped to motors, and for each sensor whether it takes a
+    sample, and its noise."""
     references: Array
-    """(sets, n, joints, columns): external torques and references, as they are given."""
+    """(sets, rows, joints, columns): external torques and references, as they are given."""
     wrenches: Array
-    """(sets, n, w, 6) N, N m: wrenches as means over the kicks."""
+    """(sets, rows, w, 6) N, N m: forces and torques of the wrenches."""
+    lengths: Array
+    """(sets, rows): length of a kick that is not split, 1, or of a piece, as a share of a substep."""
     cuts: NDArray[np.int64]
-    """(sets, c, 3): kicks that are split because inputs jump; row of the kick, first piece, and index after the last piece."""
-    fractions: Array
-    """(pieces,): lengths of the pieces, as fractions of a substep."""
-    on_time: NDArray[np.bool_]
-    """(pieces,): whether a piece begins at the time of the whole substep."""
-    pieces: Array
-    """(pieces, joints, columns): inputs during the pieces."""
+    """(sets, c, 4): split kicks; row of the kick, first row and last row + 1 of its pieces, row of the piece that begins at the
+    time of the substep. -1: no more."""
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Inputs of a scenario for the substeps first .. first + n - 1."""
+    """Inputs of a scenario for `count` substeps; the rows of pieces follow those of the substeps."""
 
-    first: int
-    references: Array
-    """External torques and references, (n + pieces, joints, columns): see :data:`asrsim.simulation.layout.EXTERNAL`; the
-    pieces of the kicks that are cut stand behind."""
+    count: int
     sensors: Array
-    """(n, joints, columns): whether each sensor takes a sample, and its noise."""
-    wrenches: Array
-    """(n, w, 6) N, N m: wrenches as means over the kicks."""
-    places: NDArray[np.int64]
-    """(m, 3): split kicks; row of the kick, first piece, and index after the last piece."""
-    fractions: Array
-    on_time: NDArray[np.bool_]
-    inputs: tuple[Array, Array]
-    """Inputs (n, joints, columns) of the substeps and (pieces, joints, columns) of the pieces, without overridden
-    references."""
-
-    def __len__(self) -> int:
-        return len(self.sensors)
+    """(rows, joints, columns): whether each sensor takes a sample, and its noise."""
+    given: Given
+    """The inputs without overridden references, one set."""
 
 
 class Inputs:
@@ -103,7 +87,7 @@ class Inputs:
         self._chunks: dict[tuple[int, int], Chunk] = {}
         self._sensors = tuple(sensors)
         self._sensed = 2 * max((0 if sensor is None else sensor.count for sensor in sensors), default=0)
-        self._wrenches = [wrench_table(wrench, staggered=staggered) for wrench in scenario.wrenches]
+        self._wrenches = [(*wrench.force, *wrench.torque) for wrench in scenario.wrenches]
         self.staggered = staggered
         mapped: dict[type[Actuator], list[int]] = {}
         for index, drive in enumerate(drives):
@@ -134,29 +118,39 @@ class Inputs:
         return REST
 
     def sample(self, time: Array) -> Array:
-        """External torques and references (columns, joints, n) at `time` (n,)."""
-        tables = np.empty((len(self._signals), len(self._signals[0]), len(time)))
+        """External torques and references (n, joints, columns) at `time` (n,)."""
+        rows = np.empty((len(time), len(self._signals[0]), len(self._signals)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
-        for table, signals in zip(tables, self._signals, strict=True):
-            for row, signal in zip(table, signals, strict=True):
+        for column, signals in enumerate(self._signals):
+            for joint, signal in enumerate(signals):
                 if type(signal) is Constant:
-                    row[:] = signal.value
+                    rows[:, joint, column] = signal.value
                     continue
                 if id(signal) not in known:
                     known[id(signal)] = signal.values(time)
-                row[:] = known[id(signal)]
-        return tables
+                rows[:, joint, column] = known[id(signal)]
+        return rows
 
-    def _goals(self, references: Array) -> Array:
-        """References (..., joints, columns) mapped to motors."""
-        goals = references.copy()
-        tables = goals.T
-        for rows, law in self._maps:
-            mapped = law(*np.ascontiguousarray(tables[GOALS : GOALS + 2, rows]))
-            for slot, values in enumerate(mapped):
-                tables[GOALS + slot, rows] = values
-        return goals
+    def _forces(self, time: Array) -> Array:
+        """Forces and torques of the wrenches (n, w, 6) in N and N m at `time` (n,)."""
+        values = np.zeros((len(time), len(self._wrenches), 6))
+        for index, signals in enumerate(self._wrenches):
+            for column, signal in enumerate(signals):
+                if signal is not None:
+                    values[:, index, column] = signal.values(time)
+        return values
+
+    def _input_rows(self, references: Array, sensors: Array) -> Array:
+        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        inputs = np.empty((*references.shape[:3], references.shape[3] + self._sensed))
+        inputs[..., : references.shape[3]] = references
+        inputs[..., references.shape[3] :] = sensors
+        for joints, law in self._maps:
+            first, second = (np.ascontiguousarray(references[:, :, joints, GOALS + slot].T) for slot in (0, 1))
+            for slot, values in enumerate(law(first, second)):
+                inputs[:, :, joints, GOALS + slot] = values.T
+        return inputs
 
     def chunk(self, first: int, count: int) -> Chunk:
         """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest ones are
@@ -170,70 +164,48 @@ class Inputs:
     def _make_chunk(self, first: int, count: int) -> Chunk:
         cuts = self._cuts(first, count)
         times = grid(first, count, self.substep), *(np.array(cut.sample_times) for cut in cuts)
-        parts = [self.sample(time) for time in times]
-        sensors = np.zeros((count, len(self._signals[0]), self._sensed))
+        lengths, table = [1.0] * count, []
+        for cut in cuts:
+            begin, now = len(lengths), cut.edges.index(cut.substep * self.substep)
+            lengths += [(b - a) / self.substep for a, b in pairwise(cut.edges)]
+            table.append((cut.substep - first, begin, len(lengths), begin + now))
+        sensors = np.zeros((len(lengths), len(self._signals[0]), self._sensed))
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
-                sensor.fill(sensors[:, joint], first, self.substep)
-        wrenches = np.zeros((count, len(self._wrenches), 6))
-        for index, table in enumerate(self._wrenches):
-            wrenches[:, index] = table(first, count, self.substep)
-        places: list[tuple[int, int, int]] = []
-        fractions: list[float] = []
-        on_time: list[bool] = []
-        for cut in cuts:
-            begin, now = len(fractions), cut.substep * self.substep
-            for a, b in pairwise(cut.edges):
-                fractions.append((b - a) / self.substep)
-                on_time.append(a == now)
-            places.append((cut.substep - first, begin, len(fractions)))
-        references = np.ascontiguousarray(np.concatenate(parts, axis=2).T)
-        rows = self._input_rows(references[None, :count], sensors)[0]
-        pieces = self._goals(references[count:])
-        return Chunk(
-            first, references, sensors, wrenches, np.array(places, dtype=np.int64).reshape(-1, 3), np.array(fractions),
-            np.array(on_time, dtype=bool), (rows, pieces),
-        )  # fmt: skip
+                sensor.fill(sensors[:count, joint], first, self.substep)
+        parts = [self.sample(time) for time in times]
+        references = (np.concatenate(parts) if cuts else parts[0])[None]
+        wrenches = np.concatenate([self._forces(time) for time in times])
+        inputs, split = self._input_rows(references, sensors), np.array(table, dtype=np.int64).reshape(-1, 4)
+        return Chunk(count, sensors, Given(inputs, references, wrenches[None], np.array(lengths)[None], split[None]))
 
     def given(self, chunk: Chunk, begin: int, end: int, held: Array | None) -> Given:
-        """Rows `begin` to `end` of a chunk.
+        """Rows `begin` to `end` of a chunk, with their pieces.
 
         held: (sets, joints, columns) values that override the scenario's; NaN: no override. None: one set without overrides.
         """
-        places = chunk.places[slice(*np.searchsorted(chunk.places[:, 0], (begin, end)).tolist())]
-        first, last = (places[0, 1], places[-1, 2]) if len(places) else (0, 0)
-        fractions, on_time, pieces = chunk.fractions[first:last], chunk.on_time[first:last], chunk.inputs[1][first:last]
-        cuts, wrenches = (places - np.array([begin, first, first]))[None], chunk.wrenches[None, begin:end]
+        given, sensors = chunk.given, chunk.sensors
+        if end - begin < chunk.count:
+            cuts = given.cuts[:, slice(*np.searchsorted(given.cuts[0, :, 0], (begin, end)).tolist())]
+            rows: Any = slice(begin, end)
+            if cuts.size:
+                first, last = int(cuts[0, 0, 1]), int(cuts[0, -1, 2])
+                rows = np.r_[rows, first:last]
+                cuts = cuts - np.array([begin, *[first - (end - begin)] * 3])
+            inputs, references, wrenches, lengths = (table[0, rows][None] for table in given[:4])
+            given, sensors = Given(inputs, references, wrenches, lengths, cuts), sensors[rows]
         if held is None:
-            rows, references = chunk.inputs[0][None, begin:end], chunk.references[None, begin:end]
-            return Given(rows, references, wrenches, cuts, fractions, on_time, pieces)
-        own, sets = held[:, None], len(held)
-        references = np.where(np.isnan(own), chunk.references[begin:end], own)
-        if sets > 1:
-            shifts = np.arange(sets)[:, None, None] * np.array([0, last - first, last - first])
-            cuts, wrenches = cuts + shifts, np.repeat(wrenches, sets, axis=0)
-            fractions, on_time = np.tile(fractions, sets), np.tile(on_time, sets)
-        if last > first:
-            cut = np.where(np.isnan(own), chunk.references[len(chunk) + first : len(chunk) + last], own)
-            pieces = self._goals(cut).reshape(-1, *cut.shape[2:])
-        inputs = self._input_rows(references, chunk.sensors[begin:end])
-        return Given(inputs, references, wrenches, cuts, fractions, on_time, pieces)
-
-    def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
-        sets, count, joints, columns = references.shape
-        inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references)
-        inputs[..., columns:] = sensors
-        return inputs
+            return given
+        references = np.where(np.isnan(held[:, None]), given.references, held[:, None])
+        return given._replace(references=references, inputs=self._input_rows(references, sensors))
 
     def _cuts(self, first: int, count: int) -> list[Cut]:
         if not self.staggered:
             return []
         h = self.substep
         start, end = (first - 0.5) * h, (first + count - 0.5) * h
-        active = (signal for column in self._signals for signal in column if type(signal) is not Constant)
-        signals = {id(signal): signal for signal in active}.values()
+        listed = (signal for column in (*self._signals, *self._wrenches) for signal in column)
+        signals = {id(signal): signal for signal in listed if signal is not None and type(signal) is not Constant}.values()
         # A set instead of np.unique, which imports numpy.ma and slows down short runs.
         times = np.array(sorted({jump for s in signals for jump in s.jumps(max(start, 0.0), end).tolist()}))
         times = times[(times > 1e-6 * h) & (times < end - 1e-6 * h)]
@@ -251,14 +223,15 @@ class Inputs:
 
 
 def joined(parts: Sequence[Given]) -> Given:
-    """Inputs with the sets of all `parts`, concatenated."""
-    if len(parts) == 1:
-        return parts[0]
-    most, shift = max(one.cuts.shape[1] for one in parts), 0
-    padded = []
-    for one in parts:
-        cuts = np.full((len(one.cuts), most, 3), -1)
-        cuts[:, : one.cuts.shape[1]] = one.cuts + np.array([0, shift, shift])
-        padded.append(one._replace(cuts=cuts))
-        shift += len(one.fractions)
-    return Given(*(np.concatenate(tables) for tables in zip(*padded, strict=True)))
+    """Inputs with the sets of all `parts`, concatenated; shorter tables are filled up with -1."""
+    return parts[0] if len(parts) == 1 else Given(*map(_stacked, zip(*parts, strict=True)))
+
+
+def _stacked(tables: Sequence[Any]) -> Any:
+    longest = max(table.shape[1] for table in tables)
+    stacked = np.full((sum(map(len, tables)), longest, *tables[0].shape[2:]), -1, dtype=tables[0].dtype)
+    first = 0
+    for table in tables:
+        stacked[first : first + len(table), : table.shape[1]] = table
+        first += len(table)
+    return stacked

@@ -1,7 +1,7 @@
 """The loop over worlds and substeps; the same source runs as Python or compiled.
 
 In a substep, sensors are read, motors move and their springs load the links; the engine moves the links; the energy balance is
-updated. If an input jumps, the kick is split into pieces with separate inputs.
+updated. If an input jumps, the kick is split into pieces with separate inputs, which act on the links one after the other.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from asrsim.simulation.layout import (
     FREE_BEFORE,
     HEALTHY,
     LAST_ENGINE_VELOCITY,
+    LAW_ENERGY,
     LINK_IMPLICITNESS,
     MOTOR_PUSHES,
     MOTORS,
@@ -52,6 +53,7 @@ from asrsim.simulation.layout import (
     RAN_AWAY,
     STAGGERED,
     STEP,
+    STIFFNESS,
     TORQUE,
     VELOCITY,
     WEIGHT_LAST,
@@ -67,34 +69,27 @@ ENDLESS = 1e300
 
 def run(
     which: Any, first: int, count: int, every: int, watched: int, done: Any, fault: Any, states: Any, constants: Any,
-    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, cuts: Any, fractions: Any,
-    on_time: Any, pieces: Any, exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
+    kinds: Any, z: Any, engine_states: Any, inputs: Any, references: Any, wrenches: Any, lengths: Any, cuts: Any,
+    exchange: Any, engine: int, record: int, columns: Any, out: Any, rows: Any, given: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 3) the worlds, the number of each one's inputs, and its place in `out`; first: row of the
-    inputs at which the call begins; every: rows are recorded at multiples of so many substeps;
+    which: (m, 4) the worlds, and for each its set of inputs and references, its place in `out`, and its set of wrenches,
+    lengths and cuts; first: row of the inputs at which the call begins; every: rows are recorded at multiples of so many
+    substeps;
     watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
     done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
     joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
-    (worlds, ...); inputs, references: (sets, n, joints, ...); wrenches: (sets, n, w, 6); cuts: (sets, c, 3) rows
-    in which an input jumps, and their first piece and the one after the last; -1: no more; fractions, on_time: of the pieces,
-    parts of a substep and whether the whole substep's time is at their start, pieces: their inputs, (p, joints, ...);
-    exchange: (joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
+    (worlds, ...); inputs, references, wrenches, lengths, cuts: see :class:`asrsim.simulation.inputs.Given`; exchange: (pieces,
+    joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
     are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
     each world, and its references.
     """
     for chosen in range(len(which)):
-        w, own_set, place = which[chosen][0], which[chosen][1], which[chosen][2]
-        row = recorded = cut = 0
-        s_all, p_all, x, u_all, pushes, own_cuts = (
-            states[w],
-            constants[w],
-            engine_states[w],
-            inputs[own_set],
-            wrenches[own_set],
-            cuts[own_set],
-        )
+        w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
+        kept = recorded = cut = 0
+        s_all, p_all, x, u_all = states[w], constants[w], engine_states[w], inputs[own_set]
+        pushes, own_lengths, own_cuts = wrenches[timing], lengths[timing], cuts[timing]
         while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
             cut += 1
         for step in range(first, first + count):
@@ -103,39 +98,55 @@ def run(
             substep = done[w]
             asked = substep % every == 0
             jumped = cut < len(own_cuts) and own_cuts[cut][0] == step
-            length, first_piece, last_piece = 1.0, 0, 0
+            begin, end, on_time = step, step + 1, step
             if jumped:
-                first_piece, last_piece = own_cuts[cut][1], own_cuts[cut][2]
-                length = 0.0
-                for piece in range(first_piece, last_piece):
-                    length += fractions[piece]
+                begin, end, on_time = own_cuts[cut][1], own_cuts[cut][2], own_cuts[cut][3]
                 cut += 1
             for j in range(len(kinds)):
-                s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
-                whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
+                s, p, k = s_all[j], p_all[j], kinds[j]
                 v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
                 if k[CONTROLLERS]:
-                    read_sensors(s, p, k, z, u)
+                    read_sensors(s, p, k, z, u_all[step][j])
                 if jumped:
-                    torque = _in_pieces(s, p, k, z, v, fractions, on_time, pieces, first_piece, last_piece, length, j, whole)
-                else:
-                    advance(s, p, k, z, u, z[STEP], DRIVE_TORQUE, whole)
+                    _clear_means(s, k)
+                total = torque = applied = push = drag = stiffness = energy = 0.0
+                # A split kick has one more turn at the time of the substep: h = 0 stores values to record, and nothing moves.
+                for turn in range(begin, end + 1 if jumped else end):
+                    row, h, note = turn, z[STEP], DRIVE_TORQUE
+                    whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
+                    if jumped and turn == on_time:
+                        h = 0.0
+                    elif jumped:
+                        row = turn - 1 if turn > on_time else turn
+                        h, note, whole = float(own_lengths[row]) * z[STEP], DRIVE_PIECE, p[P_DAMPING_RATIO] != 0.0
+                    u = u_all[row][j]
+                    advance(s, p, k, z, u, h, note, whole)
                     s[BRAKE] = limit(s, p, v)
                     s[PUSH] = push_of(s, p, u[EXTERNAL])
-                    torque = s[APPLIED] + s[PUSH]
-                s[DRAG] = damping_of(s, p)
-                exchange[j, E_TORQUE] = torque
-                exchange[j, E_DAMPING] = s[DRAG] + s[BRAKE]
-                exchange[j, E_FRICTION] = friction_of(s, p, v)
-                if not abs(torque) < ENDLESS:
+                    s[DRAG] = damping_of(s, p)
+                    load = s[APPLIED] + s[PUSH]
+                    total += load
+                    exchange[row - begin, j, E_TORQUE] = load
+                    exchange[row - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                    exchange[row - begin, j, E_FRICTION] = friction_of(s, p, v)
+                    if jumped and turn == on_time:
+                        s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
+                        torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
+                        stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
+                    elif jumped:
+                        _add_piece(s, p, k, 2.0 * float(own_lengths[row]), turn > on_time)
+                if jumped:
+                    s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
+                    s[STIFFNESS], s[LAW_ENERGY], s[BRAKE] = stiffness, energy, p[P_BRAKE]
+                if not abs(total) < ENDLESS:
                     fault[w, 0], fault[w, 1] = NO_VALUE, j
                     break
             if fault[w, 0] != HEALTHY:
                 break
-            engine_step(engine, record, x, exchange, pushes[step], length if substep == 0 else 1.0)
+            engine_step(engine, record, x, exchange, pushes[begin:end], own_lengths[begin:end], end - begin)
             for j in range(len(kinds)):
                 s, p, k = s_all[j], p_all[j], kinds[j]
-                velocity = exchange[j, E_VELOCITY]
+                velocity = exchange[end - begin - 1, j, E_VELOCITY]
                 _read_engine(s, p, z, velocity, jumped, substep == 0)
                 if p[P_LEVEL] > 0.0:
                     remember_springs(s, p, k)
@@ -144,23 +155,49 @@ def run(
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
-                        out[place, row, j, c] = s[columns[c]]
+                        out[place, kept, j, c] = s[columns[c]]
                 # The first kick of a staggered run is half a kick: the velocity before it is extrapolated to a full kick.
                 s[LAST_ENGINE_VELOCITY] = (
                     2.0 * s[ENGINE_VELOCITY] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[ENGINE_VELOCITY]
                 )
-                s[ENGINE_VELOCITY], s[POSITION] = velocity, exchange[j, E_POSITION]
+                s[ENGINE_VELOCITY], s[POSITION] = velocity, exchange[end - begin - 1, j, E_POSITION]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
-                row += 1
+                kept += 1
                 recorded = step
             done[w] = substep + 1
-        for j in range(len(kinds) if row else 0):
+        for j in range(len(kinds) if kept else 0):
             for c in range(len(columns)):
-                rows[w, j, c] = out[place, row - 1, j, c]
+                rows[w, j, c] = out[place, kept - 1, j, c]
             for c in range(len(references[own_set][recorded][j])):
                 given[w, j, c] = references[own_set][recorded][j][c]
+
+
+def _clear_means(s: Any, k: Any) -> None:
+    """Set the mean torques over the half kicks before and after the time of the substep to 0."""
+    for c in range(PUSHES):
+        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
+    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
+
+
+def _add_piece(s: Any, p: Any, k: Any, share: float, late: bool) -> None:
+    """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece, as a share of a half kick;
+    late: whether the piece follows the time of the substep."""
+    side, motor_side = (APPLIED_NEXT, DRIVE_NEXT) if late else (APPLIED_BEFORE, DRIVE_BEFORE)
+    s[side] += share * s[APPLIED]
+    s[side + 1] += share * s[TORQUE]
+    s[side + 3] += share * s[PUSH]
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
+    if s[BRAKE] == p[P_BRAKE]:
+        s[FREE_AFTER if late else FREE_BEFORE] += share
 
 
 def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:
@@ -178,49 +215,3 @@ def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: b
         s[APPLIED] = min(max(applied, -p[P_EFFORT]), p[P_EFFORT])
     else:
         s[APPLIED] += brake
-
-
-def _in_pieces(
-    s: Any, p: Any, k: Any, z: Any, v: float, fractions: Any, on_time: Any, pieces: Any, first: int, last: int, length: float,
-    j: int, whole: bool,
-) -> float:  # fmt: skip
-    """Mean torque on the link in N m in a substep whose kick is split into pieces; also advances the joint.
-
-    The mean torques over the half kicks before and after the time of the whole substep are stored in s. length: total length of
-    the pieces in substeps; the first substep of a run has no piece before its time.
-    """
-    for c in range(PUSHES):
-        s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
-    for i in range(k[MOTORS]):
-        m = FIRST_MOTOR + i * PER_MOTOR
-        for c in range(MOTOR_PUSHES):
-            s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
-    s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
-    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
-    mean = free = torque = applied = push = 0.0
-    for piece in range(first, last):
-        u = pieces[piece][j]
-        s[PUSH] = push_of(s, p, u[EXTERNAL])
-        if on_time[piece]:
-            # The time of the whole substep: h = 0 stores the values to record, and nothing moves.
-            advance(s, p, k, z, u, 0.0, DRIVE_TORQUE, whole)
-            s[FREE] = 1.0 if limit(s, p, v) != 0.0 else 0.0
-            torque, applied, push = s[TORQUE], s[APPLIED], s[PUSH]
-            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
-        advance(s, p, k, z, u, fractions[piece] * z[STEP], DRIVE_PIECE, False)
-        brake = limit(s, p, v)
-        share = 2.0 * fractions[piece]
-        mean += fractions[piece] / length * (s[APPLIED] + s[PUSH])
-        s[side] += share * s[APPLIED]
-        s[side + 1] += share * s[TORQUE]
-        s[side + 3] += share * s[PUSH]
-        for i in range(k[MOTORS]):
-            m = FIRST_MOTOR + i * PER_MOTOR
-            for c in range(MOTOR_PUSHES):
-                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
-        if brake == p[P_BRAKE]:
-            s[free_side] += share
-            free += fractions[piece]
-    s[TORQUE], s[APPLIED], s[PUSH] = torque, applied, push
-    s[BRAKE] = p[P_BRAKE] * min(free / length, 1.0)
-    return mean

@@ -32,9 +32,9 @@ def joint_step(address: Any, s: Any, p: Any, k: Any, u: Any, h: float, note: int
     address(s, p, k, u, h, note)
 
 
-def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, fraction: float) -> None:
-    """Advance the engine by one step; see `asrsim.engines.base`."""
-    address(x, exchange, wrenches, fraction)
+def engine_step(address: Any, record: int, x: Any, exchange: Any, wrenches: Any, lengths: Any, pieces: int) -> None:
+    """Advance the engine by one step; see `asrsim.engines.base`. pieces: number of pieces of the kick."""
+    address(x, exchange, wrenches, lengths, pieces)
 
 
 def numbers(p: Any, at: int) -> Any:

@@ -13,7 +13,10 @@ from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
-INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
+INLINE = (
+    "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.kernel",
+    "asrsim.simulation.ledger",
+)  # fmt: skip
 """Modules whose functions are inlined into their callers."""
 
 
@@ -23,8 +26,7 @@ def compiled_run() -> Any:
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
         whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
-        floats[4], floats[4], whole[3], floats[1], np.zeros(1, dtype=bool), floats[3], floats[2], 1, 1, whole[1], floats[4],
-        floats[3], floats[3],
+        floats[4], floats[4], floats[2], whole[3], floats[3], 1, 1, whole[1], floats[4], floats[3], floats[3],
     )  # fmt: skip
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
@@ -107,8 +109,10 @@ def _pointers() -> dict[str, Any]:
     def call_law(typing: Any, address: Any, q: Any, s: Any, thetas: Any, p: Any, law: Any, torques: Any, whole: Any) -> Any:
         return passed(address, q, s, thetas, p, law, torques, whole)
 
-    def call_engine(typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, fraction: Any) -> Any:
-        return passed(address, record, x, exchange, wrenches, fraction)
+    def call_engine(
+        typing: Any, address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, lengths: Any, pieces: Any
+    ) -> Any:
+        return passed(address, record, x, exchange, wrenches, lengths, pieces)
 
     def call_step(typing: Any, address: Any, s: Any, p: Any, k: Any, u: Any, h: Any, note: Any) -> Any:
         return passed(address, s, p, k, u, h, note)

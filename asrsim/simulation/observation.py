@@ -47,7 +47,9 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
     dynamic = [drive.dynamic_motors for drive in drives]
     lag = drives[0].stepping.first_drift * substep if drives else 0.0
     for i in range(min(max(dynamic, default=0), 2)):
-        joints, m = [j for j, count in enumerate(dynamic) if count > i], FIRST_MOTOR + i * PER_MOTOR
+        m = FIRST_MOTOR + i * PER_MOTOR
+        # A slice is several times faster than a list of all joints.
+        joints: Any = slice(None) if min(dynamic) > i else [j for j, count in enumerate(dynamic) if count > i]
         velocity = state[..., joints, m + MOTOR_VELOCITY]
         motors[2 * i][..., joints] = state[..., joints, m + MOTOR_POSITION] + lag * velocity
         motors[2 * i + 1][..., joints] = velocity

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
-from asrsim.metrics import JointSummary, summaries, summarise
+from asrsim.metrics import JointSummary, summarise
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples, concatenate
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ class Collector:
 
     full_rate = True
     """Whether every step is needed, whatever the rate of the log."""
-    bodies: bool
-    """Whether poses and contacts of objects are needed at every step: claims use them."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
@@ -54,7 +52,7 @@ class Collector:
         thinned = samples // self._stride + 1
         self._time = _Rows(thinned)
         self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
-        wanted, self.bodies = needs
+        wanted, self._needs_bodies = needs
         derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
         self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
         """Names of the collected quantities."""
@@ -81,7 +79,7 @@ class Collector:
             rows.add(samples.values[quantity][:, places[joint]])
         if TIP in samples.bodies:
             self._tip_errors.add(np.linalg.norm(samples.bodies[TIP][:, :3] - samples.bodies[TIP_GOAL][:, :3], axis=1))
-        if self.bodies:
+        if self._needs_bodies:
             own = {"time": samples.time, "joints": (), "values": {}}
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
@@ -102,17 +100,17 @@ class Collector:
             signal = desired.get(joint.name, desired.get("*"))
             if signal is not None:
                 references[j] = signal.values(time)
-        finite: Any = np.isfinite(references)
-        known = finite.all(axis=1).tolist()
-        starts = references[:, 0] if balanced else positions[:, 0]
-        pairs = zip(known, references, starts.tolist(), strict=True)
-        steps = [step_start(reference, start) if there else None if balanced else 0 for there, reference, start in pairs]
-        errors = np.where(np.array(known)[:, None], references - positions, np.nan)
-        found = summaries(time, positions, errors, steps, self._peaks)
-        return tuple(
-            replace(one, overshoot=math.nan) if there and one.overshoot > SHAKEN else one
-            for one, there in zip(found, known, strict=True)
-        )
+        measures = []
+        for position, reference, peak in zip(positions, references, self._peaks.tolist(), strict=True):
+            known = bool(np.isfinite(reference).all())
+            columns = {"link_position": position}
+            step = None if balanced else 0
+            if known:
+                columns["position_error"] = reference - position
+                step = step_start(reference, float(reference[0] if balanced else position[0]))
+            one = replace(summarise(time, columns, step=step), peak_deflection=peak)
+            measures.append(replace(one, overshoot=math.nan) if known and one.overshoot > SHAKEN else one)
+        return tuple(measures)
 
     def _tip(self) -> dict[str, float]:
         errors = self._tip_errors.values

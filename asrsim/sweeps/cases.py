@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from asrsim.document.block import key_at
-from asrsim.errors import AsrsimError, InputError, Problem, did_you_mean
-from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.errors import AsrsimError, InputError, Problem
 from asrsim.metrics import JointSummary
-from asrsim.quantities import LIMITS, linear_unit, unit_of
+from asrsim.quantities import LIMITS, linear_unit
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
@@ -79,7 +78,7 @@ class Payload:
     study: Study
     cases: Mapping[str, Case]
     columns: tuple[tuple[str, str, str], ...]
-    """(name, kind, unit) of the cells of a row; kinds are int, float, bool, text and floats."""
+    """(name, kind, unit) of the cells of a row; kinds are int, float, bool and text."""
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -185,13 +184,6 @@ def _columns(
     study: Study, cases: Mapping[str, Case], numeric: Mapping[str, bool], *, task: bool
 ) -> Iterator[tuple[str, str, str]]:
     joints = {joint.name: joint for case in cases.values() for joint in case.joints}
-    known = {f"{joint.name}.{name}" for joint in joints.values() for name in (*joint.quantities, *DERIVED_FUNCTIONS)}
-    unknown = [name for name in study.signals if name not in known]
-    if unknown:
-        raise InputError(
-            Problem("no joint has this signal", key=name, hint=did_you_mean(name, tuple(known)), code="signal")
-            for name in unknown
-        )
     yield from (("run", "int", ""), ("variant", "text", ""))
     for key in study.keys:
         yield key, "float" if numeric[key] else "text", _unit(key, next(iter(cases.values())))
@@ -204,9 +196,6 @@ def _columns(
     yield from ((f"tip.{name}", "float", "m") for name in TIP if task)
     for index in range(max(len(case.claims) for case in cases.values())):
         yield from ((f"claim_{index}", "bool", ""), (f"claim_{index}.measured", "float", ""))
-    for signal in study.signals:
-        joint_name, _, quantity = signal.rpartition(".")
-        yield f"signal:{signal}", "floats", unit_of(quantity, prismatic=joints[joint_name].prismatic)
     yield from (("warnings", "text", ""), ("substeps", "int", ""), ("motor_substeps", "int", ""))
     yield from (("simulated_time", "float", "s"), ("seconds", "float", "s"))
 

@@ -48,7 +48,6 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
         "float": pa.float64(),
         "bool": pa.bool_(),
         "text": pa.string(),
-        "floats": pa.list_(pa.float32()),
     }
     return pa.schema([(name, kinds[kind]) for name, kind, _ in columns])
 

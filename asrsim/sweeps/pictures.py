@@ -1,4 +1,4 @@
-"""Pictures of a study: results over keys, distributions, influences, and bands of recorded signals."""
+"""Pictures of a study: results over keys, and influences of keys."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots.output import save_figure, styled
-from asrsim.samples import Array
 from asrsim.sweeps.sensitivity import influences, numeric_keys
 from asrsim.sweeps.show import chosen_results, varying
 from asrsim.sweeps.table import Table
@@ -45,8 +44,6 @@ def figures(table: Table, results: Sequence[str]) -> dict[str, Figure]:
     panels: dict[str, tuple[Sequence[str], Callable[[Table, str, Axes], None]]] = {
         "results": (results if keys else (), _over_key),
         "sensitivity": ([name for name in results if influences(table, name)] if len(keys) > 1 else (), _tornado),
-        "distributions": (results if table.study.groups else (), _distribution),
-        "signals": ([name for name in table.columns if name.startswith("signal:")], _band),
     }
     return {name: _panels(table, names, draw) for name, (names, draw) in panels.items() if names}
 
@@ -80,9 +77,9 @@ def _panels(table: Table, names: Sequence[str], draw: Callable[[Table, str, Axes
 
 
 def _label(table: Table, name: str) -> str:
-    """Name and unit of a key, result or signal."""
+    """Name and unit of a key or result."""
     unit = table.unit(name).replace("N m", "N·m").removeprefix("1")
-    return f"{name.removeprefix('signal:')} ({unit})" if unit else name.removeprefix("signal:")
+    return f"{name} ({unit})" if unit else name
 
 
 def _over_key(table: Table, result: str, axes: Axes) -> None:
@@ -117,16 +114,6 @@ def _over_key(table: Table, result: str, axes: Axes) -> None:
     axes.set(xlabel=_label(table, key), ylabel=_label(table, result))
 
 
-def _distribution(table: Table, result: str, axes: Axes) -> None:
-    values = table[result]
-    there = values[np.isfinite(values)]
-    axes.hist(there, bins=min(60, max(8, round(len(there) ** 0.5))), color="C1", edgecolor="white", linewidth=0.5)
-    for share, style, label in ((0.5, "-", "median"), (0.05, ":", "5 and 95 %"), (0.95, ":", None)):
-        axes.axvline(float(np.quantile(there, share)), color="black", linewidth=0.8, linestyle=style, label=label)
-    lacking = len(values) - len(there)
-    axes.set(xlabel=_label(table, result), ylabel="runs" + (f" ({lacking} without)" if lacking else ""))
-
-
 def _tornado(table: Table, result: str, axes: Axes) -> None:
     """Draw the mean of the result in the lowest and in the highest fifth of each key."""
     found = influences(table, result)[:10][::-1]
@@ -138,21 +125,3 @@ def _tornado(table: Table, result: str, axes: Axes) -> None:
     axes.set_yticks(places, [f"{one.key}\n{one.sobol}" if one.sobol else one.key for one in found], fontsize="x-small")
     axes.axvline(middle, color="black", linewidth=0.8)
     axes.set(xlabel=f"mean of {_label(table, result)}")
-
-
-def _band(table: Table, name: str, axes: Axes) -> None:
-    """Draw the median of a signal and the bands that contain 50 and 90 % of the runs, for each variant."""
-    for number, variant in enumerate(table.study.variants):
-        runs = [np.asarray(run) for run in table[name][table["variant"].astype(str) == variant] if run is not None and len(run)]
-        rows: Array = np.full((len(runs), max(map(len, runs), default=0)), np.nan)
-        for row, run in zip(rows, runs, strict=True):
-            row[: len(run)] = run
-        if rows.size:
-            time = np.arange(rows.shape[1]) / table.study.rate
-            low, quarter, middle, upper, high = np.nanquantile(rows, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
-            style: dict[str, Any] = {"color": f"C{number}", "linewidth": 0.0}
-            axes.fill_between(time, low, high, alpha=0.2, **style)
-            axes.fill_between(time, quarter, upper, alpha=0.35, **style)
-            axes.plot(time, middle, color=f"C{number}", label=f"{variant}: median, 50 and 90 %")
-    axes.margins(x=0.0)
-    axes.set(xlabel="time (s)", ylabel=_label(table, name))

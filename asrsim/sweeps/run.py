@@ -18,7 +18,7 @@ from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
-from asrsim.sweeps.rows import Runner, crashed_row
+from asrsim.sweeps.rows import Row, Runner, row_of
 from asrsim.sweeps.store import Store, open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
@@ -76,7 +76,7 @@ def sweep(
         out: Folder for the rows; None: a temporary folder, deleted with the table.
         resume: Continue with the rows in `out`; overwrite: start again.
         progress: Called when rows arrive. stop: called often; True ends the study with the rows done so far.
-        options: Options of a study: variants, overrides, design, samples, seed, fit, signals, rate, plugins.
+        options: Options of a study: variants, overrides, design, samples, seed, fit, plugins.
 
     Raises:
         InputError: No run of the study can succeed: unknown keys, values out of range; or `out` contains another study.
@@ -132,7 +132,7 @@ def _run(
     try:
         with workers:
             for found in workers.results(Runner(payload, share), missing, stop=stop):
-                rows = [crashed_row(payload, missing[n], row.reason) if isinstance(row, Lost) else row for n, row in found]
+                rows = [crashed_row(payload, missing[n], row) if isinstance(row, Lost) else row for n, row in found]
                 for row in (new := store.add(rows)):
                     statuses[row[status]] += 1
                 here += len(new)
@@ -145,13 +145,18 @@ def _run(
         store.finish()
 
 
+def crashed_row(payload: Payload, run: int, lost: Lost) -> Row:
+    """Row of a run during which its workers crashed."""
+    return row_of(payload, run, {"status": "crashed", "reason": lost.reason, "ok": False})
+
+
 def manifest(payload: Payload) -> dict[str, Any]:
     """Content of `study.json`: all data that determine the rows, and their columns."""
     study = payload.study
     left = ("scenario", "plugins")
     return {
         "generator": f"asrsim {__version__}",
-        "format": 2,
+        "format": 3,
         "scenario": str(study.scenario.absolute()),
         "plugins": [str(path.absolute()) for path in study.plugins],
         "study": {field.name: getattr(study, field.name) for field in fields(study) if field.name not in left},

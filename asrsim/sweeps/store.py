@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import time as clock
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,7 @@ class Store:
             return
         rows = sorted(self._waiting, key=lambda row: row[0])
         table = pa.table([list(column) for column in zip(*rows, strict=True)], schema=self._schema)
-        self._save(self.folder / f"part-{self._part:06d}.parquet", [table])
+        self._save(self.folder / f"part-{self._part:06d}.parquet", table)
         self._waiting, self._part = [], self._part + 1
 
     def finish(self) -> None:
@@ -82,29 +82,19 @@ class Store:
         self.write()
         parts, path = parts_of(self.folder), self.folder / ROWS
         if self.done.all() and (parts or not path.exists()):
-            self._save(path, self._sorted())
+            rows = read_rows(checked_files(self.folder, self._schema, checked=True), self._schema)
+            self._save(path, rows.take(np.unique(rows["run"].to_numpy(), return_index=True)[1]))
             for part in parts:
                 part.unlink(missing_ok=True)
 
-    def _sorted(self) -> Iterator[Any]:
-        """Tables of at most one group, in the order of the runs, with each run once."""
-        import pyarrow.compute as pc
-
-        files = checked_files(self.folder, self._schema, checked=True)
-        for first in range(0, self.total, GROUP):
-            run = pc.field("run")
-            table = read_rows(files, self._schema, filter=(run >= first) & (run < first + GROUP))
-            yield table.take(np.unique(table["run"].to_numpy(), return_index=True)[1])
-
-    def _save(self, path: Path, tables: Iterable[Any]) -> None:
+    def _save(self, path: Path, table: Any) -> None:
         import pyarrow.parquet as pq
 
         try:
             # The study's description proves that asrsim wrote the folder.
             with written(path, "rows", replace=True) as stream:
-                with pq.ParquetWriter(stream, self._schema, compression="zstd", write_page_checksum=True) as writer:
-                    for table in tables:
-                        writer.write_table(table)
+                options = {"compression": "zstd", "write_page_checksum": True, "row_group_size": GROUP}
+                pq.write_table(table, stream, **options)
                 stream.flush()
                 os.fsync(stream.fileno())
         except OutputError as error:

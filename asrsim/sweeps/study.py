@@ -1,4 +1,4 @@
-"""A study as plain data: varied keys, design of the draws, recorded signals. The number of a run determines its point."""
+"""A study as plain data: varied keys, design of the draws. The number of a run determines its point."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from asrsim.actuators.user import check_named
 from asrsim.document.block import block_of, declare
 from asrsim.document.composite import ListOf, MapOf
 from asrsim.document.file import read_document, read_file
-from asrsim.document.kinds import Choice, File, Integer, Number, Optional, Text
+from asrsim.document.kinds import Choice, File, Integer, Optional, Text
 from asrsim.document.mistaken import kind_of
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.samples import Array
-from asrsim.scenario.claim_keys import AnyData
+from asrsim.scenario.goal_keys import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
@@ -95,8 +95,6 @@ class Study:
         Optional(File(noun="fit")), default=None,
         doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
     )  # fmt: skip
-    signals: tuple[str, ...] = declare(ListOf(of=Text()), default=(), doc="joint.quantity that are kept of every run")
-    rate: float = declare(Number(above=0.0), default=100.0, unit="Hz", doc="rate of the kept signals")
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),
@@ -236,7 +234,7 @@ def make_study(
         scenario: Scenario file.
         over: Dotted key -> list, text as `10:200:20`, or distribution; or a list of texts `key=values`.
         fit: File or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
-        options: variants, overrides, design, samples, seed, signals, rate: as in `Study`.
+        options: variants, overrides, design, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
     pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
@@ -246,7 +244,7 @@ def make_study(
             scenario=Path(scenario), over=dict(pairs),
             fit=data,
             plugins=tuple(Path(path) for path in one_or_more(plugins)), name=name or Path(scenario).stem,
-            **{**options, **{key: one_or_more(options.get(key, ())) for key in ("variants", "signals")},
+            **{**options, "variants": one_or_more(options.get("variants", ())),
                "overrides": override_texts(options.get("overrides", ()))},
         )  # fmt: skip
     except TypeError as error:

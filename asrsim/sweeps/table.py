@@ -49,7 +49,7 @@ class Table:
         self._schema = schema_of(self.manifest["columns"])
         self.files = checked_files(self.folder, self._schema, checked=checked)
         self.kinds: dict[str, str] = {name: kind for name, kind, _ in self.manifest["columns"]}
-        """Column -> kind: int, float, bool, text or floats."""
+        """Column -> kind: int, float, bool or text."""
         self._units: dict[str, str] = {name: unit for name, _, unit in self.manifest["columns"]}
         self._columns: dict[str, Array] = {}
 

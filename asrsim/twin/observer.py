@@ -1,8 +1,8 @@
-"""The torque that pulls a twin's links onto the measured ones: an observer of the torque that the model does not have.
+"""Observer of the torque that the model lacks: the torque that pulls the twin's links to their measured positions.
 
-It is a controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, M: the mass matrix.
-Free links then have all their poles at -w, whatever couples them, and a torque on one joint is seen at that joint alone;
-springs and damping only add to the stability.
+It is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the mass matrix
+M. All poles of free links are then at -w, whatever couples the links, and a torque on one joint appears at that joint alone;
+springs and damping increase the stability.
 """
 
 from __future__ import annotations
@@ -14,49 +14,49 @@ import numpy as np
 from asrsim.samples import Array
 
 SLOW, FAST = 0.7, 4.0
-"""Corners of the filters behind the torque, as multiples of w: of what is reported, and of what alarms are found from."""
+"""Cutoff frequencies of the filters of the reported torque and of the torque for alarms, as multiples of w."""
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
-    """(2,) share of a new value in both filters; step: s, bandwidth: Hz."""
+    """Weights (2,) of a new value in both filters; step: in s, bandwidth: in Hz."""
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
 class Observer:
-    """The controllers and filters of n joints."""
+    """Controllers of n joints."""
 
     def __init__(self, joints: int, *, step: float, bandwidth: float) -> None:
-        """step: s; bandwidth: Hz."""
+        """step: in s; bandwidth: in Hz."""
         w = self._w = 2.0 * math.pi * bandwidth
         self._step = step
         self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
         self._lag = math.exp(-4.0 * w * step)
         self._integral, self._lagged = np.zeros(joints), np.zeros(joints)
         self.noise_gain = self._noise_gain(filter_shares(step, bandwidth)[1])
-        """s^-2: deviation of the fast torque of a joint with inertia 1, over that of white noise of its position."""
+        """Standard deviation of the fast torque of a joint with inertia 1 per standard deviation of position noise, s^-2."""
 
     def update(self, error: Array, masses: Array, most: Array) -> Array:
-        """(n,) N m for the next step, of the differences measured - twin in rad, at most `most`; NaN: nothing is measured.
+        """Torques (n,) for the next step, N m, from the differences measured - twin in rad (NaN: not measured).
 
-        masses: (n, n) kg m^2.
+        masses: mass matrix (n, n), kg m^2; most: largest torques (n,), N m.
         """
         known = np.isfinite(error)
         error = np.where(known, error, 0.0)
         proportional, slow, quick = self._gains
         wanted = masses @ (proportional * error + slow * self._integral + quick * self._lagged)
         torque = np.asarray(np.clip(wanted, -most, most))
-        # Where the torque is clipped, the integral waits.
+        # The integral does not change while the torque is clipped.
         self._integral += np.where(torque == wanted, self._step * error, 0.0)
         self._integral *= known
         self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
         return torque
 
     def restart(self) -> None:
-        """Forget what was seen."""
+        """Reset the state of the controllers."""
         self._integral[:] = self._lagged[:] = 0.0
 
     def _noise_gain(self, share: float) -> float:
-        # The norm of the response to one wrong position: of a free link of inertia 1 under this very controller.
+        # Norm of the response of a free link of inertia 1 with this controller to a single wrong position.
         proportional, slow, quick = self._gains
         integral = lagged = position = velocity = fast = total = 0.0
         for k in range(math.ceil(20.0 / (self._w * self._step))):

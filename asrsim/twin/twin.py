@@ -18,138 +18,144 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
 from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import Observer
 
 SIGMAS = 6.0
-"""Deviations of the noise that an alarm is above."""
+"""Ratio of the alarm threshold to the standard deviation of the torque's noise."""
 TOLERANCE, UNLEARNED = 0.15, 0.3
-"""Share of the springs' largest recent torque by which the model may be wrong without an alarm; before its error is known."""
+"""Error of the model that raises no alarm, as a fraction of the springs' largest recent torque: after the mismatch of the model
+is known, and before."""
 FRICTION = 0.5
-"""Share of the friction, likewise."""
+"""Error of the friction that raises no alarm, as a fraction of the friction."""
 RELEASE = 0.7
-"""Of the threshold, below which an alarm ends."""
-HOLD, NOISE = 0.5, 1.0
-"""s in which the largest torque, and what is known of the noise, are forgotten."""
+"""Fraction of the threshold below which an alarm ends."""
+PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
+"""Time constants of the largest spring torque and of the noise variance, s."""
 SETTLE = 0.5
-"""s after a start in which there is no alarm."""
+"""Time after a start without alarms, s."""
 REFRESH = 0.02
-"""s between mass matrices."""
+"""Interval between updates of the mass matrix, s."""
 JUMP = 0.25
-"""rad (m) between robot and twin, from which on the twin is put where the robot is."""
+"""Distance between robot and twin from which the twin is set to the robot's position, rad (m)."""
 EVERY = 0.01
-"""s between rows of the regression of what the twin has wrong."""
+"""Interval between rows of the mismatch regression, s."""
 KNOWN = 0.04
-"""Standard error of the stiffness, as a share, up to which it is known."""
+"""Largest relative standard error of a stiffness that is reported."""
 MISSING = 0.1
-"""s without a measurement that are told."""
+"""Time without a measurement after which a note is given, s."""
 CHUNK = 32
-"""Steps that are prepared at once."""
-AGAIN = 1.0
-"""s until the same note is given again."""
+"""Number of steps whose inputs are prepared together."""
+REPEAT = 1.0
+"""Shortest time between equal notes, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TwinStep:
-    """What a twin knows after a measurement; arrays are (n,) in the order of its joints."""
+    """Estimates of a twin after a measurement; arrays are (n,) in the order of its joints."""
 
     time: float
-    """s since the first step."""
+    """Time since the first step, s."""
     external_torque: Array
-    """N m that act on the link and that the model does not have; NaN where nothing is measured."""
+    """External torque on the link, N m; NaN where no position is measured."""
     stiffness: Array
-    """N m/rad of the robot's joint now; NaN where its motion does not show it."""
+    """Present stiffness of the robot's joint, N m/rad; NaN where the motion does not show it."""
     residual: Array
-    """rad, measured position minus that of the twin."""
+    """Measured position minus the twin's position, rad."""
     threshold: Array
-    """N m, from which on there is an alarm."""
+    """External torque from which there is an alarm, N m."""
     alarm: NDArray[np.bool_]
-    """Whether something touches the link, or the robot is no longer the modelled one."""
+    """Whether something touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()
-    """What went wrong in this step, in words; the twin goes on."""
+    """Faults of this step in words; the twin continues after them."""
 
 
 class Twin:
-    """A scenario as the twin of a robot; a context manager.
+    """Twin of a robot that a scenario describes; a context manager.
 
         with asrsim.Twin("lab.yaml", bandwidth=8) as twin:
             found = twin.step({"joint_1": position}, {"joint_1": {"equilibrium_position": goal}})
             found.external_torque, found.alarm
 
-    A step is the scenario's (`step:`), and must be that of the measurements. References that no command sets follow the
-    scenario. Raises what :func:`asrsim.prepare` raises, and InputError for unknown joints; bad measurements raise nothing.
+    A step lasts as long as the scenario's `step:`, which must be the sampling time of the measurements. References without
+    commands follow the scenario. Raises the errors of `asrsim.prepare`, and InputError for unknown joints; wrong measurements
+    raise no error.
     """
 
     def __init__(
         self, scenario: str | Path | Scenario | Prepared, *, bandwidth: float = 8.0, variant: str | None = None,
         overrides: Overrides = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
-        """bandwidth: Hz of the observer, at most a twentieth of the rate of steps; variant, overrides: as of
-        :func:`asrsim.prepare`; compiled: as of :class:`asrsim.Simulation`."""
+        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides: as for
+        `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
         ready = scenario if isinstance(scenario, Prepared) else prepare(scenario, variant=variant, overrides=overrides)
-        # The observer's torque knows no declared range.
+        # The observer's torque must not be clamped to a declared range.
         ranges = {joint: {k: v for k, v in own.items() if k != EXTERNAL_TORQUE} for joint, own in ready.ranges.items()}
         ready = replace(ready, ranges=ranges)
         self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / self._step:
             message = f"must be above 0 and at most a twentieth of the rate of steps, {0.05 / self._step:g} Hz"
             raise InputError(message, key="bandwidth", value=bandwidth, code="bandwidth")
-        self._simulation = Simulation(
+        self.simulation = Simulation(
             ready, compiled=compiled, expected_substeps=10**7, duration=1e7, chunk=CHUNK * ready.resolution.substeps
         )
-        if (model := self._simulation.model) is None:
+        if (model := self.simulation.model) is None:
             self.close()
             engine = ready.scenario.engine
-            raise InputError("has no dynamics, and makes no twin", key="engine", value=engine, code="twin-engine")
+            raise InputError("has no dynamics, so it cannot simulate a twin", key="engine", value=engine, code="twin-engine")
         self._model = model
-        self.joints, self._drives = self._simulation.joints, ready.drives
-        known, n = self._simulation.recording.selection.names, len(self.joints)
+        self.joints, self._drives = self.simulation.joints, ready.drives
+        n = len(self.joints)
+        known = self.simulation.recording.selection.names
         self._springs = [name for name in known if name.startswith("elastic_torque_")]
-        self._references = [name for name in known if name.startswith("reference_")]
-        self._names = [*self._springs, *(name for name in known if name == "stiffness")]
-        self._most = np.array([drive.joint.most_effort for drive in ready.drives])
+        self._has_stiffness = "stiffness" in known
+        self._effort = np.array([drive.joint.most_effort for drive in ready.drives])
         self._friction = FRICTION * np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
         self._observer = Observer(n, step=self._step, bandwidth=bandwidth)
         self._mismatch = Mismatch(n, step=self._step, bandwidth=bandwidth, interval=EVERY)
-        self._hold_gain = np.array([sum(drive.drive.proportional) if drive.drive else 0.0 for drive in ready.drives])
+        self._gains = np.array([sum(drive.drive.proportional) if drive.drive else 0.0 for drive in ready.drives])
         self._refresh, self._every = (max(1, round(seconds / self._step)) for seconds in (REFRESH, EVERY))
-        self._state = self._simulation.observe()
-        self._stiffness, self._known = np.full(n, np.nan), np.full(n, np.nan)
+        self._state = self.simulation.observe()
+        self._stiffness, self._stiffness_factor = np.full(n, np.nan), np.full(n, np.nan)
         self._masses, self._peak, self._variance = np.eye(n), np.zeros(n), np.zeros(n)
         self._alarm, self._missing = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.int64)
         self._before = np.full((2, n), np.nan)
         """Positions measured in the last two steps."""
-        self._held: dict[tuple[str, str], float] = {}
-        """Commands that hold."""
+        self._commands: dict[tuple[str, str], float] = {}
+        """Commands in effect."""
         self._steps = self._settled = 0
-        self._said: dict[str, int] = {}
-        """Note -> step at which it was given last."""
+        self._noted: dict[str, int] = {}
+        """Note without its numbers -> step of its last occurrence."""
 
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
-        """One step on.
+        """Estimates after one further step.
 
-        measured: positions of links in rad (m), by joint or all in order; what is missing or not finite is not pulled.
-        commands: joint -> what its first reference is from now on, or name of a reference -> value.
+        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position runs free.
+        commands: joint -> value of its first reference from now on, or name of a reference -> value.
         """
         notes: list[str] = []
         positions = self._positions(measured)
-        self._command(commands, notes)
+        for joint, given in commands.items():
+            values = given if isinstance(given, Mapping) else {self._first_reference(joint): given}
+            for reference, value in values.items():
+                self._command(joint, reference, value, notes)
         if self._steps == 0:
             self._place(positions)
-        self._state = self._simulation.observe()
+        self._state = self.simulation.observe()
         error = self._difference(positions, notes)
-        self._look(positions, notes)
+        self._measure_noise(positions, notes)
         torque = self._pull(error)
         try:
-            self._simulation.advance()
+            self.simulation.advance()
         except DivergenceError as problem:
-            self._note(f"the twin diverged: it is put where the robot is ({problem})", notes)
+            self._note(f"the twin diverged and was set to the robot's position ({problem})", notes)
             self._place(positions)
-        found = self._found(error, torque, notes)
+        found = self._estimate(error, torque, notes)
         self._steps += 1
         return found
 
@@ -157,7 +163,7 @@ class Twin:
         if not isinstance(measured, Mapping):
             positions = np.array(measured, dtype=float)
             if positions.shape != (len(self.joints),):
-                message = f"are {len(self.joints)} positions, of {', '.join(self.joints)}"
+                message = f"must be {len(self.joints)} positions, of {', '.join(self.joints)}"
                 raise InputError(message, key="measured", value=positions.shape, code="twin-measured")
             return positions
         for name in measured:
@@ -166,130 +172,132 @@ class Twin:
                 raise InputError(f"no joint is called '{name}'", choices=self.joints, hint=hint, code="unknown-joint")
         return np.array([measured.get(name, math.nan) for name in self.joints], dtype=float)
 
-    def _command(self, commands: Mapping[str, Any], notes: list[str]) -> None:
-        for joint, given in commands.items():
-            values = given if isinstance(given, Mapping) else {self._first_reference(joint): given}
-            for reference, value in values.items():
-                if self._held.get((joint, reference)) == value:
-                    continue
-                if math.isfinite(value):
-                    self._simulation.set_reference(joint, reference, float(value))
-                    self._held[joint, reference] = float(value)
-                else:
-                    self._note(f"{joint}: the command {reference} is no number: the last one holds", notes)
+    def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
+        if self._commands.get((joint, reference)) == value:
+            return
+        if math.isfinite(value):
+            self.simulation.set_reference(joint, reference, float(value))
+            self._commands[joint, reference] = float(value)
+        else:
+            self._note(f"{joint}: the command {reference} is not finite: the last command stays in effect", notes)
 
     def _first_reference(self, joint: str) -> str:
-        """Raises InputError for an unknown joint, or one without references."""
+        """Name of a joint's first reference. Raises InputError for an unknown joint, or a joint without references."""
         mode = next((drive.mode for drive in self._drives if drive.name == joint), None)
         if mode is None:
             raise InputError(f"no joint '{joint}' takes commands", choices=self.joints, code="unknown-joint")
         return mode.references[0]
 
     def _place(self, positions: Array) -> None:
-        """Put links where they are measured, at rest, and motors at their goals."""
-        simulation, drives = self._simulation, self._drives
-        known = {
+        """Set links to their measured positions, at rest, and motors to their goals."""
+        simulation, drives = self.simulation, self._drives
+        links = {
             drive.name: float(np.clip(q, *drive.joint.stops)) for drive, q in zip(drives, positions, strict=True) if q == q
         }
-        simulation.reset(known)
-        self._hold()
-        references = simulation.read(self._references)
+        self._reset(links)
+        names = [name for name in simulation.recording.selection.names if name.startswith("reference_")]
+        references = simulation.read(names)
         motors = {}
         for j, drive in enumerate(drives):
             if drive.drive is not None and drive.drive.mode.motor and drive.drive.mode.controller:
-                own = np.nan_to_num([references[name][j] for name in self._references])
+                own = np.nan_to_num([references[name][j] for name in names])
                 goals = drive.goals(np.array([*own, 0.0, 0.0])[: max(2, len(own)), None])
                 motors[drive.name] = goals[: drive.dynamic_motors, 0].tolist()
-        simulation.reset(known, motors=motors)
-        self._hold()
+        self._reset(links, motors=motors)
         self._observer.restart()
         self._state = simulation.observe()
         self._settled = self._steps + round(SETTLE / self._step)
 
-    def _hold(self) -> None:
-        for (joint, reference), value in self._held.items():
-            self._simulation.set_reference(joint, reference, value)
+    def _reset(self, links: Mapping[str, float], **motors: Any) -> None:
+        self.simulation.reset(links, **motors)
+        for (joint, reference), value in self._commands.items():
+            self.simulation.set_reference(joint, reference, value)
 
     def _difference(self, positions: Array, notes: list[str]) -> Array:
-        """(n,) measured - twin; a twin that is far off is put where the robot is."""
+        """Measured positions minus the twin's (n,); a twin that is too far off is set to the robot's positions."""
         error = positions - self._state.link_position
         if (np.abs(error) > JUMP).any():
-            for joint, one in zip(self.joints, error, strict=True):
-                if abs(one) > JUMP:
+            for joint, distance in zip(self.joints, error, strict=True):
+                if abs(distance) > JUMP:
                     why = "another robot, a motor that is off, or a wrong command?"
-                    self._note(f"{joint}: the robot is {one:+.2g} from its twin ({why}): the twin is put there", notes)
+                    text = f"the robot is {distance:+.2g} from its twin ({why}): the twin is set to the robot's position"
+                    self._note(f"{joint}: {text}", notes)
             self._place(positions)
             error = positions - self._state.link_position
         return error
 
     def _pull(self, error: Array) -> Array:
-        """Set the torques that make the differences smaller; (n,) N m that the model does not have."""
+        """Apply the torques that reduce the differences; return the torques that the model lacks (n,), N m."""
         if self._steps % self._refresh == 0:
             self._masses = self._model.mass_matrix(self._state.link_position)
-        torque = self._observer.update(error, self._masses, self._most)
+        torque = self._observer.update(error, self._masses, self._effort)
         for joint, value in zip(self.joints, torque.tolist(), strict=True):
-            self._simulation.set_reference(joint, EXTERNAL_TORQUE, value)
-        # The twin's spring is not where the robot's is.
+            self.simulation.set_reference(joint, EXTERNAL_TORQUE, value)
+        # The springs of twin and robot differ in deflection by the difference of the positions.
         pull = self._stiffness * error
         return np.where(pull == pull, torque + pull, torque)
 
-    def _look(self, positions: Array, notes: list[str]) -> None:
-        """Noise of the measurements, and what is missing."""
+    def _measure_noise(self, positions: Array, notes: list[str]) -> None:
+        """Update the noise variance of the measurements, and note missing ones."""
         bend = positions - 2.0 * self._before[1] + self._before[0]
-        seen = np.isfinite(bend)
         # The second difference of white noise has six times its variance.
-        self._variance[seen] += self._step / NOISE * (bend[seen] ** 2 / 6.0 - self._variance[seen])
-        self._before = np.array([self._before[1], positions])
-        lost = ~np.isfinite(positions)
-        self._missing = np.where(lost, self._missing + 1, 0)
-        for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
-            self._note(f"{self.joints[joint]}: no position is measured: its twin runs free", notes)
+        change = self._step / NOISE_MEMORY * (bend * bend / 6.0 - self._variance)
+        self._variance += np.where(change == change, change, 0.0)
+        self._before[0], self._before[1] = self._before[1], positions
+        self._missing = (self._missing + 1) * (positions != positions)
+        if self._missing.any():
+            for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
+                self._note(f"{self.joints[joint]}: no position is measured: its twin runs free", notes)
 
-    def _found(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
-        read, state = self._simulation.read(self._names), self._state
+    def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
+        read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state
         spring = np.zeros(len(self.joints))
         for name in self._springs:
-            spring += np.where(np.isnan(read[name]), 0.0, read[name])
+            spring += _zero_if_missing(read[name])
         self._stiffness = read.get("stiffness", self._stiffness)
-        motor = np.where(np.isnan(state.motor_1_velocity), 0.0, state.motor_1_velocity)
-        self._mismatch.take(torque, spring, state.link_velocity, motor)
+        self._mismatch.take(torque, spring, state.link_velocity, _zero_if_missing(state.motor_1_velocity))
         slow, fast = self._mismatch.external()
-        self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / HOLD))
+        self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
         noise = self._observer.noise_gain * np.sqrt(self._masses**2 @ self._variance)
         tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
         threshold = SIGMAS * noise + tolerance * self._peak + self._friction
-        measured, ready = np.isfinite(error), self._steps >= self._settled
+        measured, ready = error == error, self._steps >= self._settled
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
         if self._steps % self._every == 0:
             self._mismatch.learn(~self._alarm & measured & ready)
-            self._known = self._stiffness_known()
+            self._stiffness_factor = self._known_stiffness()
         return TwinStep(
             time=round(self._steps * self._step, 9), external_torque=np.where(measured, slow, np.nan),
-            stiffness=self._stiffness * self._known, residual=error, threshold=threshold, alarm=self._alarm.copy(),
+            stiffness=self._stiffness * self._stiffness_factor, residual=error, threshold=threshold, alarm=self._alarm,
             notes=tuple(notes),
         )  # fmt: skip
 
-    def _stiffness_known(self) -> Array:
-        """(n,) stiffness of the robot as a share of the twin's; NaN where it is not known."""
+    def _known_stiffness(self) -> Array:
+        """Stiffness of the robot as a multiple of the twin's (n,); NaN where it is not known."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            # Motors give way to a stiffer spring: less of it is seen.
-            seen = self._hold_gain / (self._hold_gain + self._stiffness)
+            # Motors yield to a stiffer spring, which hides a part of its stiffness.
+            seen = self._gains / (self._gains + self._stiffness)
             known = self._mismatch.deviation / seen < KNOWN
             return np.where(known, 1.0 + self._mismatch.spring / seen, np.nan)
 
     def _note(self, text: str, notes: list[str]) -> None:
-        """Say something, but not again within a while."""
+        """Add a note, unless the same note was given a moment ago with other numbers."""
         kind = re.sub(r"[-+]?[0-9][0-9.e+-]*", "", text)
-        if self._steps - self._said.get(kind, -math.inf) >= AGAIN / self._step:
-            self._said[kind] = self._steps
+        if self._steps - self._noted.get(kind, -math.inf) >= REPEAT / self._step:
+            self._noted[kind] = self._steps
             notes.append(text)
 
     def close(self) -> None:
         """Release the simulation."""
-        self._simulation.close()
+        self.simulation.close()
 
     def __enter__(self) -> Twin:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+
+def _zero_if_missing(values: Array) -> Array:
+    """Values with 0 in the place of NaN; several times faster than `numpy.nan_to_num`."""
+    return np.where(values == values, values, 0.0)

@@ -20,12 +20,13 @@ from asrsim.errors import SimulationError
 DEATHS = 3
 """Number of crashes over a single item after which the item is given up."""
 MOST = 500
-"""Largest number of items per message to a worker."""
+"""Largest number of items in a piece."""
+GROWTH = 4
+"""Largest ratio of the numbers of items in successive pieces."""
 
 Task = Callable[[Any], Any]
 """Function of an item that can be pickled. A worker may keep its prepared data. Results depend neither on the worker nor
-on the order. Two methods are optional: `close` is called at the end; `several` takes (number, item) pairs one by one and
-yields (number, result) pairs in any order."""
+on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
 """(number of an item, result) pairs."""
 Stop = Callable[[], bool]
@@ -64,8 +65,10 @@ class Here(Executor):
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """See `Executor`."""
-        for done in _several(task, _until(enumerate(items), stop)):
-            yield [done]
+        for number, item in enumerate(items):
+            if stop is not None and stop():
+                break
+            yield [(number, task(item))]
         _close(task)
 
 
@@ -76,6 +79,8 @@ class Pool(Executor):
     """Exceptions that mean: the worker of a piece crashed."""
     again: tuple[type[Exception], ...] = ()
     """Exceptions that mean: the piece must be done again."""
+    piece = 0.5
+    """Duration of a piece, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -86,7 +91,7 @@ class Pool(Executor):
         """Number of pieces of this task that may be in progress; 0: there is no worker at the moment."""
 
     @abstractmethod
-    def submit(self, sent: bytes, items: Numbered) -> Any:
+    def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
         """Future result of `do_items`."""
 
     @abstractmethod
@@ -97,8 +102,8 @@ class Pool(Executor):
         """Send the task again, because workers may have lost it."""
 
     def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """See `Executor`. A piece whose worker crashed is repeated item by item, and halved after a further crash, to find the
-        item that crashes its worker."""
+        """See `Executor`. The size of a piece follows from the duration of the last one. To find the item that crashes its
+        worker, a piece whose worker crashed is repeated, and halved after a further crash."""
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
         except Exception as error:
@@ -108,35 +113,36 @@ class Pool(Executor):
         suspects: deque[list[int]] = deque()
         deaths = Counter[int]()
         pieces: dict[Any, list[int]] = {}
+        size = 1
         try:
             while (waiting or suspects or pieces) and not (stop is not None and stop()):
                 slots = self.slots(sent)
                 while (waiting or suspects) and len(pieces) < (min(slots, 1) if suspects else slots):
-                    size = max(1, min(MOST, len(waiting) // (2 * slots)))
-                    mine = suspects.popleft() if suspects else [waiting.popleft() for _ in range(size)]
-                    pieces[self.submit(sent, [(number, items[number]) for number in mine])] = mine
+                    count = max(1, min(size, len(waiting) // (2 * slots)))
+                    mine = suspects.popleft() if suspects else [waiting.popleft() for _ in range(count)]
+                    pieces[self.submit(sent, [items[number] for number in mine])] = mine
                 ended = [future for future in pieces if future.done()]
                 if not ended:
                     clock.sleep(0.002)
                 alone = len(pieces) == 1
                 for future in ended:
                     mine = pieces.pop(future)
-                    found: Numbered = []
                     try:
-                        found = future.result()
+                        found, seconds = future.result()
                     except self.died as error:
                         half = len(mine) // 2
                         deaths.update(mine if alone and not half else ())
                         if deaths[mine[0]] < DEATHS:
                             suspects.extend([mine[:half], mine[half:]] if alone and half else [mine])
-                            continue
-                        found = [(mine[0], Lost(f"{DEATHS} workers died in this run: {error}"))]
+                        else:
+                            yield [(mine[0], Lost(f"{DEATHS} workers died in this run: {error}"))]
                     except self.again:
                         self.renew()
-                    done = {number for number, _ in found}
-                    waiting.extendleft(number for number in reversed(mine) if number not in done)
-                    if found:
-                        yield found
+                        waiting.extendleft(reversed(mine))
+                    else:
+                        wanted = self.piece * len(mine) / max(seconds, 1e-9)
+                        size = int(max(1, min(wanted, GROWTH * len(mine), MOST)))
+                        yield list(zip(mine, found, strict=True))
         finally:
             self.abandon(list(pieces))
 
@@ -186,18 +192,17 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def do_items(sent: bytes, items: Numbered, seconds: float) -> Numbered:
-    """Results, in a worker, of the items begun within `seconds`, at least of the first item. The worker keeps the task for
-    its next piece."""
+def do_items(sent: bytes, items: Sequence[Any]) -> tuple[list[Any], float]:
+    """Results of the items in a worker, and the time that they took, s. The worker keeps the task for its next piece."""
     if getattr(_OWN, "sent", b"") != sent:
         _close(getattr(_OWN, "task", None))
         plugins, task = pickle.loads(sent)
         for plugin in plugins:
             _load(plugin)
         _OWN.task, _OWN.sent = pickle.loads(task), sent
-    end = clock.monotonic() + seconds
-    (first, *others) = items
-    return list(_several(_OWN.task, _until(others, lambda: clock.monotonic() > end, first)))
+    began, task = clock.perf_counter(), _OWN.task
+    found = task.several(items) if hasattr(task, "several") else [task(item) for item in items]
+    return found, clock.perf_counter() - began
 
 
 _OWN = threading.local()
@@ -208,21 +213,6 @@ def _load(plugin: Path) -> None:
     from asrsim.actuators.user import load_plugin_file
 
     load_plugin_file(plugin)
-
-
-def _until(pairs: Iterable[tuple[int, Any]], stop: Stop | None, *first: tuple[int, Any]) -> Iterator[tuple[int, Any]]:
-    """`first`, then the pairs until `stop` returns True."""
-    yield from first
-    for pair in pairs:
-        if stop is not None and stop():
-            return
-        yield pair
-
-
-def _several(task: Task, pairs: Iterable[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
-    if hasattr(task, "several"):
-        return iter(task.several(pairs))
-    return ((number, task(item)) for number, item in pairs)
 
 
 def _close(task: Task | None) -> None:

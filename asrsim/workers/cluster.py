@@ -82,15 +82,15 @@ class Cluster(Pool):
     def slots(self, sent: bytes) -> int:
         """See `Pool`."""
         threads = sum(self._client.nthreads().values())
-        self._seconds = max(PIECE, SHARE * threads)
+        self.piece = max(PIECE, SHARE * threads)
         if self._data is None and threads:
             with suppress(OSError):
                 self._data = self._client.scatter(sent, broadcast=True, hash=False)
         return 0 if self._data is None else AHEAD * threads
 
-    def submit(self, sent: bytes, items: Numbered) -> Any:
+    def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
         """See `Pool`."""
-        return self._client.submit(do_items, self._data, items, self._seconds, pure=False, retries=0)
+        return self._client.submit(do_items, self._data, items, pure=False, retries=0)
 
     def abandon(self, futures: Sequence[Any]) -> None:
         """See `Pool`."""

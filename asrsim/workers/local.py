@@ -13,10 +13,7 @@ from typing import Any
 from loky import ProcessPoolExecutor
 from loky.process_executor import BrokenProcessPool
 
-from asrsim.workers import Numbered, Pool, do_items, use_one_thread
-
-PIECE = 0.5
-"""Duration of a worker's piece, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
+from asrsim.workers import Pool, do_items, use_one_thread
 
 
 class Processes(Pool):
@@ -38,18 +35,18 @@ class Processes(Pool):
         """See `Pool`."""
         return 2 * self._count
 
-    def submit(self, sent: bytes, items: Numbered) -> Any:
+    def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
         """See `Pool`."""
         if self._pool is not None:
             try:
-                return self._pool.submit(do_items, sent, items, PIECE)
+                return self._pool.submit(do_items, sent, items)
             except BrokenProcessPool:
                 self.__exit__()
         environment: dict[str, str] = {}
         use_one_thread(environment)
         environment = {name: os.environ.get(name, value) for name, value in environment.items()}
         self._pool = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),), env=environment)
-        return self._pool.submit(do_items, sent, items, PIECE)
+        return self._pool.submit(do_items, sent, items)
 
     def abandon(self, futures: Sequence[Any]) -> None:
         """See `Pool`."""

@@ -84,5 +84,5 @@ def films(log: Path | None, name: str, caption: str) -> tuple[Picture, ...]:
 
     film = Film(log)
     stream = io.BytesIO()
-    film_strip(list(film.frames(telling_times([film], FRAMES)))).save(stream, format="PNG", compress_level=6)
+    film_strip([film.frame(time) for time in telling_times([film], FRAMES)]).save(stream, format="PNG", compress_level=6)
     return (Picture(name=name, caption=caption, kind="png", data=stream.getvalue()),)

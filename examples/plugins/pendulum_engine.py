@@ -69,7 +69,7 @@ class PendulumEngine(RigidEngine):
         places = {"qpos": np.zeros(1), "qvel": np.zeros(1), "joint_q": [0], "joint_v": [0]}
         super().__init__(make_room(robot, np.zeros(4), free=False, **places), np.zeros(1))
 
-    def look(self, wrenches):
+    def look(self, wrenches, forces):
         room = self._room
         room.matrix[:], room.bias[:] = self.model.mass_matrix(room.qpos), self.model.bias(room.qpos, room.qvel)
 

@@ -73,12 +73,12 @@ class HalfFriction(mujoco_engine.MujocoEngine):
 
     native = None
 
-    def step(self, exchange, wrenches, fraction=1.0):
+    def step(self, exchange, wrenches, lengths):
         """As its base."""
         rubbing = exchange.copy()
-        rubbing[:, FRICTION] *= 0.5
-        super().step(rubbing, wrenches, fraction)
-        exchange[:, :FRICTION] = rubbing[:, :FRICTION]
+        rubbing[..., FRICTION] *= 0.5
+        super().step(rubbing, wrenches, lengths)
+        exchange[..., :FRICTION] = rubbing[..., :FRICTION]
 
 
 class MovedStop(mujoco_engine.MujocoEngine):

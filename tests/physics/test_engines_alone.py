@@ -56,14 +56,14 @@ def motion(engine: str, path: Path | str, *, stops: bool = False, friction: floa
     """(400, 5) rad in 0.4 s of swinging torques, friction and damping."""
     world = make(engine, path)
     world.start([0.1, -0.2, 0.3, 0.0, 0.1], [2.0, -1.0, 3.0, 1.0, -2.0], step=1e-3, staggered=True, implicitness=0.5)
-    exchange, wrenches = np.zeros((5, 5)), np.zeros((1, 6))
-    exchange[:, 3:] = 0.02, friction
-    wrenches[0, :3] = 1.0, 0.5, -0.3
+    exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))
+    exchange[..., 3:] = 0.02, friction
+    wrenches[0, 0, :3] = 1.0, 0.5, -0.3
     rows = []
     for step in range(400):
-        exchange[:, 2] = 0.5 * np.sin(0.02 * step + np.arange(5))
-        world.step(exchange, wrenches, 1.0 if step else 0.5)
-        rows.append(exchange[:, 0].copy())
+        exchange[0, :, 2] = 0.5 * np.sin(0.02 * step + np.arange(5))
+        world.step(exchange, wrenches, np.array([1.0 if step else 0.5]))
+        rows.append(exchange[0, :, 0].copy())
     world.close()
     found = np.array(rows)
     assert not stops or (np.isclose(found, 0.5, atol=1e-9) | np.isclose(found, -0.6, atol=1e-9)).any()
@@ -89,16 +89,16 @@ FAR = "world: {objects: {far: {shape: box, size: [0.1, 0.1, 0.1], position: [30,
 def test_an_engine_continues_from_a_state_to_the_bit(tmp_path: Path, more: str) -> None:
     world = make("bullet", chain(tmp_path, more))
     world.start([0.1] * 5, [1.0] * 5, step=1e-3, staggered=True, implicitness=0.5)
-    exchange, wrenches = np.zeros((5, 5)), np.zeros((1, 6))
-    exchange[:, 2:] = 0.3, 0.02, 0.05
+    exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))
+    exchange[..., 2:] = 0.3, 0.02, 0.05
     runs = []
     for step in range(20):
-        world.step(exchange, wrenches, 1.0 if step else 0.5)
+        world.step(exchange, wrenches, np.array([1.0 if step else 0.5]))
     state = world.state
     for _ in range(2):
         world.state = state
         for _ in range(30):
-            world.step(exchange, wrenches)
-        runs.append(exchange[:, :2].copy())
+            world.step(exchange, wrenches, np.ones(1))
+        runs.append(exchange[..., :2].copy())
     np.testing.assert_array_equal(*runs)
     world.close()

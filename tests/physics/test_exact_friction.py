@@ -35,10 +35,10 @@ def chain(folder: Path, random: np.random.Generator) -> Path:
 def step(engine: Engine, place: np.ndarray, before: np.ndarray, torque: np.ndarray, friction: np.ndarray) -> np.ndarray:
     """The exchange (joints, 5) after a step from there."""
     engine.start(place.tolist(), before.tolist(), step=STEP, staggered=False, implicitness=0.0)
-    exchange = np.zeros((JOINTS, 5))
-    exchange[:, TORQUE], exchange[:, FRICTION] = torque, friction
-    engine.step(exchange, np.zeros((0, 6)))
-    return exchange
+    exchange = np.zeros((1, JOINTS, 5))
+    exchange[0, :, TORQUE], exchange[0, :, FRICTION] = torque, friction
+    engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))
+    return exchange[0]
 
 
 @pytest.mark.parametrize("resting", [0, 3, 6, 7])

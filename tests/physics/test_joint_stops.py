@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from asrsim.scenario.data import World
-from asrsim.signals import Sinusoid
+from asrsim.scenario.data import World, Wrench
+from asrsim.signals import Sinusoid, Step
 from support.stopped_arm import StoppedArm
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -28,6 +30,54 @@ def test_a_free_link_ends_at_rest_at_its_stop(engine: str, world: World, phase: 
     assert column(result, "link_position")[-1] == pytest.approx(stop, abs=1e-8)
     assert column(result, "link_velocity")[-1] == pytest.approx(0.0, abs=1e-8)
     assert column(result, "link_position").max() <= stop + 1e-8
+
+
+PRESSED = Body(mass=1.0, reach=0.1, inertia=0.01, limits=limit(0.0, 2.0))
+"""A link of 0.02 kg m^2 about its joint, which rests on its lower stop."""
+STICKING = Body(mass=1.0, reach=0.1, inertia=0.01, friction=0.3)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("pushed", ["torque", "force"])
+@pytest.mark.parametrize(("body", "before", "pull"), [(PRESSED, -0.5, 0.5), (STICKING, 0.2, 0.2)], ids=["stop", "friction"])
+@pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
+def test_a_link_leaves_when_the_torque_that_holds_it_jumps(
+    engine: str, compiled: bool, pushed: str, body: Body, before: float, pull: float, late: float
+) -> None:
+    """pull: torque in N m that accelerates the link after the jump. A jump between two steps is late by a part of a step."""
+    step, jump = 1e-3, 0.03 + late * 1e-3
+    load = Step(at=jump, before=before, after=0.5)
+    keys: dict[str, object] = {"external": {"joint_1": load}}
+    if pushed == "force":
+        torque = (None, load, None)
+        keys = {"wrenches": (Wrench(link="link_1", force=(None, None, None), torque=torque, point=(0.0, 0.0, 0.0)),)}
+    result = run(chain(body), engine=engine, gravity=0.0, duration=0.1, step=step, compiled=compiled, **keys)
+    acceleration, off = pull / 0.02, min(late, 1.0 - late) * step
+    # A leapfrog step lags by half of the square of the distance between the jump and the nearest whole step.
+    there = 0.5 * acceleration * ((0.1 - jump) ** 2 - off**2)
+    assert column(result, "link_position")[-1] == pytest.approx(there, abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_two_joints_that_a_jump_frees_are_of_second_order(engine: str) -> None:
+    """One joint sticks, the other rests on its stop."""
+    truth = StoppedArm(
+        mass=0.5, reach=0.15, inertia=2e-3, length=0.3, gravity=0.0, friction=(0.2, 0.02), lower=(-2.0, 0.0), upper=(2.0, 2.0)
+    )  # fmt: skip
+    jump, end, before, after = 0.05037, 0.2, np.array([0.1, -0.1]), np.array([1.5, 0.45])
+    there, speed, _ = truth.move(np.zeros(2), np.zeros(2), lambda _: before, jump)
+    there, speed, _ = truth.move(there, speed, lambda _: after, end - jump)
+    assert there.min() > 0.05
+    link = Body(mass=0.5, reach=0.15, inertia=2e-3, length=0.3)
+    bodies = [replace(link, friction=0.2, limits=limit(-2.0, 2.0)), replace(link, friction=0.02, limits=limit(0.0, 2.0))]
+    errors = []
+    for step in STEPS:
+        loads = {f"joint_{j + 1}": Step(at=jump, before=float(before[j]), after=float(after[j])) for j in (0, 1)}
+        result = run(chain(*bodies), engine=engine, gravity=0.0, duration=end, step=step, external=loads)
+        errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
+    assert errors[1] < 2e-6
+    assert errors[1] < 0.15 * errors[0]
 
 
 def arm(random: np.random.Generator) -> StoppedArm:

@@ -11,7 +11,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
@@ -165,12 +164,7 @@ def test_a_peer_hears_every_topic_and_moves_the_arm(server, peers, name):
     assert len(seen["outlets"]) >= 20
     assert set(seen["outlets"]) - {"/robot_description"} == set(seen["counts"])
     assert not seen["gaps"]
-    assert seen["best_effort"] > 100
-    assert seen["late"]
     assert seen["description"]["/robot_description"] > 1000
-    for topic, hashes in seen["hashes"].items():
-        assert len(set(hashes)) == 1, topic
-        assert hashes[0].startswith("RIHS01_") or "RIHS01" in hashes[0] or "TypeHash" in hashes[0]
     assert seen["inlets"]
     assert max(map(abs, seen["positions"].values())) > 0.01
     assert set(seen["preset"].values()) == {0.25}
@@ -180,82 +174,6 @@ def test_a_peer_hears_every_topic_and_moves_the_arm(server, peers, name):
     commands = list(open_log(folder / "log.mcap").commands())
     assert len(commands) > 50
     assert repeat(folder / "log.mcap").identical
-
-
-FLOOD = """
-import os, sys, time, math
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-import rclpy
-from std_msgs.msg import Float64, Float64MultiArray, String
-from sensor_msgs.msg import JointState
-rclpy.init(domain_id=int(sys.argv[1]))
-node = rclpy.create_node("flood")
-one = node.create_publisher(Float64, "/joint_1/equilibrium_position", 10)
-many = node.create_publisher(Float64MultiArray, "/reference_1", 10)
-control = node.create_publisher(JointState, "/ros2_control/joint_commands", 1)
-wrong = node.create_publisher(String, "/joint_2/equilibrium_position", 10)
-print("ready", flush=True)
-end = time.time() + float(sys.argv[2])
-while time.time() < end:
-    for i in range(20):
-        one.publish(Float64(data=0.1 * math.sin(time.time() * 9 + i)))
-    one.publish(Float64(data=math.nan))
-    many.publish(Float64MultiArray(data=[1e300] * 2000))
-    control.publish(JointState(name=["nobody"] * 300, position=[1.0] * 200))
-    wrong.publish(String(data="x" * 1000))
-"""
-
-
-@pytest.mark.slow
-def test_floods_nonsense_and_peers_that_vanish(server, peers):
-    process, folder = server
-    memory = []
-    for _ in range(3):
-        with subprocess.Popen(
-            [peers("kilted"), "-c", FLOOD, str(DOMAIN), "60"], stdout=subprocess.PIPE, text=True, env=ALONE
-        ) as flood:
-            assert flood.stdout is not None
-            flood.stdout.readline()
-            time.sleep(4.0)
-            flood.kill()
-        (pages,) = Path(f"/proc/{process.pid}/statm").read_text().split()[1:2]
-        memory.append(int(pages) * os.sysconf("SC_PAGE_SIZE") / 2**20)
-    seen = watch(peers("jazzy"), 2.0, 50)
-    assert seen["counts"]["/joint_states"] > 100
-    ended(process)
-    assert memory[-1] - memory[0] < 60
-    summary = json.loads((folder / "summary.json").read_text())
-    assert summary["live"]["commands"] > 1000
-    assert any("not finite" in reason for reason in summary["live"]["dropped"])
-    assert any("values where 2 are expected" in reason for reason in summary["live"]["dropped"])
-    assert any("values where 300 are expected" in reason for reason in summary["live"]["dropped"])
-    assert repeat(folder / "log.mcap").identical
-
-
-@pytest.mark.slow
-def test_every_message_of_a_log_is_deserialised_by_rclpy(tmp_path, peers, tiny, asrsim_command):
-    done = asrsim_command("run", tiny.scenario, "--no-plot", "-o", tmp_path / "out", "--set", "compiled=false")
-    assert done.code == 0
-    from mcap.reader import make_reader
-
-    lines = []
-    with (tmp_path / "out" / "log.mcap").open("rb") as file:
-        for schema, _, message in make_reader(file).iter_messages():
-            if not schema.name.startswith(("asrsim_msgs", "tf2_msgs")):
-                lines.append(f"{schema.name} {message.data.hex()}")
-    (tmp_path / "messages").write_text("\n".join(lines))
-    code = (
-        "import sys, importlib\nfrom rclpy.serialization import deserialize_message\ncount = 0\n"
-        "for line in open(sys.argv[1]):\n    name, data = line.split()\n    package, _, kind = name.split('/')\n"
-        "    deserialize_message(bytes.fromhex(data), getattr(importlib.import_module(package + '.msg'), kind))\n"
-        "    count += 1\n"
-        "print(count)"
-    )
-    for name in PACKAGES:
-        done = subprocess.run(
-            [peers(name), "-c", code, tmp_path / "messages"], capture_output=True, text=True, check=True, env=ALONE
-        )
-        assert int(done.stdout) == len(lines) > 1000
 
 
 STAND_IN = """

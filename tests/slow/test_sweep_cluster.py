@@ -157,5 +157,5 @@ class Tripled:
 
 def test_a_worker_does_the_task_that_it_is_sent() -> None:
     for factor in (3, 3, 5, 3):
-        found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [(7, 2), (4, 10)], 1.0)
-        assert found == [(7, 2 * factor), (4, 10 * factor)]
+        found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [2, 10])[0]
+        assert found == [2 * factor, 10 * factor]

@@ -15,8 +15,7 @@ import time
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import rclpy
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -45,12 +44,10 @@ def discovered(node):
     return topics
 
 
-def subscribe(node, name, kind, *, reliable=True):
+def subscribe(node, name, kind):
     quality = QoSProfile(depth=2000)
     if name in ("/robot_description", "/tf_static"):
         quality.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    if not reliable:
-        quality.reliability = ReliabilityPolicy.BEST_EFFORT
     return node.create_subscription(kind, name, lambda message: None, quality)
 
 
@@ -70,16 +67,7 @@ def main():
     outlets = [name for name in topics if mine(node.get_publishers_info_by_topic(name))]
     inlets = [name for name in topics if mine(node.get_subscriptions_info_by_topic(name))]
     listening = {name: (subscribe(node, name, message_class(topics[name])), message_class(topics[name])) for name in outlets}
-    best_effort = subscribe(node, "/joint_states", JointState, reliable=False)
     publishers = {name: node.create_publisher(message_class(topics[name]), name, 10) for name in inlets}
-    hashes = {
-        name: [
-            str(mine(node.get_publishers_info_by_topic(name) + node.get_subscriptions_info_by_topic(name))[0].topic_type_hash),
-            *{str(info.topic_type_hash) for info in node.get_subscriptions_info_by_topic(name)
-              + node.get_publishers_info_by_topic(name) if info.node_name == "user"},
-        ]
-        for name in topics
-    }  # fmt: skip
     time.sleep(1.0)
     latched = {}
     for name, (subscription, kind) in listening.items():
@@ -87,23 +75,18 @@ def main():
         while (taken := subscription.handle.take_message(kind, False)) is not None:
             if name == "/robot_description":
                 latched[name] = len(taken[0].data)
-    counts, gaps, numbers, last, best, echoes, sent = {}, {}, {}, {}, 0, [], {}
+    counts, gaps, numbers, last = {}, {}, {}, {}
     equilibria = [name for name in inlets if name.endswith("equilibrium_position")]
     presets = [name for name in inlets if name.endswith("reference_2") and topics[name].endswith("MultiArray")]
     began = due = time.time()
-    late = None
     while (now := time.time()) - began < SECONDS:
         if RATE and now >= due:
             due += 1.0 / RATE
             for number, name in enumerate(equilibria):
                 value = 0.3 * math.sin(6.0 * (now - began) + number)
                 publishers[name].publish(Float64(data=value))
-                if not number:
-                    sent[value] = time.time()
             for name in presets:
                 publishers[name].publish(Float64MultiArray(data=[0.25] * len(equilibria)))
-        if late is None and now - began > 0.5 * SECONDS:
-            late = subscribe(node, "/robot_description", message_class("std_msgs/msg/String"))
         quiet = True
         for name, (subscription, kind) in listening.items():
             while (taken := subscription.handle.take_message(kind, False)) is not None:
@@ -114,27 +97,18 @@ def main():
                 if name in numbers and number > numbers[name] + 1:
                     gaps[name] = gaps.get(name, 0) + number - numbers[name] - 1
                 numbers[name], last[name] = number, message
-                if equilibria and name == equilibria[0].replace("equilibrium_position", "applied/equilibrium_position"):
-                    when = sent.pop(message.data, None)
-                    if when is not None:
-                        echoes.append(1e3 * (1e-9 * about["received_timestamp"] - when))
-        while best_effort.handle.take_message(JointState, False) is not None:
-            best += 1
         if quiet:
             time.sleep(1e-4)
-    came_late = late.handle.take_message(message_class("std_msgs/msg/String"), False) if late is not None else None
     answers = [
         call(node, SetBool, "/asrsim/pause", SetBool.Request(data=True)),
         call(node, Trigger, "/asrsim/release", Trigger.Request()),
         call(node, SetBool, "/asrsim/pause", SetBool.Request(data=False)),
     ]
     state = last.get("/joint_states")
-    echoes.sort()
     print(json.dumps({
-        "topics": topics, "outlets": outlets, "inlets": inlets, "hashes": hashes, "counts": counts, "gaps": gaps,
-        "best_effort": best, "late": came_late is not None, "description": latched, "answers": answers,
+        "topics": topics, "outlets": outlets, "inlets": inlets, "counts": counts, "gaps": gaps,
+        "description": latched, "answers": answers,
         "positions": dict(zip(state.name, state.position, strict=True)) if state is not None else {},
-        "echo_ms": [echoes[len(echoes) // 2], echoes[int(0.99 * len(echoes))], len(echoes)] if echoes else None,
         "preset": {name: message.data for name, message in last.items() if name.endswith("applied/stiffness_preset")},
     }))  # fmt: skip
     node.destroy_node()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -50,6 +49,20 @@ def test_soft_joints_move_within_a_milliradian_of_asrsim(tmp_path, actuator):
     assert (tmp_path / "soft.png").stat().st_size > 10_000
 
 
+def test_five_coupled_joints_move_within_a_milliradian_of_asrsim(tmp_path):
+    references = {
+        f"joint_{j}": {
+            "equilibrium_position": {"sinusoid": {"amplitude": 0.6, "frequency": 0.5 + 0.07 * j}},
+            "stiffness_preset": 0.2,
+        }
+        for j in range(1, 6)
+    }
+    given = asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="mujoco", duration=2.0, references=references)
+    found = export_mjcf(given, tmp_path / "soft.xml", plot=False).replay
+    assert np.ptp(found.ours, axis=0).min() > 0.6
+    assert found.rms.max() < 1.0
+
+
 def plain(run):
     """The run without what MJCF does not have."""
     joints = []
@@ -88,17 +101,12 @@ def test_electric_motors_take_volts_or_amperes(tmp_path, mode, reference):
 @pytest.mark.parametrize("law", [lambda x: np.sinh(9.0 * x), lambda x: np.exp(8.0 * x) - 0.5 * np.exp(-8.0 * x)])
 def test_splines_follow_a_law_and_stay_flat_beyond_its_limit(law):
     limit = 0.6
-    spline = spline_of(lambda x: float(law(np.clip(x, -limit, limit))), reach=2.0, limit=limit, knots=6)
+    spline = spline_of(lambda x: float(law(np.clip(x, -limit, limit))), reach=2.0, limit=limit)
     inside, outside = np.linspace(-limit, limit, 999), np.array([-3.0, -limit, limit, 3.0])
     stiffness = np.gradient(law(inside), inside)
     assert np.abs((spline.torque(inside) - law(inside)) / stiffness).max() == pytest.approx(spline.error, rel=0.1)
-    assert spline.error < 1e-3
+    assert spline.error < 1e-4
     np.testing.assert_allclose(np.diff(spline.torque(outside))[[0, 2]], 0.0, atol=1e-6 * law(limit))
-
-
-def test_more_knots_make_the_spline_better():
-    errors = [spline_of(lambda x: float(np.sinh(9.0 * x)), reach=0.8, limit=0.8, knots=knots).error for knots in (0, 2, 4, 8)]
-    assert all(after < 0.5 * before for before, after in pairwise(errors))
 
 
 def test_ideal_motors_are_refused(tmp_path):
@@ -122,7 +130,7 @@ def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
     ACTUATORS.add("coupled", Coupled)
-    with pytest.raises(ScenarioError, match="deflection alone"):
+    with pytest.raises(ScenarioError, match="own deflection"):
         export_mjcf(scenario("sea", actuators={"joint_1": {"type": "coupled", "mode": 6}}), tmp_path / "soft.xml")
 
 
@@ -142,7 +150,7 @@ def test_a_scenario_that_meets_a_speed_limit_is_told_so(tmp_path):
     step = {"joint_1": {"equilibrium_position": {"step": {"to": 0.8}}}}
     found = export_mjcf(scenario("sea", references=step), tmp_path / "soft.xml", plot=False)
     assert found.replay.rms.max() > 10.0
-    assert any("this scenario meets" in text for text in found.remarks)
+    assert any("reach their speed limit" in text for text in found.remarks)
 
 
 def test_intervals_of_a_fit_become_ranges_of_model_fields(tmp_path):

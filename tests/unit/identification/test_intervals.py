@@ -48,22 +48,21 @@ def test_a_null_is_one_though_a_column_was_taken_across_a_corner():
     assert np.linalg.norm(mended[:, 2]) == pytest.approx(np.linalg.norm(true[:, 2]), rel=1e-3)
 
 
-@pytest.mark.parametrize("central", [False, True])
-def test_differences_are_never_taken_beyond_bounds(central: bool):
-    """Wherever the vector lies: at either bound, nearer to one than a step, or at both."""
+def test_differences_are_never_taken_beyond_bounds():
+    """Wherever the vector lies: at either bound, or nearer to one than a step."""
     step, tried = 1e-3, []
-    slopes = np.random.default_rng(0).normal(size=(50, 6))
-    low, high = np.array([0.0, -1.0, 0.0, -1.0, 0.5 - step, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 0.5, 1.0])
+    slopes = np.random.default_rng(0).normal(size=(50, 5))
+    low, high = np.array([0.0, -1.0, 0.0, -1.0, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 1.0])
     parameters = [
-        Parameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b) for key, a, b in zip("abcdef", low, high, strict=True)
+        Parameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b) for key, a, b in zip("abcde", low, high, strict=True)
     ]
     problem = modelled(lambda x: tried.append(x) or slopes @ x + x.sum() ** 2, parameters, 50)
-    x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.5, 0.1])
-    found = jacobian(problem, x, step, central=central)
-    assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
-    np.testing.assert_allclose(found, slopes + 2.0 * x.sum(), atol=1.01 * step)
+    x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.1])
+    for found in (jacobian(problem, x, step), with_faint_directions(problem, x, jacobian(problem, x, step))):
+        assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
+        np.testing.assert_allclose(found, slopes + 2.0 * x.sum(), atol=1.01 * step)
     # From both sides a parabola's slope is exact.
-    assert (np.abs(found[:, 5] - slopes[:, 5] - 2.0 * x.sum()).max() < 1e-9) == central
+    np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 2.0 * x.sum(), atol=1e-9)
 
 
 def test_what_noise_leaves_is_the_least_squares_deviation_of_its_own_size():
@@ -118,13 +117,10 @@ def test_blocks_that_pull_apart_widen_what_they_tell(met: bool):
     assert found.of_a_block.deviation[0] == pytest.approx(0.4, rel=1e-5)
 
 
-@pytest.mark.parametrize("central", [False, True])
-def test_a_step_into_a_motion_that_is_not_sane_tells_no_slope(central: bool):
+def test_a_diverged_simulation_gives_no_derivative():
     slopes = np.random.default_rng(0).normal(size=(50, 3))
-    found = jacobian(modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50), np.zeros(3), 1e-3, central=central)
-    np.testing.assert_allclose(found[:, [0, 2]], slopes[:, [0, 2]], atol=1e-9)
-    # Of both sides one is left, which is half of the slope; of one side nothing is.
-    np.testing.assert_allclose(found[:, 1], 0.5 * slopes[:, 1] if central else 0.0, atol=1e-9)
+    found = jacobian(modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50), np.zeros(3), 1e-3)
+    np.testing.assert_allclose(found, slopes * [1.0, 0.0, 1.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (0.02, 3.0, 0.3), (2.0, 30.0, 5.0)])
@@ -239,7 +235,7 @@ def test_a_locked_joint_lacks_its_spring_and_has_published_numbers_with_it(tmp_p
     free = ["motor.damping", "motor.friction", "carriage.mass"]
     without = identify(scenario, [tmp_path / "chirp.csv"], free=free, mapping=maps)
     assert not without.fits
-    (suspected,) = re.findall(r"a spring of motor's own \((.*) N/m\) is suspected", "\n".join(without.causes))
+    (suspected,) = re.findall(r"a passive spring of motor \((.*) N/m\) is suspected", "\n".join(without.causes))
     assert float(suspected) == pytest.approx(3.5e5, rel=0.02)
     found = identify(scenario, [tmp_path / "chirp.csv"], free=[*free, "motor.passive_stiffness=1e5"], mapping=maps)
     assert found.fits
@@ -268,6 +264,7 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     table[:, 2] += 2e-5 * np.random.default_rng(2).normal(size=len(table))
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t [s],tau [N m],q [rad]", comments="", fmt="%.9g")
     robot = AXIS.replace("prismatic", "revolute").replace('xyz="1 0 0"', 'xyz="0 0 1"').replace('izz="1"', 'izz="0.04"')
+    robot = robot.replace('lower="-1" upper="1"', 'lower="-9" upper="9"')
     (tmp_path / "axis.urdf").write_text(robot.replace('"1000" friction="10"', '"0.1" friction="0.05"'))
     (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 8\nactuators: {motor: {type: sea, mode: 0}}\n")
     free = ["motor.damping", "motor.friction", "carriage.izz", "motor.stribeck_friction=0.03", "motor.stribeck_velocity=0.1"]
@@ -275,7 +272,7 @@ def test_friction_of_a_joint_that_stands_now_and_then_is_told_by_where_it_moves(
     found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=free, mapping=maps)
     # Standing, it is held by any friction; noise of the place, twice differentiated, makes an inertia seem less.
     true = (damping, friction, inertia, static, fade)
-    for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.08, 0.08), strict=True):
+    for one, value, near in zip(found.estimates, true, (0.03, 0.02, 0.005, 0.12, 0.12), strict=True):
         assert one.value == pytest.approx(value, rel=near)
         assert abs(one.value - value) < 0.75 * (one.high - one.low)
 
@@ -296,8 +293,8 @@ def test_what_a_recorded_force_moves_is_told_in_closed_form(tmp_path: Path, nois
     (tmp_path / "axis.urdf").write_text(AXIS)
     (tmp_path / "lab.yaml").write_text("robot: axis.urdf\nduration: 4\nactuators: {motor: {type: sea, mode: 0}}\n")
     maps = ["F [N]=motor.reference_1 [N]", "x [m]=motor.link_position [m]"]
-    true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.2), "carriage.mass": (mass, 0.3)}
-    true |= {"motor.reference_1.delay": (late, 5e-5), "motor.reference_1.offset": (offset, 0.3)} if late else {}
+    true = {"motor.damping": (damping, 2.0), "motor.friction": (friction, 0.4), "carriage.mass": (mass, 0.4)}
+    true |= {"motor.reference_1.delay": (late, 1e-4), "motor.reference_1.offset": (offset, 0.3)} if late else {}
     found = identify(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=list(true), mapping=maps)
     assert any("driven by the recorded torque" in remark for remark in found.remarks)
     for key, (value, near) in true.items():

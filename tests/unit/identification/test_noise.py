@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from asrsim.identification.balance import INSIDE, linear_fit
 from asrsim.identification.data import Channel
 from asrsim.identification.judge import is_loud
-from asrsim.identification.keys import Parameter
-from asrsim.identification.layout import make_layout
 from asrsim.identification.noise import (
     CLIPPED,
     autocovariances,
@@ -85,14 +82,3 @@ def test_a_link_starts_where_a_parabola_through_15_samples_does() -> None:
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
     assert first_samples(channel, 0.05) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
-
-
-def test_linear_parameters_are_found_at_once_within_their_bounds() -> None:
-    known = [Parameter(key=f"j.{name}", unit="1", start=start, low=0.0) for name, start in (("a", 2.0), ("b", 0.5))]
-    layout = make_layout(known, (), ["a"], [{}])
-    matrix = np.random.default_rng(1).normal(size=(30, 2))
-    for truth in ((40.0, 3.0), (5.0, -1.0)):
-        wanted = matrix @ np.array(truth)
-        there = layout.values(linear_fit(lambda x, wanted=wanted: matrix @ layout.values(x) - wanted, np.zeros(2), layout))  # type: ignore[misc]
-        slope = float(matrix[:, 0] @ wanted / (matrix[:, 0] @ matrix[:, 0]))
-        np.testing.assert_allclose(there, truth if truth[1] > 0.0 else (slope, INSIDE * 0.5), rtol=1e-5)

@@ -7,8 +7,9 @@ import pytest
 
 from asrsim.actuators import AwasII, Bavs, QbMove, Sea
 from asrsim.actuators.rest import resting_motors
+from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibrium_for_load
-from asrsim.kinematics.compensation import LoadError, equilibria_for_loads
+from asrsim.kinematics.compensation import equilibria_for_loads
 from support.robots import drive_with
 
 
@@ -38,12 +39,9 @@ def test_the_spring_carries_exactly_the_load(name):
 
 def test_too_large_a_load_names_what_can_be_held():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
-    with pytest.raises(LoadError, match=r"elbow: the spring cannot hold 9 N m .* most it can hold that way is 8 N m") as error:
-        equilibrium_for_load(drive, 0.0, 9.0, 0.0)
-    assert error.value.largest == pytest.approx(8.0)
-    with pytest.raises(LoadError) as error:
-        equilibrium_for_load(drive, 0.0, -9.0, 0.0)
-    assert error.value.largest == pytest.approx(-8.0)
+    for side in (9.0, -9.0):
+        with pytest.raises(ScenarioError, match=rf"elbow: .*spring cannot hold {side:g} N m .* way is {side - side / 9:g} N m"):
+            equilibrium_for_load(drive, 0.0, side, 0.0)
 
 
 def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
@@ -51,23 +49,10 @@ def test_droop_of_a_series_elastic_actuator_adds_load_over_gain():
     assert equilibrium_for_load(drive, 0.5, 10.0, 0.0, droop=True) == pytest.approx(0.5 + 10 / 200 + 10 / 125, abs=1e-12)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_equilibria_over_a_motion_are_those_of_its_instants(name):
-    actuator, spring, preset, loads = CASES[name]
-    motors = {"proportional": (90.0, 60.0), "integral": (0.0, 0.0), "max_torque": (500.0, 500.0)}
-    drive = drive_with(actuator, mode=6, spring=spring, **{key: value[: actuator.motors] for key, value in motors.items()})
-    time = np.linspace(0.0, 1.0, 40)
-    position, load = 0.8 * np.sin(5.0 * time), min(loads) + (max(loads) - min(loads)) * time
-    for droop in (False, True):
-        found = equilibria_for_loads(drive, position, load, np.full(40, preset), droop=droop)
-        alone = [equilibrium_for_load(drive, *row, preset, droop=droop) for row in zip(position, load, strict=True)]
-        assert found == pytest.approx(np.array(alone), abs=1e-11)
-
-
 def test_a_motion_beyond_a_spring_names_the_time():
     drive = drive_with(Sea, mode=3, joint="elbow", spring=(10.0, 0.8))
     time, nothing = np.linspace(0.0, 1.0, 11), np.zeros(11)
-    with pytest.raises(LoadError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
+    with pytest.raises(ScenarioError, match=r"at 0.9 s: the spring cannot hold 9 N m"):
         equilibria_for_loads(drive, nothing, 10.0 * time, nothing, droop=False, time=time)
 
 
@@ -81,9 +66,8 @@ def test_a_motor_too_weak_for_the_pretension_is_named():
     drive = drive_with(QbMove, mode=6, spring=(11.0, 0.02, 11.0, 0.02, 0.8),
         proportional=(125.0, 125.0), integral=(0.0, 0.0), max_torque=(6.0, 6.0),
     )  # fmt: skip
-    with pytest.raises(LoadError, match=r"motor 1 would have to hold 7\.351 N m") as error:
+    with pytest.raises(ScenarioError, match=r"motor 1 would have to hold 7\.351 N m .* limit is 6 N m"):
         equilibrium_for_load(drive, 0.0, 0.0, 0.6)
-    assert error.value.largest == 6.0
 
 
 def random_drive(generator):

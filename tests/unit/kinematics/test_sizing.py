@@ -206,7 +206,7 @@ def test_an_arm_without_damping_gets_some_and_comes_to_rest_within_its_first_run
     robot = write_plain_arm(tmp_path, lengths=(0.4, 0.3, 0.1), masses=(3.0, 2.0, 1.0), effort=500.0)
     lying = re.sub(r'xyz="0 0 ([\d.]+)"', r'xyz="\1 0 0"', robot.read_text())
     robot.write_text(lying.replace('xyz="0 1 0"', 'xyz="0 0 1"'))
-    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "qbmove"}, schema=False)
+    (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "qbmove"})
     for scenario in asrsim.load_scenario(file):
         assert set(scenario.link_damping) == {"joint_1", "joint_2", "joint_3"}
         for joint in asrsim.run(scenario).summary.joints:
@@ -218,7 +218,7 @@ def test_an_arm_without_damping_gets_some_and_comes_to_rest_within_its_first_run
 def test_an_effort_limit_below_the_weight_is_told_of_and_the_rest_is_sized(tmp_path):
     """Twenty N m of effort, forty of weight: no spring and no motor holds that, and no proposal says so."""
     robot = write_plain_arm(tmp_path, lengths=(0.8, 0.6), masses=(12.0, 4.0), effort=20.0)
-    (file,), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"}, schema=False)
+    (file, _), notes = write_starter(robot, tmp_path / "arm.yaml", actuators={"*": "sea"})
     told = [(note.key, "effort limit of 20 N m" in note.message) for note in notes if note.code != "swings-on"]
     assert told == [("joint_1", True)]
     (scenario,) = asrsim.load_scenario(file)
@@ -235,7 +235,7 @@ def test_what_init_writes_begins_at_rest_and_gets_where_it_is_asked(tmp_path, se
     moving, fixed = int(source.integers(1, 5)), int(source.integers(0, 5))
     robot, out = tmp_path / "arm.urdf", tmp_path / "arm.yaml"
     robot.write_text(random_urdf(seed, moving=moving, fixed=fixed, massless_root=True), encoding="utf-8")
-    write_starter(robot, out, actuators={"*": str(source.choice(["sea", "qbmove", "bavs", "awas_ii"]))}, schema=False)
+    write_starter(robot, out, actuators={"*": str(source.choice(["sea", "qbmove", "bavs", "awas_ii"]))})
     for scenario in asrsim.load_scenario(out, overrides=["engine=mujoco", "duration=8"]):
         found = asrsim.run(scenario)
         assert np.abs(found.run.samples.values["link_velocity"][:100]).max() < 1e-6

@@ -202,7 +202,7 @@ def test_a_client_of_the_protocol(tmp_path):
     assert seen["messages"]["/robot_description"] == 1
     assert seen["values"]["/joint_1/applied/equilibrium_position"] == 0.1
     assert seen["values"]["/joint_2/applied/equilibrium_position"] == -0.1
-    assert sorted(seen["services"]) == [f"/asrsim/{name}" for name in ("pause", "release", "reset")]
+    assert sorted(seen["services"]) == [f"/asrsim/{name}" for name in ("pause", "release")]
     assert [seen["answers"][number]["success"] for number in "134"] == [True, True, False]
     live = json.loads((tmp_path / "out" / "summary.json").read_text())["live"]
     assert live["commands"] == 200

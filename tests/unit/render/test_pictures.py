@@ -43,10 +43,10 @@ def test_the_camera_sees_every_point_and_stands_no_farther_than_needed(seed: int
     camera = fit_camera(points, towards, aspect=aspect)
     forward = (camera.target - camera.eye) / np.linalg.norm(camera.target - camera.eye)
     np.testing.assert_allclose(forward, -towards / np.linalg.norm(towards), atol=1e-9)
-    right = np.cross(forward, camera.up)
+    right, up, _ = camera.axes
     seen = points - camera.eye
     edge = math.tan(math.radians(camera.field / 2))
-    x, y = np.abs(seen @ right) / (seen @ forward) / (edge * aspect), np.abs(seen @ camera.up) / (seen @ forward) / edge
+    x, y = np.abs(seen @ right) / (seen @ forward) / (edge * aspect), np.abs(seen @ up) / (seen @ forward) / edge
     assert (seen @ forward > 0).all()
     assert 0.85 < max(x.max(), y.max()) <= 1.0
 
@@ -65,11 +65,9 @@ def test_links_without_visuals_are_drawn_and_it_is_said(tmp_path: Path):
         <joint name="l" type="fixed"><parent link="hand"/><child link="nice"/></joint>
         </robot>"""
     )
-    made = drawable(load_robot(file))
-    assert made.collisions == ("hand",)
-    assert made.rods == ("base", "arm")
-    assert any("hand" in note for note in made.notes)
-    base, arm, hand, nice = (link.visuals for link in made.robot.links)
+    robot, notes = drawable(load_robot(file))
+    assert [note.rpartition(": ")[2] for note in notes] == ["hand", "base, arm"]
+    base, arm, hand, nice = (link.visuals for link in robot.links)
     assert [(shape.kind, shape.size, shape.origin) for shape in hand] == [("box", (1.0, 2.0, 3.0), (0.0, 0.0, 0.1))]
     assert [shape.kind for shape in (*base, *arm)] == ["sphere", "cylinder"] * 2
     assert (base[1].size[1], arm[1].size[1]) == (0.5, 0.5)
@@ -97,23 +95,28 @@ def test_objects_stand_where_the_log_has_them(tmp_path: Path):
     assert (image[:, :, 0] - image[:, :, 2] > 40).mean() > 0.05
 
 
-def test_a_strip_has_so_many_frames_at_even_times(log: Path, tmp_path: Path):
-    from matplotlib.image import imread
-
+def test_a_strip_has_frames_at_even_times(log: Path, tmp_path: Path):
     film = Film(log, size=80, sharpness=1)
     assert even_times(film, 3) == pytest.approx([0.0, 0.2, 0.4])
     assert even_times(film, 1) == [film.end]
     with pytest.raises(InputError):
         even_times(film, 0)
-    picture = imread(write_strip(film, tmp_path / "strip.png", count=4))
-    dark = (picture[:, :, :3].max(axis=2) < 0.5).any(axis=0)
-    assert dark.any()
+    one, four = (png_size(write_strip(film, tmp_path / "strip.png", count=count)) for count in (1, 4))
+    assert four[0] > 3.9 * one[0]
+    assert four[1] == one[1]
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return picture.size
 
 
 def test_the_ghost_stands_where_springs_are_without_load(log: Path):
     """At the start the link is at its equilibrium, and the ghost is hidden; after the step both are apart."""
     film = Film(log, size=120, sharpness=1)
-    start, later = ((film.ghosted(time).image.astype(int) - film.frame(time).image) for time in (0.0, 0.2))
+    start, later = ((film.frame(time, ghost=True).image.astype(int) - film.frame(time).image) for time in (0.0, 0.2))
     assert np.abs(start).max() <= 1
     assert (np.abs(later).max(axis=2) > 10).mean() > 0.01
 
@@ -140,14 +143,6 @@ def test_a_video_is_an_mp4(log: Path, tmp_path: Path):
     film = Film(log, size=60, sharpness=1)
     data = write_mp4(film, tmp_path / "motion.mp4").read_bytes()
     assert data[4:8] == b"ftyp"
-
-
-def test_the_log_alone_is_enough(log: Path, tmp_path: Path):
-    alone = tmp_path / "elsewhere.mcap"
-    alone.write_bytes(log.read_bytes())
-    result = CliRunner().invoke(app, ["render", str(alone), "--frames", "2", "--size", "60", "--json"])
-    assert result.exit_code == 0, result.output
-    assert json.loads(result.stdout)["files"] == [str(tmp_path / "filmstrip.png")]
 
 
 def test_a_log_without_its_robot_cannot_be_drawn(tmp_path: Path):
@@ -204,27 +199,19 @@ def volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return abs(float(np.einsum("mi,mi->m", a, np.cross(b, c)).sum())) / 6
 
 
-@pytest.mark.parametrize("kind", ["stl", "text stl", "obj"])
-def test_meshes_are_read_with_their_colours(tmp_path: Path, kind: str):
-    path = tmp_path / f"cube.{kind.split()[-1]}"
+@pytest.mark.parametrize("kind", ["stl", "text stl"])
+def test_stl_files_are_read(tmp_path: Path, kind: str):
+    path = tmp_path / "cube.stl"
+    corners = np.array(CUBE)[np.array(FACES)]
     if kind == "stl":
         rows = np.zeros(len(FACES), dtype=[("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
-        rows["points"] = np.array(CUBE)[np.array(FACES)]
+        rows["points"] = corners
         path.write_bytes(bytes(80) + len(FACES).to_bytes(4, "little") + rows.tobytes())
-    elif kind == "text stl":
-        points = [f"vertex {x} {y} {z}\n" for x, y, z in CUBE]
-        corners = "".join("facet\n" + "".join(points[i] for i in face) for face in FACES)
-        path.write_text(f"solid cube\n{corners}endsolid")
     else:
-        (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
-        quads = ["f 1/1 2/2 4/3 3", "f -4 -2 -1 -3"]
-        text = [f"v {x} {y} {z}" for x, y, z in CUBE] + ["mtllib cube.mtl", "usemtl red", *quads]
-        text += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES[4:]]
-        path.write_text("\n".join(text))
+        facets = ("".join(f"vertex {x} {y} {z}\n" for x, y, z in face) for face in corners)
+        path.write_text("solid cube\n" + "".join(f"facet\n{facet}" for facet in facets) + "endsolid")
     mesh = read_mesh(path)
     assert volume(mesh.points, mesh.triangles) == pytest.approx(1.0)
-    if kind == "obj":
-        np.testing.assert_array_equal(mesh.colours, np.tile([1.0, 0.0, 0.0], (12, 1)))
 
 
 def test_solids_have_their_volume_and_normals_that_point_outwards():
@@ -237,14 +224,12 @@ def test_solids_have_their_volume_and_normals_that_point_outwards():
         assert (np.einsum("mi,mi->m", mesh.normals.mean(axis=1), centres) > 0).all()
 
 
-def test_frames_are_closer_together_where_more_happens(log: Path):
+def test_frames_are_denser_where_more_moves(log: Path):
+    """The step comes at 0.1 s: before it nothing moves."""
     film = Film(log, size=60)
-    times = telling_times([film], 8)
+    times = telling_times([film], 12)
     assert (times[0], times[-1]) == (film.start, film.end)
-    assert (np.diff(times) > 0).all()
-    # The step comes at 0.1 s: before it nothing moves.
-    assert sum(time < 0.1 for time in times) <= 2
-    assert sum(time < 0.1 for time in even_times(film, 8)) == 2
+    assert sum(time < 0.1 for time in times) < sum(time < 0.1 for time in even_times(film, 12))
 
 
 def test_a_part_of_the_run_and_a_folder_can_be_drawn(log: Path, tmp_path: Path):

@@ -258,11 +258,11 @@ SCENARIOS = {
     "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
     "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
+    "undersampled-sine": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 501}}}}",
+    "undersampled-sine in a sum": "references: {elbow: {equilibrium_position: {sum: [0.1, "
+    "{chirp: {amplitude: 0.1, from: 1, to: 600, duration: 1}}]}}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
-    "late-reference term": "references: {elbow: {equilibrium_position: {sum: [0.1, {step: {at: 5, to: 0.5}}]}}}",
-    "late-reference among others": "references: {elbow: {equilibrium_position: "
-    "{sum: [{step: {at: 1, to: 0.1}}, {step: {at: 5, to: 0.5}}]}}}",
     "rpy-in-degrees": "base: {rpy: [0, 0, 90]}",
     "rpy-in-degrees object": "world: {objects: {a: {shape: sphere, size: 0.1, rpy: [45, 0, 0], position: [5, 5, 5]}}}",
     "no-spring": "parameters: {elbow: {spring_k: 0}}",
@@ -340,28 +340,6 @@ def test_a_signal_that_nobody_can_follow_is_an_error_wherever_it_stands(place: s
     errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
     assert [problem.code for problem in errors] == ["signal"]
     assert errors[0].line
-
-
-OBJECTS = {
-    "sphere, size: .1, mass: 1, position: [9, 9, .09]": "",
-    "sphere, size: .1, mass: 1, position: [9, 9, .07]": "in-ground",
-    "sphere, size: .1, position: [9, 9, -5]": "",
-    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .25]": "",
-    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .23]": "in-ground",
-    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .17], rpy: [1.5708, 0, 0]": "",
-    "box, size: [.2, .4, .6], mass: 1, position: [9, 9, .15], rpy: [1.5708, 0, 0]": "in-ground",
-    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .25]": "",
-    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .23]": "in-ground",
-    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .09], rpy: [0, 1.5708, 0]": "",
-    "cylinder, size: [.1, .6], mass: 1, position: [9, 9, .07], rpy: [0, 1.5708, 0]": "in-ground",
-}
-
-
-@pytest.mark.parametrize("case", OBJECTS)
-def test_objects_that_are_hardly_meant_are_told_of(case: str, tiny) -> None:
-    place = "" if "position" in case else ", position: [9, 9, 900]"
-    found = warned(tiny, f"world: {{ground: true, objects: {{a: {{shape: {case}{place}}}}}}}")
-    assert found == ({OBJECTS[case]} if OBJECTS[case] else set())
 
 
 def test_a_preset_beyond_the_springs_is_told_of(tiny) -> None:

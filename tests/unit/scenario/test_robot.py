@@ -11,7 +11,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
 from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from support.paths import ROOT
 from support.robots import write_plain_arm
@@ -119,7 +119,7 @@ def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line
         ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
         ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
         ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
-        ("{'*': {link_torque: 1}}", "no actuator of the robot has a mode with this reference"),
+        ("{'*': {link_torque: 1}}", "the mode of every joint has no such reference"),
         ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
         ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
         ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
@@ -206,25 +206,6 @@ def test_mode_1_brings_its_own_controller_defaults(load):
     assert values["controller_1_proportional"] == 0.8
     assert values["controller_1_derivative"] == 0.3
     assert robot.actuators[1].values()["controller_1_proportional"] == 125.0
-
-
-def test_manager_with_a_joint_that_the_robot_does_not_have(load, tmp_path):
-    (tmp_path / "m.yaml").write_text("joints_name: [joint1]\n")
-    errors, _ = check_against_robot(load("manager: m.yaml\n"), arm())
-    assert any("joint1" in str(error) and error.line == 3 for error in errors)
-
-
-def test_applying_what_does_not_fit_raises(load):
-    with pytest.raises(ScenarioError) as caught:
-        apply_to_robot(load("modes: {x: 1}\nparameters: {y: {z: 1}}\n"), arm())
-    assert [problem.line for problem in caught.value.problems] == [3, 4]
-
-
-def test_a_joints_own_entry_goes_before_that_for_all():
-    assert for_joint({"*": 1.0, "vsa": 2.0}, "vsa") == 2.0
-    assert for_joint({"*": 1.0, "vsa": 2.0}, "sea") == 1.0
-    assert for_joint({"vsa": 2.0}, "sea") is None
-    assert for_joint({"vsa": 2.0}, "sea", 3.0) == 3.0
 
 
 def test_a_joints_own_references_go_before_those_for_all():

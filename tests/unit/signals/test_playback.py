@@ -101,10 +101,10 @@ def test_bags_are_played_by_topic_and_field(bags, kind):
 @pytest.mark.parametrize(
     ("keys", "messages"),
     [
-        ({"column": "/p"}, ["there is no numeric column '/p'", "/q, /states/position[a]"]),
+        ({"column": "/p"}, ["there is no numeric column '/p'", "/q", "/states/position[a]"]),
         ({"column": "/q/date"}, ["no numeric column '/q/date'"]),
         ({"column": "/states/position[c]"}, ["no numeric column '/states/position[c]'", "position[a]", "position[b]"]),
-        ({"column": "/q", "time": "header"}, ["have no stamp in a header"]),
+        ({"column": "/q", "time": "header"}, ["no numeric column 'header'; choose from received"]),
     ],
 )
 def test_faults_of_bags_name_what_there_is(bags, keys, messages):

@@ -25,7 +25,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
 @pytest.mark.parametrize(
     ("call", "error", "said"),
     [
-        (lambda one: one.advance(-1), InputError, "steps go forward only"),
+        (lambda one: one.advance(-1), InputError, "must not be negative"),
         (lambda one: one.advance(1.5), TypeError, "integer"),
         (lambda one: one.advance("3"), TypeError, "integer"),
         (

@@ -17,13 +17,11 @@ from asrsim.actuators.vectorised import energy_law, over_arrays
 from asrsim.errors import SimulationError
 from asrsim.scenario.data import Effects, Scenario, Wrench
 from asrsim.signals import PulseTrain, Signal, Sinusoid, Step
-from asrsim.simulation.bench import Motion, run_bench
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.worlds import Worlds
-from asrsim.simulation.wrenches import wrench_table
+from asrsim.simulation.worlds import Start, Worlds
 from support.hanging_chain import INERTIA, MASS, REACH
 from support.paths import EXAMPLES
 from validation.conservation import motors
@@ -42,16 +40,13 @@ def prepared(**fields: Any) -> Prepared:
     return prepare(Scenario(name="seams", robot=robot.path, **keys), robot)
 
 
-@pytest.mark.parametrize("size", [1, 3, 7])
-def test_wrenches_are_the_same_means_whatever_the_blocks(size: int) -> None:
-    wrench = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
-    table = wrench_table(wrench, staggered=True)
-    whole = table(0, 42, H)
-    parts = np.concatenate([table(first, min(size, 42 - first), H) for first in range(0, 42, size)])
-    np.testing.assert_array_equal(parts, whole)
-    # Nothing of a pulse is lost: over all kicks, from 0 to 41.5 steps, what the force gave.
-    edges = np.arange(0, 41.5 * H, 1e-6) + 5e-7
-    assert H * whole[:, 0].sum() == pytest.approx(1e-6 * PULSES.values(edges).sum(), abs=1e-6)
+def test_a_force_moves_a_link_as_the_same_external_torque_does() -> None:
+    body = replace(BODY, actuator=None, prismatic=True, axis="1 0 0")
+    force = Wrench(link="link_1", force=(PULSES, None, None), point=(0.0, 0.0, 0.0))
+    keys: tuple[dict[str, Any], ...] = {"wrenches": (force,)}, {"external": {"joint_1": PULSES}}
+    found = [column(run(chain(body), duration=0.2, compiled=False, **more), "link_position") for more in keys]
+    assert np.abs(found[0]).max() > 1e-4
+    np.testing.assert_allclose(*found, rtol=1e-12)
 
 
 def test_late_sensors_of_motors_are_of_second_order() -> None:
@@ -80,16 +75,6 @@ def test_the_link_s_controller_in_the_released_order() -> None:
     error, v = 0.3 - column(result, "link_position"), column(result, "link_velocity")
     expected = 3.0 * error + 40.0 * H * np.cumsum(error) - 0.02 * v
     np.testing.assert_allclose(column(result, "link_torque"), expected, rtol=1e-12)
-
-
-def test_the_bench_s_link_controller_brakes() -> None:
-    """A link that is moved towards its reference: P e - D v."""
-    time, still = np.arange(20) * H, np.zeros(20)
-    motion = Motion(position=0.5 * time, velocity=still + 0.5, reference_1=still + 0.2, reference_2=still)
-    robot = chain(BODY)
-    found = run_bench(replace(robot, actuators=(replace(robot.actuators[0], mode=1),)), time, {"joint_1": motion})["joint_1"]
-    # The motors' gains of the released code, which the block took for its own mode.
-    np.testing.assert_allclose(found["link_torque"], 125.0 * (0.2 - 0.5 * time) - 4.5 * 0.5, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("asked", "taken"), [(1, 1), (2, 3), (3, 3), (4, 5)])
@@ -152,7 +137,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
 
 
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+def test_energies_without_a_law_are_integrated(name: str) -> None:
     law = ACTUATORS.get(name)
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)
@@ -172,19 +157,6 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
-
-
-def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
-    """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
-    with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:
-        fresh = simulation.observe()
-        simulation.reset({"joint_1": 0.3})
-        assert simulation.observe().motor_1_position[0] == 0.3
-        for start in ({"velocities": {"joint_1": 1.0}}, {"initial": {}}, {}):
-            simulation.reset(**start)
-            seen = simulation.observe()
-            np.testing.assert_array_equal(seen.link_position, fresh.link_position)
-            np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -257,7 +229,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
         for references, torques in given:
             both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
                     for j in (*references, *torques)}  # fmt: skip
-            found = worlds.rollout(["link_position"], references=both)["link_position"][0]
+            found = worlds.rollout(["link_position"], start=Start(references=both))["link_position"][0]
             scenario = prepared.scenario
             scenario = replace(
                 scenario, references={**scenario.references, **references},
@@ -302,10 +274,10 @@ def test_numbers_that_come_again_give_the_same_bits_from_rest() -> None:
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
     )  # fmt: skip
-    light, heavy = ({"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}} for mass in (0.4, 0.6))
+    light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
     with Worlds(scenario, 2) as worlds:
-        first, again = (worlds.rollout(["link_position"], parameters=[light, heavy])["link_position"] for _ in range(2))
-        turned = worlds.rollout(["link_position"], parameters=[heavy, light])["link_position"][::-1]
+        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
     assert np.array_equal(first, again)
     assert np.array_equal(first, turned)
     assert not np.array_equal(first[0], first[1])

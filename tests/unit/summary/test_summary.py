@@ -45,13 +45,11 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert float(cells["peak defl.\nrad"][0]) == pytest.approx(measures.peak_deflection, rel=1e-2)
 
 
-@pytest.mark.parametrize("wanted", [0.3, "{step: {at: 0.2, to: 0.45}}"])
-def test_the_error_is_that_of_the_link_from_where_it_is_wanted(tiny, wanted: object) -> None:
-    """A compensated reference is another place: tasks and learning say where the link shall be by `desired`."""
-    result = asrsim.run(tiny.scenario, overrides=["duration=3", f"desired={{elbow: {wanted}}}"])
-    measures, goal = result.summary.joint("elbow").measures, 0.3 if wanted == 0.3 else 0.45
+def test_the_error_is_measured_from_the_desired_position(tiny) -> None:
+    result = asrsim.run(tiny.scenario, overrides=["duration=3", "desired={elbow: {step: {at: 0.2, to: 0.45}}}"])
+    measures = result.summary.joint("elbow").measures
     assert measures.steady_state == pytest.approx(0.477, abs=0.01)
-    assert measures.steady_state_error == pytest.approx(goal - measures.steady_state, abs=1e-9)
+    assert measures.steady_state_error == pytest.approx(0.45 - measures.steady_state, abs=1e-9)
 
 
 @pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])
@@ -104,6 +102,12 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
 
 
+def test_a_run_stopped_at_once_simulated_nothing(tiny) -> None:
+    summary = asrsim.run(tiny.scenario, stop=lambda: True).summary
+    assert (summary.status, summary.samples) == ("interrupted", 0)
+    assert limit_note(summary) == "nothing was simulated"
+
+
 def test_two_saturated_motors_are_one_saturated_joint() -> None:
     scenario = ROOT / "examples/scenarios/step_2dof.yaml"
     weak = [f"parameters.*.motor_{i}_max_torque=0.05" for i in (1, 2)]
@@ -113,18 +117,6 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         held = [np.abs(series[f"motor_{i}_torque"]) >= 0.05 for i in (1, 2)]
         assert np.count_nonzero(held[0] & held[1]) > 0
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
-
-
-def test_a_joint_that_its_friction_holds_is_told_of(tiny) -> None:
-    """It never moves, which no limit shows; what is left of its position is rounding, and no number to read."""
-    text = tiny.robot.read_text(encoding="utf-8")
-    tiny.robot.write_text(text.replace('friction="0"', 'friction="5"'), encoding="utf-8")
-    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
-    (told,) = [problem for problem in result.summary.warnings if problem.code == "stuck"]
-    assert told.key == "elbow"
-    assert "friction of 5 N m" in told.message
-    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
-    assert cells["steady\nrad"] == ("0",)
 
 
 def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
@@ -277,19 +269,13 @@ STANDS = {"rest": 0.0, "error": 0.4, "stops": (-1.0, 1.0), "stop": 0, "prismatic
 SHORT = {"rest": 0.0504, "error": 0.001, "stops": (0.0, 0.05), "prismatic": True}
 JUDGED = [
     (REST, {}, "comes to rest on its joint stop at 1 rad, 0.4 rad from its reference"),
-    (REST, {"rest": -0.9951, "error": -0.25}, "stop at -1 rad, 0.25 rad from"),
     (REST, {"error": math.nan}, "comes to rest on its joint stop at 1 rad$"),
     (REST, {"rest": 0.985}, None),
-    (REST, {"rest": 1.015}, None),
     (REST, {"stop": 0}, None),
     (REST, {"error": 0.009}, None),
     # Of a travel of 0.05 m the share counts: 0.5 mm.
     (REST, SHORT, "stop at 0.05 m, 0.001 m from"),
-    (REST, {**SHORT, "rest": 0.0506}, None),
     (STANDS, {}, "never moves, 0.4 rad from its reference: its friction of 0.3 N m holds it"),
-    (STANDS, {"error": -0.011, "prismatic": True}, "never moves, 0.011 m from its reference: its friction of 0.3 N holds it"),
-    (STANDS, {"travel": 2e-6}, None),
-    (STANDS, {"error": 0.009}, None),
     (STANDS, {"friction": 0.0}, None),
     (STANDS, {"balanced": True}, None),
 ]

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import InputError, OutputError, SimulationError
+from asrsim.errors import InputError, OutputError
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
-from asrsim.sweeps.rows import Runner, alone, crashed_row
+from asrsim.sweeps.rows import Runner, alone
+from asrsim.sweeps.run import crashed_row
 from asrsim.sweeps.sensitivity import influences, notes, sobol
 from asrsim.sweeps.show import say_summary, varying
 from asrsim.sweeps.store import Store, open_store
@@ -190,7 +191,7 @@ ROBOTS = {
 def fresh_row(payload, run: int) -> dict[str, Any]:
     """Cells of a run that is prepared for itself."""
     variant, values = payload.study.point(run)
-    return alone(payload.study, payload.cases[variant], values)
+    return alone(payload.cases[variant], values)
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
@@ -203,40 +204,12 @@ def test_other_numbers_give_the_bits_of_a_fresh_start(name, engine, compiled):
     study = study_of(over, scenario, samples=6, overrides=[f"engine={engine}", "duration=0.1", f"compiled={compiled}"])
     payload = make_payload(study)
     runner = Runner(payload)
-    for run in (3, 1, 4, 3):
-        row = cells_of(payload, runner(run))
-        fresh = fresh_row(payload, run)
+    runs = (3, 1, 4, 3)
+    for run, found in zip((*runs, 2), [*runner.several(runs), runner(2)], strict=True):
+        row, fresh = cells_of(payload, found), fresh_row(payload, run)
         assert {key: row[key] for key in fresh} == fresh
         assert row["status"] == "complete"
     runner.close()
-
-
-def test_runs_done_together_have_the_rows_of_runs_alone():
-    over = {"parameters.*.spring_a_1": [6.0, 7.0, -1.0, 9.0], "joint_1.damping": [0.0, 0.01], "link_1.mass": [0.3, 0.4]}
-    payload = make_payload(study_of(over, signals=["joint_2.link_position", "joint_1.deflection"], rate=200.0))
-    cells = [cells_of(payload, row) for _, row in Runner(payload).several((run, run) for run in range(16))]
-    done = [one for one in cells if one["status"] == "complete"]
-    assert len(done) == 12
-    for one in done:
-        fresh = fresh_row(payload, one["run"])
-        assert {key: one[key] for key in fresh} == fresh
-
-
-def settings_of(table: Table, run: int) -> list[str]:
-    """`--set` of a run of the variant soft."""
-    varied = [f"{key}={table[key][run]}" for key in table.keys]
-    return [*table.study.overrides, *varied, *(f"{k}={v}" for k, v in table.manifest["substeps"]["soft"].items())]
-
-
-def test_runs_that_find_their_own_substeps_are_those_of_run(tmp_path):
-    """Not those of the study's first point: its motors are lighter, and need more."""
-    over = {"parameters.*.motor_1_inertia": [3e-4, 0.03], "step": [0.001, 0.0005]}
-    options = ["duration=0.1", "engine=mujoco"]
-    table = asrsim.sweep(study_of(over, overrides=options), out=tmp_path / "s", workers=1)
-    assert len(set(table["motor_substeps"])) > 1
-    for run in (2, 3):
-        (joint, _) = asrsim.run(TWO_JOINTS, variant="soft", overrides=settings_of(table, run)).summary.joints
-        assert table["joint_1.peak_deflection"][run] == joint.measures.peak_deflection
 
 
 def test_one_worker_two_and_resumption_give_equal_rows(tmp_path):
@@ -257,23 +230,11 @@ def test_a_study_where_nothing_can_run_says_so_at_once(tmp_path):
         asrsim.sweep(study_of({"parameters.*.spring_a_1": [-2.0, -1.0]}), out=tmp_path / "s", workers=1)
 
 
-def test_signals_are_kept_at_their_rate(tmp_path):
-    study = study_of(
-        {"link_1.mass": [0.3, 0.4]}, signals=["joint_1.link_position"], rate=200.0, overrides=["duration=0.2", "engine=mujoco"]
-    )
-    table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    kept = table["signal:joint_1.link_position"]
-    assert [len(one) for one in kept] == [41, 41]
-    assert not np.array_equal(kept[0], kept[1])
-    units = {"steady_state": "rad", "settling": "s", "frequency": "Hz", "overshoot": ""}
-    assert {name: table.unit(f"joint_1.{name}") for name in units} == units
-    assert table.unit("signal:joint_1.link_position") == "rad"
-
-
-def test_varied_keys_have_their_units():
+def test_varied_keys_and_measures_have_their_units():
     units = {"gravity.2": "m/s^2", "initial.joint_1": "rad", "duration": "s", "seed": "", "link_1.mass": "kg",
              "joint_1.damping": "N m s/rad", "parameters.*.motor_1_inertia": "kg m^2"}  # fmt: skip
     columns = make_payload(study_of({name: [0.01] for name in units} | {"seed": [3]})).columns
+    units |= {"joint_1.steady_state": "rad", "joint_1.settling": "s", "joint_1.frequency": "Hz", "joint_1.overshoot": ""}
     assert {name: unit for name, _, unit in columns if name in units} == units
 
 
@@ -289,27 +250,17 @@ def test_a_run_that_kills_its_workers_becomes_a_row(tmp_path, monkeypatch):
     payload = kill_study(5)
     code = (
         "import os\nimport asrsim.sweeps.rows as r\nold = r.Runner._kind\n"
-        "r.Runner._kind = lambda self, point: os._exit(7) if point.run == 2 else old(self, point)\n"
+        "r.Runner._kind = lambda self, key, point: os._exit(7) if point.run == 2 else old(self, key, point)\n"
     )
     (tmp_path / "law.py").write_text(f"{(EXAMPLES.parent / 'plugins/my_vsa.py').read_text()}\n{code}")
     with Processes(1, [tmp_path / "law.py"]) as workers:
         found = [one for some in workers.results(Runner(payload), range(5)) for one in some]
-    rows = [
-        crashed_row(payload, n, row.reason) if isinstance(row, Lost) else row
-        for n, row in sorted(found, key=lambda one: one[0])
-    ]
+    rows = [crashed_row(payload, n, row) if isinstance(row, Lost) else row for n, row in sorted(found, key=lambda one: one[0])]
     assert [row[0] for row in rows] == [0, 1, 2, 3, 4]
     status, reason = (list(payload.kinds).index(name) for name in ("status", "reason"))
     assert [row[status] for row in rows] == ["complete", "complete", "crashed", "complete", "complete"]
     assert "1 workers died" in rows[2][reason]
     assert "EXIT(7)" in rows[2][reason]
-
-
-def test_a_study_that_cannot_be_sent_is_refused():
-    payload = kill_study(2)
-    object.__setattr__(payload.study, "name", lambda: None)
-    with pytest.raises(SimulationError, match="cannot be sent"):
-        next(Processes(1).results(Runner(payload), [0, 1]))
 
 
 def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
@@ -333,25 +284,6 @@ def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
         store.write() if store.add([(2,)]) else None
     monkeypatch.undo()
     assert list(Store(tmp_path, [("run", "int", "")], 10).missing) == list(range(2, 10))
-
-
-def test_rows_are_not_written_through_planted_links(tmp_path):
-    other = tmp_path / "other"
-    other.write_text("of somebody else")
-    folder = tmp_path / "study"
-    folder.mkdir()
-    (folder / ".rows.parquet.new").symlink_to(other)
-    (folder / ".part-000001.parquet.new").symlink_to(other)
-    store = Store(folder, [("run", "int", "")], 1)
-    store.add([(0,)])
-    store.write()
-    store.finish()
-    assert other.read_text() == "of somebody else"
-    assert (folder / "rows.parquet").is_file()
-    (folder / "rows.parquet").unlink()
-    (folder / "rows.parquet").symlink_to(other)
-    with pytest.raises(OutputError, match="is a link"):
-        store._save(folder / "rows.parquet", iter([]))
 
 
 def manifest_of(runs, *floats, **study):
@@ -436,25 +368,11 @@ def test_rows_come_once_and_in_order_whatever_the_parts(tmp_path):
     table = Table(tmp_path)
     assert list(table["run"]) == list(range(1000))
     np.testing.assert_array_equal(table["value"], np.arange(1000) / 7)
+    found = table.quantiles("value")
+    assert (found.count, found.least_run, found.largest_run) == (1000, 0, 999)
+    assert (found.low, found.median, found.high) == tuple(np.quantile(np.arange(1000) / 7, (0.05, 0.5, 0.95)))
     assert not list(tmp_path.glob("part-*"))
     assert Store(tmp_path, manifest["columns"], 1000).missing == []
-
-
-def test_an_unfinished_study_knows_its_runs_by_number(tmp_path):
-    """Rows of parts, in whatever order they came, and not of all runs."""
-    store = open_store(tmp_path, manifest_of(200, "a.x", "value", over={"a.x": "0:66:67"}), resume=False, overwrite=False)
-    there = np.arange(0, 200, 2)
-    shuffled = np.random.default_rng(0).permutation(there)
-    for part in np.array_split(shuffled, 7):
-        store.add([(int(run), "a", "complete", float(run % 67), (run - 120.0) ** 2) for run in part])
-        store.write()
-    table = Table(tmp_path)
-    assert table["run"].tolist() == there.tolist()
-    np.testing.assert_array_equal(table["value"], (there - 120.0) ** 2)
-    found = table.quantiles("value")
-    assert (found.count, found.least, found.least_run, found.largest, found.largest_run) == (100, 0.0, 120, 14400.0, 0)
-    assert (found.low, found.median, found.high) == tuple(np.quantile((there - 120.0) ** 2, (0.05, 0.5, 0.95)))
-    assert table.missing == 100
 
 
 @pytest.mark.parametrize("inertias", [(3e-4, 0.03, 0.02), (0.03, 0.02, 3e-4)])
@@ -574,7 +492,7 @@ def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_pat
     runner = Runner(payload)
     runner(0)
     monkeypatch.setattr("asrsim.sweeps.cases.prepare", None)
-    for rows in ([runner(run) for run in range(6)], [row for _, row in runner.several((run, run) for run in range(6))]):
+    for rows in ([runner(run) for run in range(6)], runner.several(range(6))):
         cells = [cells_of(payload, row) for row in rows]
         assert [{key: row[key] for key in one} for row, one in zip(cells, expected, strict=True)] == expected
     runner.close()
@@ -583,7 +501,7 @@ def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_pat
 def test_references_by_inverse_dynamics_are_planned_anew_in_every_run(tmp_path):
     """A heavier link gets other inputs: a row has the numbers of `asrsim run` with the same setting."""
     wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 0.1, "to": 0.2}}, "stiffness_preset": 0.3}
-    path = signal_scenario(tmp_path, references={"*": {**wanted, "inverse_dynamics": True}})
+    path = signal_scenario(tmp_path, references={"*": wanted}, inverse_dynamics=True)
     payload = make_payload(study_of({"parameters.*.spring_k_1": [0.02, 0.04]}, path, overrides=[]))
     runner = Runner(payload)
     for run in range(2):

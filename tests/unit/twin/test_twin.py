@@ -127,7 +127,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
             robot.advance()
     assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
     assert [note.partition(":")[0] for note in notes] == ["joint_1", "joint_2"]
-    assert "no number" in notes[0]
+    assert "not finite" in notes[0]
     assert "runs free" in notes[1]
 
 

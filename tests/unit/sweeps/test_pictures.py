@@ -1,4 +1,4 @@
-"""The page of a study in a real browser, and its pictures."""
+"""Pictures of a study."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import asrsim
 from asrsim.errors import InputError
 from asrsim.plots.output import styled
 from asrsim.sweeps import make_study
-from asrsim.sweeps.page import write_page
 from asrsim.sweeps.pictures import draw_sweep, figures
-from support.browser import CHROMIUM, Browser
 from support.overlaps import overlapping
 from support.paths import ROOT
 
@@ -22,7 +20,7 @@ SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
     study = make_study(
-        SCENARIO, {"link_2.mass": "0.3:0.6:3"}, variants=["soft", "stiff"], signals=["joint_1.link_position"],
+        SCENARIO, {"link_2.mass": "0.3:0.6:3"}, variants=["soft", "stiff"],
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
     )  # fmt: skip
     return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
@@ -52,22 +50,9 @@ def test_numbers_of_any_size_stand_side_by_side(table, monkeypatch, middle, widt
             assert overlapping(figure) == []
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-def test_the_page_fits_the_window_and_has_the_repeat_command(table, tmp_path):
-    page = write_page(table)
-    with Browser(tmp_path) as browser:
-        for width in (1200, 390):
-            browser.open(page, width=width)
-            assert browser.evaluate("document.documentElement.scrollWidth") <= width
-            assert f"asrsim sweep {table.folder} --run " in browser.evaluate("document.body.innerText")
-            assert browser.complaints == []
-
-
-def test_a_grid_is_drawn_as_curves_and_signal_bands(table):
-    assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == ["results.png", "signals.png"]
+def test_named_results_are_drawn_and_unknown_ones_refused(table):
+    assert [path.name for path in draw_sweep(table, results=["joint_2.steady_state"])] == ["results.png"]
     with pytest.raises(InputError, match="no result of this study"):
         draw_sweep(table, results=["joint_2.overshot"])
     with pytest.raises(InputError, match="no run has a value"):
         draw_sweep(table, results=["joint_2.settling"])
-    (legend,) = figures(table, [])["signals"].legends
-    assert [text.get_text() for text in legend.get_texts()] == [f"{name}: median, 50 and 90 %" for name in ("soft", "stiff")]
