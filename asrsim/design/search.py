@@ -145,8 +145,14 @@ class Search:
 
     def whole(self, name: str, segments: Sequence[Segment], tries: int = TRIES, above: float = np.inf) -> Found | None:
         """Joined motion within the limits on all robots, with confirmed information; None unless its score is below `above`."""
-        fitting = self.fitted(segments, self.plant.rows, tries)
-        found = None if fitting is None else self.judged(name, fitting, self.plant.rows)
+        rows = self.plant.rows
+        if self.checks and above < np.inf:
+            # The further robots take long to simulate, and a motion that becomes smaller does not score better.
+            found = self.judged(name, segments, rows)
+            if found is None or found.score >= above:
+                return None
+        fitting = self.fitted(segments, rows, tries)
+        found = None if fitting is None else self.judged(name, fitting, rows)
         return None if found is None or found.score >= above else self.confirmed(found)
 
     def start(self) -> None:
