@@ -21,7 +21,8 @@ from asrsim.simulation.drives import SteppedJoint, make_drives, references_of
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared, make_engine
+from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
