@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import nullcontext
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,21 +12,16 @@ from typing import TYPE_CHECKING, Any
 from asrsim.errors import ScenarioError, SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
 from asrsim.plain import one_or_more
-from asrsim.runs.execute import Executed, collector_of, execute, judged, with_plugins, write_summary
+from asrsim.runs.execute import execute, with_plugins, write_summary
 from asrsim.runs.lock import owned
-from asrsim.samples import Array, JointInfo, RunInfo, Samples
+from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario import Scenario, load_scenario, only_variant
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.certify import certify as certify_run
-from asrsim.simulation.crosscheck import cross_check as run_cross_check
-from asrsim.simulation.crosscheck import other_engine, require_other_engine
-from asrsim.simulation.recording import Sink
-from asrsim.simulation.run import Run, simulate
-from asrsim.summary import Collector, RunSummary
+from asrsim.simulation.run import Run
+from asrsim.summary import RunSummary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from PIL.Image import Image
 
     from asrsim.robot.model import Robot
 
@@ -140,23 +136,11 @@ class Result:
 
         return draw(self, joints=joints, quantities=quantities)
 
-    def render(self, *, frames: int = 6) -> Image:
-        """Film strip of the motion; a notebook displays it."""
-        from asrsim.notebook import film_strip
-
-        return film_strip(self, count=frames)
-
     def to_pandas(self) -> Any:
         """Table as a pandas DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
         from asrsim.notebook import as_pandas
 
         return as_pandas(self)
-
-    def to_xarray(self) -> Any:
-        """Table as an xarray Dataset of quantities over time and joint, with units; needs xarray."""
-        from asrsim.notebook import as_xarray
-
-        return as_xarray(self)
 
     @property
     def bodies(self) -> Mapping[str, Array]:
@@ -261,29 +245,13 @@ def _run_one(
     scenario: Scenario, robot: Robot | None, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
     cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
 ) -> Result:  # fmt: skip
-    if out is not None:
-        with owned(Path(out)):
-            executed: Executed = execute(
-                scenario, Path(out), robot=robot, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
-                progress=progress, stop=stop,
-            )  # fmt: skip
-            executed = write_summary(executed)
-        if executed.error is not None:
-            raise executed.error
-        return Result(executed.run, executed.summary, executed.log)
-    if cross_check:
-        require_other_engine(scenario)
-    collectors: list[Collector] = []
-
-    def collect(info: RunInfo) -> Sequence[Sink]:
-        collectors.append(collector_of(scenario, info))
-        return collectors
-
-    done = simulate(scenario, robot, sinks=collect, keep=True, progress=progress, stop=stop)
-    complete = done.status == "complete"
-    certificate = certify_run(scenario, done, robot, stop=stop) if certify and complete else None
-    samples = 0 if done.samples is None else len(done.samples.time)
-    summary = judged(scenario, done, collectors[0], certificate, samples=samples)
-    if done.samples is not None and complete and (cross_check or (certify and other_engine(scenario.engine))):
-        summary = replace(summary, cross_check=run_cross_check(scenario, done.info, [done.samples], robot))
-    return Result(done, summary)
+    folder = None if out is None else Path(out)
+    with nullcontext() if folder is None else owned(folder):
+        executed = execute(
+            scenario, folder, robot=robot, overwrite=overwrite, keep=keep or folder is None, certify=certify,
+            cross_check=cross_check, progress=progress, stop=stop,
+        )  # fmt: skip
+        executed = write_summary(executed)
+    if executed.error is not None:
+        raise executed.error
+    return Result(executed.run, executed.summary, executed.log)

@@ -24,6 +24,9 @@ T = TypeVar("T")
 
 LOADED = 64
 """Largest number of compiled functions that this process keeps in memory for later calls."""
+NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+"""Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
+substep, and without tests for divisions by 0, which give inf or NaN."""
 _loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
 
 
@@ -56,8 +59,7 @@ def compile_function(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
         # nogil: threads run worlds in parallel.
-        options: dict[str, Any] = {"cache": cached, "nogil": True, "_nrt": False}
-        dispatcher: Any = numba.njit(signature, **options)(copy)
+        dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
         # Call the machine code directly: Numba's dispatcher checks types at every call. It owns the code and must stay alive.
@@ -136,7 +138,9 @@ def compile_law(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callback:
         signature = numba.types.void(*(types_of[kind] for kind in kinds))
-        callback: Any = numba.cfunc(signature, cache=cached)(copy)
+        # Laws of users, which are not inlined, may raise: `asrsim.simulation.native` then stops the world.
+        options: dict[str, Any] = NUMERIC if inline else {}
+        callback: Any = numba.cfunc(signature, cache=cached, **options)(copy)
         return Callback(callback.address, callback)
 
     return _through_cache(compiled, function, names, f"{version}\n{kinds}", inline)
@@ -238,7 +242,7 @@ def _through_cache(
     import numba
 
     _without_algebra()
-    ingredients = [repr(inline), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
+    ingredients = [repr((inline, NUMERIC)), numba.__version__, sys.version, version, repr(_code(function, names, set()))]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
     cached = cache_file(digest)
     key = digest, cached
@@ -270,8 +274,7 @@ def _marked(
         # Python never calls these functions: wrappers for Python would take half of the compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         if inline:
-            # Reference counts of arrays would take most of the time of a substep. The code creates no arrays and needs none.
-            options |= {"forceinline": copy.__module__ in inline, "_nrt": False}
+            options |= {"forceinline": copy.__module__ in inline, **NUMERIC}
         return numba.njit(copy, **options)
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")

@@ -1,4 +1,4 @@
-"""Display of results in notebooks, and conversion of results to pandas and xarray."""
+"""Display of results in notebooks, and conversion of results to pandas."""
 
 from __future__ import annotations
 
@@ -12,14 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.extras import library
-from asrsim.quantities import unit_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from PIL.Image import Image
 
     from asrsim.api import Result
-    from asrsim.samples import Array
 
 WIDTH = 900
 """Width of the picture that a result displays, pixels."""
@@ -35,14 +32,6 @@ def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Seq
         curves = read_curves(log, joints=joints, quantities=quantities, bodies=quantities is None)
     with styled():
         return next(iter(run_pages([curves], quantities=quantities))).figure
-
-
-def film_strip(result: Result, *, count: int) -> Image:
-    """Film strip of the run, as drawn by `asrsim render`."""
-    from asrsim.render import Film, strip_of
-
-    with _logged(result) as log:
-        return strip_of(Film(log), count=count)
 
 
 @contextmanager
@@ -91,30 +80,11 @@ def as_html(result: Result) -> str:
     )
 
 
-def columns_of(result: Result) -> dict[tuple[str, str], Array]:
-    """(joint, quantity) -> values (n,), recorded and derived; only quantities that the joint has."""
-    found = {(joint, name): result[joint][name] for joint in result.joints for name in result[joint]}
-    return {key: values for key, values in found.items() if not np.isnan(values).all()}
-
-
 def as_pandas(result: Result) -> Any:
-    """DataFrame with one row per sample, indexed by time in s, and columns by joint and quantity."""
+    """DataFrame with one row per sample, indexed by time in s, and columns by joint and quantity, recorded and derived."""
     pandas = library("pandas", "notebook")
-    table = columns_of(result)
+    table = {(joint, name): result[joint][name] for joint in result.joints for name in result[joint]}
+    table = {key: values for key, values in table.items() if not np.isnan(values).all()}
     index = pandas.Index(result.time, name="time")
     columns = pandas.MultiIndex.from_tuples(list(table), names=("joint", "quantity"))
     return pandas.DataFrame(np.column_stack(list(table.values())), index=index, columns=columns)
-
-
-def as_xarray(result: Result) -> Any:
-    """Dataset with one variable per quantity over time and joint, with its unit; NaN if a joint lacks the quantity."""
-    xarray = library("xarray", "notebook")
-    table = columns_of(result)
-    prismatic = [joint.prismatic for joint in result.run.info.joints]
-    variables = {}
-    for name in dict.fromkeys(name for _, name in table):
-        missing = np.full(len(result.time), np.nan)
-        values = np.column_stack([table.get((joint, name), missing) for joint in result.joints])
-        units = dict.fromkeys(unit_of(name, prismatic=one) for one in prismatic)
-        variables[name] = (("time", "joint"), values, {"units": " or ".join(unit for unit in units if unit)})
-    return xarray.Dataset(variables, coords={"time": ("time", result.time, {"units": "s"}), "joint": list(result.joints)})

@@ -22,7 +22,8 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
 
 import asrsim
-from asrsim.environment.env import SoftRobotEnv, State
+from asrsim.environment.env import SoftRobotEnv
+from asrsim.environment.task import State
 
 EPISODES, LOOKS = 20, 10
 STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 60_000

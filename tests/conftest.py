@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -17,6 +18,10 @@ from support.tiny import PENDULUM, SCENARIO, Tiny
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_machine")
 
+
+# Bytecode is kept: otherwise pytest rewrites every test, and processes that tests start compile the package again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 SHARED = Path(__file__).parents[2] / "shared"
 LONGEST = ("test_examples.py",)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -104,12 +104,6 @@ class Drive:
     def motor_numbers(self, index: int) -> tuple[float, ...]:
         """Parameters that `asrsim.actuators.motor.motor_kick` takes for motor `index` (1, 2, ...)."""
         return motor_numbers(self.values, index, self.mode)
-
-    def without_friction(self) -> Drive:
-        """A copy of the drive without friction of the motors; their damping stays."""
-        motors = range(1, self.actuator.motors + 1)
-        names = [f"motor_{i}_{name}" for i in motors for name in ("friction_torque", "stribeck_friction", "load_friction")]
-        return replace(self, values={**self.values, **dict.fromkeys(names, 0.0)})
 
     def goals(self, references: Array) -> Array:
         """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""

@@ -43,44 +43,37 @@ def motor_kick(
     Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
     """
     p, i, d, hold, inertia, damping, gain, lag, emf, stall, limit, coulomb, excess, fade, share, stiffness = parameters
-    old, new = 1.0 - implicitness, implicitness
     error = reference - hold * position
     # The mean of the integral over the kick: half of its increase.
     push = (p + 0.5 * i * step) * error + integral
     level = coulomb + share * abs(load)
+    drag = damping + gain * d + lag
+    easy = step / (inertia + implicitness * step * drag)
+    bristles = stiffness * (position - anchor)
     mean = velocity
-    stretch = position - anchor
     torque = friction = after = 0.0
     # Friction depends on the mean speed over the kick, which is known after the first round. Two rounds give second order.
     for _ in range(2 if excess != 0.0 else 1):
-        falling = excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else 0.0
-        slip = (level + falling) / stiffness
-        stretch = position - anchor
-        if abs(stretch) > slip:
-            stretch = slip if stretch > 0.0 else -slip
-        friction = stiffness * stretch
-        drag = damping + gain * d + lag
-        after = (velocity * (inertia - old * step * drag) + step * (gain * push - load - friction)) / (
-            inertia + new * step * drag
-        )
+        most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
+        friction = most if bristles > most else -most if bristles < -most else bristles
+        after = velocity + easy * (gain * push - load - friction - drag * velocity)
         after = fastest if after > fastest else slowest if after < slowest else after
-        middle = old * velocity + new * after
+        middle = velocity + implicitness * (after - velocity)
         torque = gain * (push - d * middle) - lag * middle
         if abs(torque + emf * middle) > stall:
-            most = stall if torque + emf * middle > 0.0 else -stall
-            drag = damping + emf
-            after = (velocity * (inertia - old * step * drag) + step * (most - load - friction)) / (inertia + new * step * drag)
+            torque = stall if torque + emf * middle > 0.0 else -stall
+            slow = step / (inertia + implicitness * step * (damping + emf))
+            after = velocity + slow * (torque - load - friction - (damping + emf) * velocity)
             after = fastest if after > fastest else slowest if after < slowest else after
-            torque = most - emf * (old * velocity + new * after)
+            torque -= emf * (velocity + implicitness * (after - velocity))
         if abs(torque) > limit:
             torque = limit if torque > 0.0 else -limit
-            after = (velocity * (inertia - old * step * damping) + step * (torque - load - friction)) / (
-                inertia + new * step * damping
-            )
+            slow = step / (inertia + implicitness * step * damping)
+            after = velocity + slow * (torque - load - friction - damping * velocity)
             after = fastest if after > fastest else slowest if after < slowest else after
         mean = 0.5 * (velocity + after)
-    if stretch != position - anchor:
-        anchor = position - stretch
+    if friction != bristles:
+        anchor = position - friction / stiffness
     return after, mean, anchor, integral + i * step * error, torque, friction
 
 
@@ -92,7 +85,8 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     """
     if step == 0.0:
         return -fastest, fastest
-    slowest, largest = (low - position) / step, (high - position) / step
+    rate = 1.0 / step
+    slowest, largest = (low - position) * rate, (high - position) * rate
     slowest = slowest if slowest < 0.0 else 0.0
     largest = largest if largest > 0.0 else 0.0
     return (slowest if slowest > -fastest else -fastest), (largest if largest < fastest else fastest)

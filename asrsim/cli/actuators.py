@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.command import Done, command
 from asrsim.cli.completion import actuators as names
-from asrsim.cli.options import Json, Plugins, load_plugins
+from asrsim.cli.console import say
 
 if TYPE_CHECKING:
     from asrsim.actuators import Actuator
 
 
+@command(None)
 def actuators(
     name: Annotated[
         str | None, typer.Argument(metavar="NAME", help="Show this actuator in full.", show_default=False, autocompletion=names)
@@ -24,9 +26,7 @@ def actuators(
         ),
     ] = None,
     mode: Annotated[int, typer.Option("--mode", min=0, max=8, help="Operation mode of the block.")] = 6,
-    plugin: Plugins = None,
-    json: Json = False,
-) -> None:
+) -> Done:
     """List the actuators, or show a single one: laws, parameters with units, defaults, URDF tags and sources.
 
     Example: asrsim actuators qbmove
@@ -34,30 +34,22 @@ def actuators(
     Example: asrsim actuators qbmove --urdf joint_1 --mode 6
     """
     from asrsim.actuators import ACTUATORS
-    from asrsim.cli.console import json_errors
 
-    with json_errors(json):
-        load_plugins(plugin)
-        if urdf and name is None:
-            raise typer.BadParameter("name the actuator: asrsim actuators NAME --urdf JOINT", param_hint="--urdf")
-        chosen = [ACTUATORS.get(name)] if name is not None else [ACTUATORS.get(entry) for entry in ACTUATORS.names()]
-    if urdf:
-        from asrsim.robot.mounting import block_text
-
-        for joint in urdf:
-            typer.echo(block_text(joint, chosen[0].name, mode))
-        return
-    if json:
-        from asrsim.cli.console import say_json
-
-        say_json([_as_dict(actuator) for actuator in chosen])
-        return
+    if urdf and name is None:
+        raise typer.BadParameter("name the actuator: asrsim actuators NAME --urdf JOINT", param_hint="--urdf")
+    chosen = [ACTUATORS.get(entry) for entry in (ACTUATORS.names() if name is None else (name,))]
     from asrsim.cli.tables import print_actuator, print_actuators
+    from asrsim.robot.mounting import block_text
 
-    if name is not None:
-        print_actuator(chosen[0])
-    else:
-        print_actuators(chosen)
+    def text() -> None:
+        if urdf:
+            say("\n".join(block_text(joint, chosen[0].name, mode) for joint in urdf))
+        elif name is not None:
+            print_actuator(chosen[0])
+        else:
+            print_actuators(chosen)
+
+    return Done(data=[_as_dict(actuator) for actuator in chosen], text=text)
 
 
 def _as_dict(actuator: type[Actuator]) -> dict[str, Any]:

@@ -101,16 +101,11 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")] = False,
-    debug: Annotated[
-        bool, typer.Option("--debug", envvar="ASRSIM_DEBUG", help="Show the place in the program that raised an error.")
-    ] = False,
 ) -> None:
     """Simulate articulated soft robots: joints driven through springs or variable-stiffness actuators.
 
     Example: asrsim examples && asrsim run examples/scenarios/step_2dof.yaml
     """
-    if debug:
-        os.environ["ASRSIM_DEBUG"] = "1"
 
 
 def main() -> None:
@@ -137,7 +132,7 @@ def main() -> None:
 
 def _call() -> int:
     from asrsim.cli.console import complain
-    from asrsim.cli.interrupt import INTERRUPTED, came_from_interruption, like_an_interruption
+    from asrsim.cli.interrupt import INTERRUPTED, like_an_interruption
 
     try:
         with like_an_interruption():
@@ -147,10 +142,10 @@ def _call() -> int:
         if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
             complain("asrsim: aborted")
         return end.code if isinstance(end.code, int) else int(end.code is not None)
-    except (Exception, KeyboardInterrupt) as error:
-        if came_from_interruption(error):
-            complain("asrsim: aborted")
-            return INTERRUPTED
+    except KeyboardInterrupt:
+        complain("asrsim: aborted")
+        return INTERRUPTED
+    except Exception as error:
         return _told(error)
     return 0
 
@@ -173,7 +168,7 @@ def _told(error: BaseException) -> int:
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
     else:
         complain(f"asrsim: unexpected error: {type(error).__name__}: {error}{_place(error)}")
-        complain("asrsim: run with ASRSIM_DEBUG=1 to see its place in the program")
+        complain("asrsim: the environment variable ASRSIM_DEBUG=1 shows the whole traceback")
     return 1
 
 

@@ -8,14 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Plugins, into_file, load_plugins
-from asrsim.errors import Problem, RecordingError, did_you_mean
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say_written
+from asrsim.cli.options import Plot, into_file
+from asrsim.errors import Problem, RecordingError
 from asrsim.outfile import check_output, csv_text, write_text
 
 INPUTS = ("position", "reference_1", "reference_2", "external_torque")
 """Possible columns of a joint; the position is required."""
 
 
+@command("Print nothing.")
 def bench(
     robot: Annotated[Path, typer.Argument(metavar="ROBOT", help="URDF or xacro file.", show_default=False)],
     motion: Annotated[
@@ -27,11 +30,8 @@ def bench(
         ),
     ],
     out: Annotated[Path, into_file("CSV to write.", ".csv")] = Path("bench.csv"),
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option(help="Draw the joints beside the table.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+) -> Done:
     """Apply a prescribed link motion to the actuators, as on a test bench.
 
     Runs a scenario with `engine: bench` that plays the columns of the table, with its mean time step. The output has a row
@@ -39,19 +39,6 @@ def bench(
 
     Example: asrsim bench examples/urdf/dof1_sea.urdf examples/recordings/bench_motion.csv -o bench.csv
     """
-    from asrsim.cli.console import json_errors, say_json, say_written
-
-    with json_errors(json):
-        load_plugins(plugin)
-        files = bench_files(robot, motion, out, plot=plot)
-    if json:
-        say_json({"ok": True, "files": [str(path) for path in files]})
-    elif not quiet:
-        say_written(files)
-
-
-def bench_files(robot: Path, motion: Path, out: Path, *, plot: bool = False) -> list[Path]:
-    """Files written by a bench run: the table, and with `plot` its picture. Raises RecordingError for a wrong header."""
     import numpy as np
 
     from asrsim.api import run
@@ -81,11 +68,12 @@ def bench_files(robot: Path, motion: Path, out: Path, *, plot: bool = False) -> 
     columns = {f"{joint}.{name}": result[joint][name] for joint in joints for name in result[joint].info.quantities}
     table = np.column_stack([result.time + time[0], *columns.values()])
     write_text(out, csv_text(["time", *columns], table), "bench")
-    if not plot:
-        return [out]
-    from asrsim.plots.output import save_figure
+    files = [out]
+    if plot:
+        from asrsim.plots.output import save_figure
 
-    return [out, *save_figure(result.plot(joints=list(joints)), out.parent, out.stem, ("png",))]
+        files += save_figure(result.plot(joints=list(joints)), out.parent, out.stem, ("png",))
+    return Done(data={"ok": True, "files": [str(path) for path in files]}, text=lambda: say_written(files))
 
 
 def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[list[str], tuple[str, ...]]]:
@@ -94,19 +82,21 @@ def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[li
     from asrsim.robot import load_robot
 
     modes = {one.joint: MODES[one.mode].references_of(ACTUATORS.get(one.actuator).motors) for one in load_robot(file).actuators}
+    if not modes:
+        raise RecordingError("the robot has no actuator", file=file, code="no-actuator")
     valid = ["time", *(f"{joint}.{name}" for joint in modes for name in INPUTS)]
     joints = {joint: ([name for name in INPUTS if f"{joint}.{name}" in header], modes[joint]) for joint in modes}
     joints = {joint: found for joint, found in joints.items() if found[0]}
     problems = [
-        Problem("is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid),
-                hint=did_you_mean(name, valid), code="unknown-column")
+        Problem("is not a column of the bench", file=path, line=1, key=name, choices=tuple(valid), meant=name,
+                code="unknown-column")
         for name in header if name not in valid and not name.endswith(".velocity")
     ]  # fmt: skip
     problems += [
-        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
+        Problem("column of numbers is missing", file=path, line=1, key=name, code="missing-column")
         for name in ("time", *(f"{joint}.position" for joint in joints or [*modes][:1]))
         if name not in header
     ]
-    if problems or not joints:
-        raise RecordingError(problems or "the robot has no actuator", file=None if problems else file)
+    if problems:
+        raise RecordingError(problems)
     return joints

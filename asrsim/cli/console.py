@@ -11,6 +11,7 @@ import sys
 import textwrap
 from collections.abc import Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import IO, Any, cast
 
@@ -20,9 +21,6 @@ STYLES = {
     "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
 }  # fmt: skip
 """Name -> ANSI code."""
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Characters that a terminal executes instead of showing, and halves of surrogate pairs; not newline and tab."""
-_STYLE = re.compile(rf"\x1b\[(?:0|{'|'.join(STYLES.values())})m")
 MOST = 40
 """Largest number of lines printed for an error."""
 NARROWEST = 20
@@ -32,6 +30,7 @@ SHOWN = 6
 
 
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
+"""Escape codes of colours."""
 MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
 """Escape codes that asrsim prints: colours, and on stderr the cursor movements of progress bars."""
 
@@ -79,48 +78,37 @@ def styled(text: str, style: str, stream: IO[str] | None = None) -> str:
 
 def say(text: str = "", style: str = "") -> None:
     """Print a line on stdout."""
-    _write(sys.stdout, styled(text, style))
+    sys.stdout.write(styled(text, style) + "\n")
 
 
 def complain(text: str, style: str = "") -> None:
     """Print a line on stderr."""
-    _write(sys.stderr, styled(text, style, sys.stderr))
+    sys.stderr.write(styled(text, style, sys.stderr) + "\n")
 
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """Print a JSON document on stdout. The data must not contain NaN or infinity."""
-    text = json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)
-    # Replace control characters and halves of surrogate pairs by JSON escapes.
-    _write(sys.stdout, _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False)))
 
 
 def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
     """Print a table; its last column is wrapped at the terminal's width. columns: heading (lines separated by newlines),
     cells, whether they are right-aligned; styles: of the rows."""
     heads = [heading.split("\n") for heading, _, _ in columns]
-    lines = max(len(head) for head in heads)
-    heads = [[""] * (lines - len(head)) + head for head in heads]
-    widths = [max(len(text) for text in (*head, *cells, "")) for head, (_, cells, _) in zip(heads, columns, strict=True)]
-
-    room = max(line_width() - sum(widths[:-1]) - 2 * len(widths), NARROWEST)
-    widths[-1] = min(widths[-1], room)
-
-    def row(texts: Sequence[str]) -> str:
-        placed = [
-            text.rjust(width) if right else text.ljust(width)
-            for text, width, (_, _, right) in zip(texts, widths, columns, strict=True)
-        ]
-        return ("  " + "  ".join(placed)).rstrip()
-
-    for line in range(lines):
-        say(row([head[line] for head in heads]), "bold")
-    rule = "-" if not _unicode() else "─"
-    say("  " + "  ".join(rule * width for width in widths), "dim")
-    for number, cells in enumerate(zip(*(cells for _, cells, _ in columns), strict=True)):
-        folded = textwrap.wrap(cells[-1], room, break_on_hyphens=False) if len(cells[-1]) > room else [cells[-1]]
-        say(row([*cells[:-1], folded[0]]), styles[number] if styles else "")
-        for rest in folded[1:]:
-            say(row([*("" for _ in cells[:-1]), rest]), styles[number] if styles else "")
+    height = max(map(len, heads))
+    rows = [[[""] * (height - len(head)) + head for head in heads]]
+    rows += [[[cell] for cell in cells] for cells in zip(*(cells for _, cells, _ in columns), strict=True)]
+    widths = [max(map(len, (text for row in rows for text in row[i]))) for i in range(len(columns))]
+    widths[-1] = min(widths[-1], max(line_width() - sum(widths[:-1]) - 2 * len(widths), NARROWEST))
+    rows.insert(1, [[("─" if _unicode() else "-") * width] for width in widths])
+    for row, style in zip_longest(rows, ("bold", "dim", *styles), fillvalue=""):
+        last = [part for text in row[-1] for part in textwrap.wrap(text, widths[-1], break_on_hyphens=False) or [""]]
+        for texts in zip_longest(*row[:-1], last, fillvalue=""):
+            cells = [
+                text.rjust(width) if right else text.ljust(width)
+                for text, width, (_, _, right) in zip(texts, widths, columns, strict=True)
+            ]
+            say(("  " + "  ".join(cells)).rstrip(), style)
 
 
 def say_rows(
@@ -206,15 +194,3 @@ def json_errors(json: bool) -> Iterator[None]:
 
 def _unicode() -> bool:
     return (getattr(sys.stdout, "encoding", None) or "").lower().replace("-", "") in ("utf8", "utf16", "utf32")
-
-
-def shown(text: str, *, styles: bool = False) -> str:
-    """Text with control characters replaced by their codes, safe for a terminal. styles: keep asrsim's own styles."""
-    parts = _STYLE.split(text) if styles else [text]
-    ours = [*_STYLE.findall(text), ""] if styles else [""]
-    clean = (_CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", part) for part in parts)
-    return "".join(part + style for part, style in zip(clean, ours, strict=True))
-
-
-def _write(stream: IO[str], text: str) -> None:
-    stream.write(shown(text, styles=is_terminal(stream)) + "\n")

@@ -7,9 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, load_plugins
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_table, say_written
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
+from asrsim.cli.options import Overrides, Plot, Variant
 
 
+@command()
 def design(
     scenario: Annotated[
         Path, typer.Argument(metavar="SCENARIO", help="Scenario of the robot, or a fit file.", show_default=False)
@@ -25,17 +29,17 @@ def design(
     robust: Annotated[
         int, typer.Option(min=0, help="Further draws of the free numbers, within a factor of 2, that the motion is made for.")
     ] = 0,
-    variant: Annotated[str | None, typer.Option(help="Variant of the scenario.")] = None,
+    variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[
         Path, typer.Option(metavar="FILE", help="CSV of the motion; scenario and picture are written beside it.")
     ] = Path("excite.csv"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 0,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw a picture.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
     """Design the most informative experiment for the free parameters, within limits.
 
     Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture; and says which
@@ -43,39 +47,30 @@ def design(
 
     Example: asrsim design lab.yaml --free 'joint_1.spring_*' --limits examples/recordings/limits.yaml --seconds 4
     """
-    from asrsim.cli.console import json_errors, say, say_json, say_table, say_written
-    from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed
     from asrsim.design.write import columns, write_design
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
-    given = {name: value for name, value in options.items() if value not in (None, [])}
-    with (
-        json_errors(json),
-        Interruption("asrsim: stopping; the best so far is kept (Ctrl-C again to abort)") as interruption,
-        FractionBar(show=not (quiet or json)) as bar,
-    ):
-        load_plugins(plugin)
+    message = "asrsim: stopping; the best so far is kept (Ctrl-C again to abort)"
+    with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
             scenario, limits, seconds=seconds, after=after or (), robust=robust, seed=seed, stop=interruption.stop,
-            progress=lambda share: bar.update("search", share), **given,
+            progress=lambda share: bar.update("search", share),
+            **{name: value for name, value in options.items() if value not in (None, [])},
         )  # fmt: skip
         files = write_design(found, out, plot=plot)
-    if json:
-        intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
-        findings = [{"message": text} for text in found.remarks]
-        say_json({
-            "ok": not found.interrupted, "files": [str(path) for path in files], "findings": findings,
-            "intervals": mapped(intervals, finite_or_none),
-        })  # fmt: skip
-    elif not quiet:
+
+    def text() -> None:
         say_table(columns(found))
-        for text in found.remarks:
-            say(text)
-        if found.interrupted:
-            say("interrupted: this is the best so far")
+        for remark in (*found.remarks, *(["interrupted: this is the best so far"] if found.interrupted else [])):
+            say(remark)
         say_written(files)
-    if found.interrupted:
-        raise typer.Exit(INTERRUPTED)
+
+    intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
+    data = {
+        "ok": not found.interrupted, "files": [str(path) for path in files],
+        "findings": [{"message": remark} for remark in found.remarks], "intervals": mapped(intervals, finite_or_none),
+    }  # fmt: skip
+    return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)

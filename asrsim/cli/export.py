@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
-from asrsim.cli.completion import variants
-from asrsim.cli.options import Json, Overrides, Plugins, into_file, load_plugins
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_table, say_written
+from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file
 
 
+@command()
 def export(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
+    scenario: Scenario,
     to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
     out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
     timestep: Annotated[
@@ -22,35 +24,26 @@ def export(
         Path | None,
         typer.Option(metavar="FILE", help="fit.json of `identify`: the model gets its values, and ranges are written."),
     ] = None,
-    variant: Annotated[
-        str | None, typer.Option(help="Variant to export.", show_default="the only one", autocompletion=variants)
-    ] = None,
+    variant: Variant = None,
     overrides: Overrides = None,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw the error.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+) -> Done:
     """Write the robot with motors and springs as MJCF for plain MuJoCo, without any plugin.
 
     Replays the scenario there, prints and draws the error of each joint, and lists what the file lacks.
 
     Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --out soft.xml
     """
-    from asrsim.cli.console import json_errors, say, say_json, say_table, say_written
-
     if to != "mjcf":
         raise typer.BadParameter(f"'{to}' is not a known format; choose from: mjcf", param_hint="--to")
     if timestep is not None and not 1e-6 <= timestep <= 1.0:
         raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--timestep")
-    with json_errors(json):
-        from asrsim.export import export_mjcf
+    from asrsim.export import export_mjcf
 
-        load_plugins(plugin)
-        found = export_mjcf(scenario, out, variant=variant, overrides=overrides or (), timestep=timestep, fit=fit, plot=plot)
-    if json:
-        say_json({"ok": found.replay.diverged_at is None, **found.as_dict()})
-    elif not quiet:
+    found = export_mjcf(scenario, out, variant=variant, overrides=overrides or (), timestep=timestep, fit=fit, plot=plot)
+    good = found.replay.diverged_at is None
+
+    def text() -> None:
         rows = found.as_dict()["joints"]
         springs = ["-" if row["spring_error"] is None else f"{row['spring_error']:.3g} mrad" for row in rows.values()]
         say_table(
@@ -63,8 +56,8 @@ def export(
         )
         if found.remarks:
             say("Not in the file:")
-        for text in found.remarks:
-            say(f"  {text}")
+        for remark in found.remarks:
+            say(f"  {remark}")
         say_written(found.files)
-    if found.replay.diverged_at is not None:
-        raise typer.Exit(1)
+
+    return Done(data={"ok": good, **found.as_dict()}, text=text, code=int(not good))

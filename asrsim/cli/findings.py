@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.plain import mapped
 from asrsim.robot import ActuatorBlock, Robot, StepFigures, read_robot, step_figures, step_findings
 from asrsim.robot.engine_text import usable_shapes
 
@@ -41,68 +42,56 @@ class FileReport:
         if self.title:
             data["variants"] = self.title
         if self.robot is not None:
-            data["robot"] = self.robot.name
-            data["links"] = len(self.robot.links)
-            data["joints"] = [joint.name for joint in self.robot.moving_joints]
-            data["passive_springs"] = {
-                joint.name: {"stiffness": joint.spring_stiffness, "reference": joint.spring_reference}
-                for joint in self.robot.moving_joints
-                if joint.spring_stiffness
+            moving = self.robot.moving_joints
+            data |= {
+                "robot": self.robot.name,
+                "links": len(self.robot.links),
+                "joints": [joint.name for joint in moving],
+                "passive_springs": {
+                    joint.name: {"stiffness": joint.spring_stiffness, "reference": joint.spring_reference}
+                    for joint in moving
+                    if joint.spring_stiffness
+                },
+                "mimic": {joint.name: vars(joint.mimic) for joint in moving if joint.mimic is not None},
+                "actuators": [_block(block) for block in self.robot.actuators],
+                "step": self.step,
+                "figures": [vars(entry) for entry in self.figures],
             }
-            data["mimic"] = {joint.name: vars(joint.mimic) for joint in self.robot.moving_joints if joint.mimic is not None}
-            data["actuators"] = [_block(block) for block in self.robot.actuators]
-        if self.step is not None:
-            data["step"] = self.step
-            data["figures"] = [{key: number(value) for key, value in vars(entry).items()} for entry in self.figures]
         if self.substeps is not None:
-            data["substeps"] = {key: number(value) for key, value in self.substeps.items()}
+            data["substeps"] = self.substeps
         data["errors"] = [problem.as_dict() for problem in self.errors]
         data["warnings"] = [problem.as_dict() for problem in self.warnings]
-        return data
+        return mapped(data, number)  # type: ignore[no-any-return]
 
 
 def robot_report(
-    path: Path,
-    *,
-    step: float,
-    xacro_arguments: Mapping[str, str] | None = None,
-    package_paths: Mapping[str, Path] | None = None,
+    path: Path, xacro_arguments: Mapping[str, str] | None = None, package_paths: Mapping[str, Path] | None = None
 ) -> FileReport:
-    """Findings in a URDF or xacro file at a step in s, including those of a run with constant references."""
-    from asrsim.scenario import check_against_robot, scenario_from_data
+    """Findings in a URDF or xacro file, including those of a run with constant references."""
+    from asrsim.scenario import scenario_from_data
 
+    report = FileReport(path=path, kind="robot")
     try:
         robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     except InputError as error:
-        return FileReport(path=path, kind="robot", errors=error.problems, warnings=error.warnings)
-    files = {name: str(folder) for name, folder in (package_paths or {}).items()}
-    keys = {"robot": {"file": str(path), "arguments": xacro_arguments or {}, "packages": files}, "step": step, "duration": step}
-    scenario = scenario_from_data(keys)
-    errors = tuple(check_against_robot(scenario, robot)[0])
-    if robot.faults:
-        return FileReport(path=path, kind="robot", errors=errors, warnings=robot.warnings)
-    substeps, unbuildable = (None, ()) if errors else _built(scenario, robot, path)
-    figures = step_figures(robot, step=step)
-    warnings = robot.warnings + step_findings(robot, figures, step=step)
-    if substeps is not None:
-        warnings += usable_shapes(robot, visuals=True, package_paths=package_paths)[1]
-    return FileReport(
-        path=path, kind="robot", robot=robot, step=step, figures=figures, substeps=substeps,
-        errors=errors or unbuildable, warnings=warnings,
-    )  # fmt: skip
+        return replace(report, errors=error.problems, warnings=error.warnings)
+    packages = {name: str(folder) for name, folder in (package_paths or {}).items()}
+    keys = {"file": str(path), "arguments": xacro_arguments or {}, "packages": packages}
+    return _examined(scenario_from_data({"robot": keys, "duration": 1e-3}), robot, report)
 
 
-def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
+def scenario_report(path: Path) -> FileReport:
     """Findings in a scenario file, its variants and their robots; the table shows the first variant."""
-    from asrsim.scenario import apply_to_robot, check_against_robot, read_scenarios
+    from asrsim.scenario import read_scenarios
     from asrsim.scenario.check import robot_of
+    from asrsim.scenario.load import distinct
 
+    report = FileReport(path=path, kind="scenario")
     try:
         scenarios, errors = read_scenarios(path)
     except AsrsimError as error:
-        return FileReport(path=path, kind="scenario", errors=problems_of(error, path))
-    warnings: list[Problem] = []
-    first = FileReport(path=path, kind="scenario")
+        return replace(report, errors=problems_of(error, path))
+    found = []
     for scenario in scenarios:
         robot = None
         try:
@@ -110,24 +99,34 @@ def scenario_report(path: Path, *, step: float | None = None) -> FileReport:
                 robot = robot_of(scenario)
         except AsrsimError as error:
             errors.extend(problems_of(error, path))
-        wrong, notes = check_against_robot(scenario, robot, propose=True)
-        errors.extend(wrong)
-        if robot is None or wrong or scenario.unread:
-            warnings.extend((*(robot.warnings if robot else ()), *notes))
-            continue
-        if step is not None:
-            scenario = replace(scenario, step=step, duration=step * max(1, round(scenario.duration / step)))
-        changed = apply_to_robot(scenario, robot)
-        figures = step_figures(changed, step=scenario.step)
-        warnings.extend((*changed.warnings, *notes, *step_findings(changed, figures, step=scenario.step)))
-        substeps, unbuildable = _built(scenario, robot, path)
-        errors.extend(unbuildable)
-        if substeps is not None:
-            warnings.extend(usable_shapes(robot, package_paths=scenario.package_paths)[1])
-        if first.robot is None:
-            first = replace(first, robot=changed, step=scenario.step, figures=figures, substeps=substeps)
-    title = ", ".join(scenario.variant for scenario in scenarios)
-    return replace(first, title=title, errors=unique(errors), warnings=unique(warnings))
+        found.append(_examined(scenario, robot, report))
+    return replace(
+        next((one for one in found if one.robot is not None), report),
+        title=", ".join(scenario.variant for scenario in scenarios),
+        errors=tuple(distinct([*errors, *(problem for one in found for problem in one.errors)])),
+        warnings=tuple(distinct(problem for one in found for problem in one.warnings)),
+    )
+
+
+def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
+    """Report with the findings in a scenario and its robot. Missing references are no finding in the file of a robot."""
+    from asrsim.scenario import apply_to_robot, check_against_robot
+
+    alone = report.kind == "robot"
+    errors, notes = check_against_robot(scenario, robot, propose=not alone)
+    if robot is None or errors or scenario.unread:
+        warnings = [*(robot.warnings if robot else ()), *notes]
+        return replace(report, errors=tuple(errors), warnings=tuple(warnings))
+    changed = apply_to_robot(scenario, robot)
+    figures = step_figures(changed, step=scenario.step)
+    warnings = [*changed.warnings, *([] if alone else notes), *step_findings(changed, figures, step=scenario.step)]
+    substeps, unbuildable = _built(scenario, robot, report.path)
+    if substeps is not None:
+        warnings += usable_shapes(robot, visuals=alone, package_paths=scenario.package_paths)[1]
+    return replace(
+        report, robot=changed, step=scenario.step, figures=figures, substeps=substeps, errors=unbuildable,
+        warnings=tuple(warnings),
+    )  # fmt: skip
 
 
 def _built(scenario: Scenario, robot: Robot, path: Path) -> tuple[Mapping[str, Any] | None, tuple[Problem, ...]]:
@@ -149,14 +148,6 @@ def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
     return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
 
 
-def unique(problems: list[Problem]) -> tuple[Problem, ...]:
-    """Problems without repetitions (variants share most findings)."""
-    seen: dict[str, Problem] = {}
-    for problem in problems:
-        seen.setdefault(str(problem), problem)
-    return tuple(seen.values())
-
-
 def number(value: object) -> object:
     """Value for JSON: infinite numbers become text."""
     if isinstance(value, float) and not math.isfinite(value):
@@ -175,7 +166,6 @@ def _block(block: ActuatorBlock) -> dict[str, Any]:
         "sample_time": block.sample_time,
         "line": block.line,
         "parameters": [
-            {key: number(entry) for key, entry in vars(value).items() if entry not in ("", None)}
-            for value in block.parameters.values()
+            {key: entry for key, entry in vars(value).items() if entry not in ("", None)} for value in block.parameters.values()
         ],
     }

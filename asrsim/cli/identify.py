@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_table, say_written
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
+from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Variant, into_folder
 
 if TYPE_CHECKING:
     from asrsim.identification import Result, Task
 
 
+@command()
 def identify(
     scenario: Annotated[
         Path,
@@ -54,12 +58,9 @@ def identify(
         list[str] | None,
         typer.Option(metavar="JOINT.QUANTITY", help="Compare only this quantity; may be repeated.", show_default="all"),
     ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="COLUMN=JOINT.QUANTITY", help="Joint and quantity of a column of the recordings."),
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate of recordings without time, Hz.")] = None,
-    variant: Annotated[str | None, typer.Option(help="Variant of the scenario.")] = None,
+    mapping: ColumnMap = None,
+    rate: Rate = None,
+    variant: Variant = None,
     overrides: Overrides = None,
     hold_out: Annotated[
         float | None,
@@ -102,54 +103,40 @@ def identify(
             help="Time limit of the search. The best fit so far is then reported as unfinished.",
         ),
     ] = None,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
     """Fit parameters of a robot to recordings, with intervals and a verdict on each parameter.
 
     Verdicts: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound. The fit is tested on data that
     were held out, and the robot is written with the identified numbers. Exit code: 0, 1 if nothing could be fitted, the model
-    does not fit,
-    or --time ended the search, 130 after Ctrl-C. The best fit so far is kept.
+    does not fit, or --time ended the search, 130 after Ctrl-C. The best fit so far is kept.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
     Options beside a fit file add to its lists and replace its other values.
     """
-    from asrsim.cli.console import json_errors
     from asrsim.identification.task import task_of
+    from asrsim.identification.write import as_dict
 
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "compare": tuple(compare or ()), "mapping": mapping,
         "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "starts": starts, "plugins": plugin,
     }  # fmt: skip
-    given = {name: value for name, value in options.items() if value not in (None, [], ())}
-    with json_errors(json):
-        load_plugins(plugin)
-        task = task_of(scenario, experiment or [], **given)
-        folder = out or Path("out") / task.name / "fit"
-        result, code = _run(
-            task, folder, check=check, quiet=quiet or json, accept=accept, seconds=seconds,
-        )  # fmt: skip
-        files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
-        if json:
-            from asrsim.cli.console import say_json
-            from asrsim.identification.write import as_dict
-
-            say_json({"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]})
-        elif not quiet:
-            _say(result, files, said)
-    if code:
-        raise typer.Exit(code)
+    task = task_of(
+        scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
+    )
+    folder = out or Path("out") / task.name / "fit"
+    result, code = _run(task, check=check, quiet=quiet, accept=accept, seconds=seconds)
+    files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
+    data = {"ok": code == 0, **as_dict(result), "files": [str(path) for path in files]}
+    return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 
-def _run(
-    task: Task, folder: Path, *, check: bool, quiet: bool, accept: bool, seconds: float | None,
-) -> tuple[Result, int]:  # fmt: skip
-    from asrsim.cli.interrupt import INTERRUPTED, Interruption
+def _run(task: Task, *, check: bool, quiet: bool, accept: bool, seconds: float | None) -> tuple[Result, int]:
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
 
@@ -193,7 +180,6 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
 
 
 def _say(result: Result, files: list[Path], said: list[str]) -> None:
-    from asrsim.cli.console import say, say_table, say_written
     from asrsim.identification.advice import advice
     from asrsim.identification.show import columns, errors, judgement, remarks
 

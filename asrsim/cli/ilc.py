@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.completion import variants
-from asrsim.cli.options import Align, ColumnMap, Json, Overrides, Plugins, into_folder, lag_of, load_plugins, mapping_of
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say, say_problems
+from asrsim.cli.interrupt import INTERRUPTED
+from asrsim.cli.options import (
+    Align,
+    ColumnMap,
+    Overrides,
+    Overwrite,
+    Plot,
+    Scenario,
+    Variant,
+    into_folder,
+    lag_of,
+)
+from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
@@ -18,13 +32,10 @@ if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
 
+@command("Print only the result.")
 def ilc(
-    scenario: Annotated[
-        Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML) with a block `ilc`.", show_default=False)
-    ],
-    variant: Annotated[
-        str | None, typer.Option(help="Variant to learn.", show_default="the only one", autocompletion=variants)
-    ] = None,
+    scenario: Scenario,
+    variant: Variant = None,
     overrides: Overrides = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<scenario>/ilc")] = None,
     recording: Annotated[
@@ -38,13 +49,13 @@ def ilc(
     mapping: ColumnMap = None,
     align: Align = "off",
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted learning exactly.")] = False,
-    plugin: Plugins = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Also replace the results of another scenario.")] = False,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw errors and trajectories.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only the result.")] = False,
-    json: Json = False,
-) -> None:
-    """Learn the inputs that make the joints follow `ilc.trajectory`, trial by trial (paper section 4.3).
+    overwrite: Overwrite = False,
+    plot: Plot = True,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
+    """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
     Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
     (ilc.png), and the state to resume from. What an earlier run of the same scenario left there is replaced, and the command
@@ -57,36 +68,24 @@ def ilc(
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --next trial_7.mcap
     """
-    from asrsim.cli.console import complain, json_errors, say_json
-    from asrsim.cli.interrupt import INTERRUPTED
     from asrsim.learning.plant import make_plant
     from asrsim.scenario import load_scenario, only_variant
 
-    folder: Path | None = None
+    chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
+    folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(chosen)
     try:
-        with json_errors(json):
-            load_plugins(plugin or [])
-            chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
-            folder, plant = out or Path("out") / chosen.name / "ilc", make_plant(chosen)
-            if recording is not None:
-                data = _next(plant, folder, recording, mapping_of(mapping), lag_of(align), silent=json)
-            else:
-                data = _learn(plant, folder, plugin or [], resume, overwrite, plot, quiet=quiet or json, silent=json)
+        if recording is not None:
+            return _next(plant, folder, recording, mapping, lag_of(align))
+        return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
     except KeyboardInterrupt:
-        where = f"; the trials so far are in {folder / 'state.npz'}: continue with --resume" if folder else ""
-        complain(f"\nasrsim: interrupted{where}")
+        complain(f"\nasrsim: interrupted; the trials so far are in {folder / 'state.npz'}: continue with --resume")
         raise typer.Exit(INTERRUPTED) from None
-    if json:
-        say_json(data)
-    if not data["converged"] and data.get("outcome"):
-        raise typer.Exit(1)
 
 
 def _learn(
-    plant: Plant, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool, silent: bool
-) -> dict[str, Any]:  # fmt: skip
+    plant: Plant, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
+) -> Done:  # fmt: skip
     from asrsim.actuators.user import command_line
-    from asrsim.cli.console import say
     from asrsim.learning.session import run_session, session_data
 
     def start(prepared: Prepared) -> None:
@@ -98,27 +97,28 @@ def _learn(
         plant, folder, on_start=None if quiet else start, on_trial=None if quiet else _row, resume=resume, overwrite=overwrite,
         picture=plot,
     )  # fmt: skip
-    data = {"ok": session.result.converged, "folder": str(folder), **session_data(session)}
-    if not silent:
-        say(session.result.reason, "green" if session.result.converged else "red")
-        for text in filter(None, (session.reach, session.replaced)):
-            say(text)
+    good = session.result.converged
+
+    def text() -> None:
+        say(session.result.reason, "green" if good else "red")
+        for line in filter(None, (session.reach, session.replaced)):
+            say(line)
         say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
         say(f"play what was learned: {command_line('run', folder / 'learned.yaml', plugins)}")
-    return data
+
+    return Done(data={"ok": good, "folder": str(folder), **session_data(session)}, always=text, code=int(not good))
 
 
 def _next(
-    plant: Plant, folder: Path, recording: Path, mapping: tuple[str, ...] | Path | None, lag: LagChoice, *, silent: bool
-) -> dict[str, Any]:
-    from asrsim.cli.console import say, say_problems
-    from asrsim.cli.recording_table import say_columns
+    plant: Plant, folder: Path, recording: Path, mapping: list[str] | None, lag: LagChoice
+) -> Done:  # fmt: skip
     from asrsim.learning.hardware import NEXT, next_input
     from asrsim.learning.session import trial_data
     from asrsim.plain import finite_or_none
 
     step = next_input(plant, folder, recording, mapping=mapping, lag=lag)
-    if not silent:
+
+    def text() -> None:
         say_columns(step.recording)
         say_problems(step.findings, "note")
         _headings(step.prepared.problem)
@@ -134,18 +134,18 @@ def _next(
             say(f"wrote {folder / NEXT}, the best input")
         else:
             say(f"play {folder / NEXT} on the robot, record it, and give the recording to --next again")
-    return {
+
+    data = {
         "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
         "findings": [problem.as_dict() for problem in step.findings],
         "foretold_ratio": finite_or_none(step.foretold), "warning": step.warning,
         "trial": trial_data(step.trials[-1], plant.joints),
     }  # fmt: skip
+    return Done(data=data, always=text, code=int(bool(step.outcome) and not step.converged))
 
 
 def _headings(problem: LearningProblem) -> None:
     """Print the heading above the trials."""
-    from asrsim.cli.console import say
-
     say(f"largest error of each joint and largest 2-norm in {problem.unit}")
     _cells("trial", problem.joints, "2-norm", "s", style="bold")
 
@@ -157,9 +157,5 @@ def _row(trial: Trial) -> None:
 
 
 def _cells(number: str, largest: Any, norm: str, seconds: str, style: str = "") -> None:
-    import sys
-
-    from asrsim.cli.console import say
-
     say("  ".join(cell.rjust(8) for cell in (number, *largest, norm, seconds)), style)
     sys.stdout.flush()

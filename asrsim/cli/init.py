@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.completion import mountings
-from asrsim.cli.options import Arguments, ColumnMap, Json, Packages, Plugins, Rate, folders, into_file, load_plugins, pairs
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_problems
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Rate, folders, into_file, pairs
+from asrsim.cli.recording_table import say_columns
+from asrsim.errors import Problem
 
 if TYPE_CHECKING:
-    from asrsim.runs.from_recording import Written
-
-Outcome = tuple[Sequence[Path], list[dict[str, Any]]]
-"""Files written, and findings for `--json`."""
+    from asrsim.recordings import Recording
 
 
+@command("Print nothing.")
 def init(
     robot: Annotated[
         Path | None, typer.Argument(metavar="[ROBOT]", help="URDF or xacro file of the robot.", show_default=False)
@@ -34,7 +35,6 @@ def init(
             "--actuator",
             "-a",
             metavar="[JOINT=]NAME",
-            autocompletion=mountings,
             help="Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
         ),
     ] = None,
@@ -50,13 +50,11 @@ def init(
     mapping: ColumnMap = None,
     rate: Rate = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", "--force", "-f", help="Replace the file if it is there.")] = False,
-    schema: Annotated[bool, typer.Option(help="Also write the JSON Schema beside it, so that editors complete keys.")] = True,
-    plugin: Plugins = None,
     argument: Arguments = None,
     package: Packages = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Json = False,
-) -> None:
+    *,
+    plugin: list[Path],
+) -> Done:
     """Write a commented starter scenario for a robot, or one from a recording of it; or propose how a recording is read.
 
     Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
@@ -65,88 +63,52 @@ def init(
 
     Example: asrsim init --experiment examples/recordings/bench_motion.csv --out bench_motion.csv.yaml
     """
-    from asrsim.cli.console import json_errors, say_json
-
-    quiet = quiet or json
-    with json_errors(json):
-        load_plugins(plugin)
-        if robot is None:
-            files, findings = _propose(experiment, out, mapping or (), rate, overwrite=overwrite, quiet=quiet)
-        else:
-            files, findings = _write(
-                robot, out or Path("scenario.yaml"), experiment, mapping or (), rate, mode=mode, actuators=actuator or (),
-                plugins=plugin or [], arguments=pairs(argument, "--arg"), packages=folders(package, "--package"),
-                overwrite=overwrite, schema=schema, quiet=quiet,
-            )  # fmt: skip
-    if json:
-        say_json({"ok": True, "files": [str(path) for path in files], "findings": findings})
-
-
-def _write(
-    robot: Path, out: Path, experiment: Path | None, mapping: Sequence[str], rate: float | None, *, mode: int | None,
-    actuators: Sequence[str], plugins: list[Path], arguments: Mapping[str, str], packages: Mapping[str, Path],
-    overwrite: bool, schema: bool, quiet: bool,
-) -> Outcome:  # fmt: skip
-    """Write the scenario, of a recording if there is one."""
-    from asrsim.errors import Problem
-
-    mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuators)
-    if experiment is not None:
-        from asrsim.runs.from_recording import write_from_recording
-
-        made = write_from_recording(
-            robot, experiment, out, mapping=mapping, rate=rate, mode=mode, actuators=mounted, plugins=plugins,
-            force=overwrite, schema=schema, arguments=arguments, packages=packages,
-        )  # fmt: skip
-        if not quiet:
-            _print(made, out, plugins)
-        remarks = [Problem(text, file=made.recording.path) for text in made.remarks]
-        return made.files, [problem.as_dict() for problem in (*made.recording.findings, *remarks)]
-    if mapping or rate is not None:
-        raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
-    from asrsim.scenario.starter import write_starter
-
-    written, notes = write_starter(
-        robot, out, mode=mode, actuators=mounted, force=overwrite, schema=schema, arguments=arguments, packages=packages
-    )
-    if not quiet:
-        from asrsim.actuators.user import command_line
-        from asrsim.cli.console import say, say_problems
-
-        say_problems(notes, "warning")
-        say(f"wrote {', '.join(map(str, written))}; run it: {command_line('run', out, plugins)}")
-    return written, [problem.as_dict() for problem in notes]
-
-
-def _propose(
-    experiment: Path | None, out: Path | None, mapping: Sequence[str], rate: float | None, *, overwrite: bool, quiet: bool
-) -> Outcome:
-    """Write the document that says how a recording is read."""
-    if experiment is None:
-        raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
-    from asrsim.recordings.propose import propose
-
-    written, recording = propose(experiment, out, mapping=mapping, rate=rate, force=overwrite)
-    if not quiet:
-        from asrsim.cli.console import say, say_problems
-        from asrsim.cli.recording_table import say_columns
-
-        say_columns(recording)
-        say_problems(recording.findings, "note")
-        say(f"wrote {written}: check it; every command that reads {experiment.name} obeys it")
-    return [written], [problem.as_dict() for problem in recording.findings]
-
-
-def _print(made: Written, scenario: Path, plugins: list[Path] | None) -> None:
     from asrsim.actuators.user import command_line
-    from asrsim.cli.console import say, say_problems
-    from asrsim.cli.recording_table import say_columns
 
-    say(f"{made.recording.path}: {made.recording.format}, {len(made.recording.time)} samples", "bold")
-    say_columns(made.recording)
-    say_problems(made.recording.findings, "note")
-    for text in made.remarks:
-        say(f"note: {text}", "yellow")
-    say(f"wrote {', '.join(map(str, made.files))}; run it: {command_line('run', scenario, plugins)}")
+    columns, target = mapping or [], out or Path("scenario.yaml")
+    if robot is None:
+        if experiment is None:
+            raise typer.BadParameter("give a robot, a recording by --experiment, or both", param_hint="ROBOT")
+        from asrsim.recordings.propose import propose
+
+        written, read = propose(experiment, out, mapping=columns, rate=rate, force=overwrite)
+        hints = [f"wrote {written}: check it; every command that reads {experiment.name} obeys it"]
+        return _done([written], read.findings, hints, recording=read)
+    mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
+    options: dict[str, Any] = {
+        "mode": mode, "actuators": mounted, "force": overwrite, "arguments": pairs(argument, "--arg"),
+        "packages": folders(package, "--package"),
+    }  # fmt: skip
+    run = f"run it: {command_line('run', target, plugin)}"
+    if experiment is None:
+        if mapping or rate is not None:
+            raise typer.BadParameter("belongs to --experiment", param_hint="--map" if mapping else "--rate")
+        from asrsim.scenario.starter import write_starter
+
+        files, notes = write_starter(robot, target, **options)
+        return _done(files, notes, [f"wrote {', '.join(map(str, files))}; {run}"])
+    from asrsim.runs.from_recording import write_from_recording
+
+    made = write_from_recording(robot, experiment, target, mapping=columns, rate=rate, plugins=plugin, **options)
+    remarks = [Problem(text, file=experiment) for text in made.remarks]
+    hints = [f"wrote {', '.join(map(str, made.files))}; {run}"]
     if made.fit is not None:
-        say(f"find the robot's parameters: {command_line('identify', made.fit, plugins)}")
+        hints.append(f"find the robot's parameters: {command_line('identify', made.fit, plugin)}")
+    return _done(made.files, [*made.recording.findings, *remarks], hints, recording=made.recording)
+
+
+def _done(
+    files: Sequence[Path], notes: Sequence[Problem], hints: Sequence[str], *, recording: Recording | None = None
+) -> Done:  # fmt: skip
+    def text() -> None:
+        if recording is not None:
+            say(f"{recording.path}: {recording.format}, {len(recording.time)} samples", "bold")
+            say_columns(recording)
+        say_problems(notes, "warning" if recording is None else "note")
+        for hint in hints:
+            say(hint)
+
+    return Done(
+        data={"ok": True, "files": [str(path) for path in files], "findings": [problem.as_dict() for problem in notes]},
+        text=text,
+    )

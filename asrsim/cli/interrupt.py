@@ -1,12 +1,8 @@
-"""Ctrl-C: the first ends a run cleanly, the second ends the command. SIGTERM and a closed stdout pipe act like Ctrl-C."""
+"""Ctrl-C: the first ends a run cleanly, the second ends the command. SIGTERM acts like Ctrl-C."""
 
 from __future__ import annotations
 
-import os
-import select
 import signal
-import stat
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,17 +33,6 @@ def like_an_interruption() -> Iterator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def came_from_interruption(error: BaseException | None) -> bool:
-    """Whether the error is an interruption, or an import error caused by one (C libraries raise errors of their own)."""
-    if isinstance(error, KeyboardInterrupt):
-        return True
-    while error is not None:
-        if isinstance(error, ImportError) and isinstance(error.__cause__, KeyboardInterrupt):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
-
-
 class Interruption:
     """Context in which the first signal only sets `requested`, and the second raises KeyboardInterrupt.
 
@@ -61,7 +46,6 @@ class Interruption:
         self._asked = False
         self._message = message
         self._before: dict[int, Any] = {}
-        self._pipe = _piped_stdout()
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
@@ -76,9 +60,6 @@ class Interruption:
     def stop(self) -> bool:
         """Whether the simulation should end."""
         self._asked = True
-        if self._pipe is not None and not self.requested:
-            # The reader of the output has ended (`| head -1`): end the run without a message.
-            self.requested = any(event & (select.POLLERR | select.POLLNVAL) for _, event in self._pipe.poll(0))
         return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
@@ -89,17 +70,3 @@ class Interruption:
         self.requested = True
         if self._message:
             complain(f"\n{self._message}")
-
-
-def _piped_stdout() -> Any:
-    """Poll object that detects a closed pipe at stdout; None if stdout is not a pipe or the system cannot detect it."""
-    try:
-        number = sys.stdout.fileno()
-        kind = os.fstat(number).st_mode
-    except (AttributeError, OSError, ValueError):
-        return None
-    if not (stat.S_ISFIFO(kind) or stat.S_ISSOCK(kind)) or not hasattr(select, "poll"):
-        return None
-    poll = select.poll()
-    poll.register(number, 0)
-    return poll

@@ -8,15 +8,16 @@ from typing import Annotated, Any
 
 import typer
 
-from asrsim.cli.completion import variants
-from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say
+from asrsim.cli.interrupt import Interruption
+from asrsim.cli.options import Overrides, Overwrite, Scenario, Variant, into_folder
 
 
+@command()
 def live(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)],
-    variant: Annotated[
-        str | None, typer.Option(help="Variant to run.", show_default="the only one", autocompletion=variants)
-    ] = None,
+    scenario: Scenario,
+    variant: Variant = None,
     on: Annotated[
         list[str] | None,
         typer.Option(
@@ -24,11 +25,15 @@ def live(
         ),
     ] = None,
     speed: Annotated[str, typer.Option(metavar="FACTOR", help="Simulated seconds per second, or max.")] = "1",
-    duration: Annotated[float | None, typer.Option(help="Simulated time, s.", show_default="until Ctrl-C")] = None,
-    rate: Annotated[float, typer.Option(help="Highest publishing rate of the topics, Hz.")] = 1000.0,
+    duration: Annotated[
+        float | None, typer.Option(min=1e-3, max=1e9, help="Simulated time, s.", show_default="until Ctrl-C")
+    ] = None,
+    rate: Annotated[float, typer.Option(min=1e-3, max=1e6, help="Highest publishing rate of the topics, Hz.")] = 1000.0,
     namespace: Annotated[str, typer.Option(help="Prefix of the topics' names.")] = "",
-    domain: Annotated[int | None, typer.Option(help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")] = None,
-    port: Annotated[int, typer.Option(help="Port of the WebSocket; 0: any free port.")] = 8765,
+    domain: Annotated[
+        int | None, typer.Option(min=0, max=232, help="ROS domain.", show_default="ROS_DOMAIN_ID, else 0")
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the WebSocket; 0: any free port.")] = 8765,
     network: Annotated[bool, typer.Option("--network", help="Also accept other machines.")] = False,
     allow_origin: Annotated[
         list[str] | None,
@@ -43,11 +48,11 @@ def live(
         Path | None,
         into_folder("Folder for log and summary.", "out/<scenario>/<variant>_live"),
     ] = None,
-    plugin: Plugins = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scenario too.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    overwrite: Overwrite = False,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
     """Run a scenario in real time; references come from its signals until a topic overrides them.
 
     Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
@@ -55,58 +60,40 @@ def live(
 
     Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
     """
-    from asrsim.cli.console import json_errors, say_json
-
-    _check(duration, rate, port, domain)
     pace = _speed(speed)
-    with json_errors(json):
-        from asrsim.cli.interrupt import Interruption
-        from asrsim.cli.live_status import StatusLine, print_live
-        from asrsim.extras import install
-        from asrsim.live.origin import origin_of
-        from asrsim.live.session import Session, Settings
-        from asrsim.live.transport import TRANSPORTS, Access, available
-        from asrsim.runs.execute import with_plugins
-        from asrsim.scenario import load_scenario, only_variant
+    from asrsim.cli.live_status import StatusLine, print_live
+    from asrsim.extras import install
+    from asrsim.live.origin import origin_of
+    from asrsim.live.session import Session, Settings
+    from asrsim.live.transport import TRANSPORTS, Access, available
+    from asrsim.runs.execute import with_plugins
+    from asrsim.scenario import load_scenario, only_variant
 
-        load_plugins(plugin)
-        names = (
-            [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
-        )
-        names = [] if names == ["none"] else list(available(names))
-        one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin or [])
+    names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
+    names = [] if names == ["none"] else list(available(names))
+    one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin)
+    access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
+    if twin:
+        return _follow(one, names, access, namespace, duration, quiet=quiet)
+    settings = Settings(
+        speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused, access=access
+    )
+    with StatusLine(show=not quiet) as line:
+        if not names and on is None:
+            line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
         folder = out or Path("out") / one.name / f"{one.variant}_live"
-        access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
-        if twin:
-            _follow(one, names, access, namespace, duration, quiet=quiet)
-            return
-        missing = not names and on is None
-        settings = Settings(
-            speed=pace, duration=duration, rate=rate, namespace=namespace, transports=names, paused=paused,
-            access=access,
-        )  # fmt: skip
-        with StatusLine(show=not quiet and not json) as line:
-            if missing:
-                line.tell(
-                    f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')"
-                )
-            session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
-            with Interruption("") as interruption:
-                summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
-    if json:
-        say_json({"ok": summary.ok, "runs": [summary.as_dict()]})
-    else:
-        print_live(session, summary, plugin or [], quiet=quiet)
-    if not summary.ok:
-        raise typer.Exit(1)
+        session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
+        with Interruption("") as interruption:
+            summary = session.run(stop=interruption.stop, status=lambda: line.show(session))
+    return Done(
+        data={"ok": summary.ok, "runs": [summary.as_dict()]},
+        always=lambda: print_live(session, summary, plugin, quiet=quiet),
+        code=int(not summary.ok),
+    )
 
 
-def _follow(
-    scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, quiet: bool
-) -> None:  # fmt: skip
+def _follow(scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, quiet: bool) -> Done:
     """Run a twin beside a robot."""
-    from asrsim.cli.console import say
-    from asrsim.cli.interrupt import Interruption
     from asrsim.twin.live import LiveTwin
 
     twin = LiveTwin(
@@ -115,8 +102,10 @@ def _follow(
     )  # fmt: skip
     with Interruption("") as interruption:
         twin.run(stop=interruption.stop)
-    if not quiet:
-        say(f"{twin.time:.1f} s followed, {twin.alarms} alarms")
+    return Done(
+        data={"ok": True, "followed": twin.time, "alarms": twin.alarms},
+        text=lambda: say(f"{twin.time:.1f} s followed, {twin.alarms} alarms"),
+    )
 
 
 def _speed(text: str) -> float:
@@ -129,14 +118,3 @@ def _speed(text: str) -> float:
     if not 1e-3 <= speed <= 1e3:
         raise typer.BadParameter(f"'{text}' must be a number from 0.001 to 1000, or max", param_hint="--speed")
     return speed
-
-
-def _check(duration: float | None, rate: float, port: int, domain: int | None) -> None:
-    def refuse(good: bool, name: str, message: str) -> None:
-        if not good:
-            raise typer.BadParameter(message, param_hint=name)
-
-    refuse(duration is None or (math.isfinite(duration) and duration > 0), "--duration", "must be a number of seconds above 0")
-    refuse(math.isfinite(rate) and rate > 0, "--rate", "must be a number above 0")
-    refuse(0 <= port <= 65535, "--port", "must be from 0 to 65535")
-    refuse(domain is None or 0 <= domain <= 232, "--domain", "must be from 0 to 232")

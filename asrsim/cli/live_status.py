@@ -72,7 +72,7 @@ def commands(figures: Mapping[str, Any]) -> str:
 
 
 def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *, quiet: bool) -> None:
-    """Print the summary of the last episode with lateness and commands."""
+    """Print the summary of a live run, its lateness and its commands."""
     print_run(summary, quiet=quiet)
     if quiet:
         return

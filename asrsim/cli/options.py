@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from asrsim.cli.completion import variants
+
 if TYPE_CHECKING:
     from asrsim.recordings.align import LagChoice
 
-Plugins = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--plugin", metavar="FILE", help="Python file with your own actuators, signals, measures, readers; may be repeated."
-    ),
+Scenario = Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file (YAML).", show_default=False)]
+Variant = Annotated[
+    str | None, typer.Option(help="Variant of the scenario.", show_default="the only one", autocompletion=variants)
+]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option("--variant", help="This variant only; may be repeated.", show_default="all", autocompletion=variants),
 ]
 Arguments = Annotated[list[str] | None, typer.Option("--arg", metavar="NAME=VALUE", help="A xacro argument; may be repeated.")]
 Packages = Annotated[
@@ -35,7 +38,8 @@ Rate = Annotated[float | None, typer.Option(help="Sampling rate of a recording w
 Align = Annotated[
     str, typer.Option("--align", "--lag", metavar="auto|off|start|SECONDS", help="Alignment of the recording's time.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
+Plot = Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Also replace results that another scenario or study wrote.")]
 Start = Annotated[float | None, typer.Option(help="Start of the pictures, s.", show_default="the log's start")]
 End = Annotated[float | None, typer.Option(help="End of the pictures, s.", show_default="the log's end")]
 
@@ -47,20 +51,26 @@ _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf",
 def into_folder(words: str, default: str | None = None) -> Any:
     """Option `--out` of a command that writes several files; default: description of its default folder."""
 
-    def check(given: Path | None) -> Path | None:
-        if given is not None and given.suffix.lower() in _OF_FILES and not given.is_dir():
-            raise typer.BadParameter(f"must be a folder, but {given.name} has the suffix of a file")
-        return given
+    def fault(given: Path) -> str:
+        a_file = given.suffix.lower() in _OF_FILES and not given.is_dir()
+        return f"must be a folder, but {given.name} has the suffix of a file" if a_file else ""
 
-    return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
+    return _out(words, default, fault)
 
 
 def into_file(words: str, *endings: str, default: str | None = None) -> Any:
     """Option `--out` of a command that writes one file with one of these suffixes."""
 
+    def fault(given: Path) -> str:
+        return "" if given.suffix.lower() in endings else f"must end in {' or '.join(endings)}, not {given.name}"
+
+    return _out(words, default, fault)
+
+
+def _out(words: str, default: str | None, fault: Callable[[Path], str]) -> Any:
     def check(given: Path | None) -> Path | None:
-        if given is not None and given.suffix.lower() not in endings:
-            raise typer.BadParameter(f"must end in {' or '.join(endings)}, not {given.name}")
+        if given is not None and (message := fault(given)):
+            raise typer.BadParameter(message)
         return given
 
     return typer.Option("--out", "-o", help=words, show_default=default or True, callback=check)
@@ -68,20 +78,8 @@ def into_file(words: str, *endings: str, default: str | None = None) -> Any:
 
 def check_window(start: float | None, end: float | None) -> None:
     """Check that a window of time is not empty. Raises typer's BadParameter."""
-    for name, value in (("--start", start), ("--end", end)):
-        if value is not None and not math.isfinite(value):
-            raise typer.BadParameter("must be a number of seconds", param_hint=name)
     if start is not None and end is not None and not end > start:
         raise typer.BadParameter(f"must be after --start {start:g}", param_hint="--end")
-
-
-def load_plugins(paths: Sequence[Path] | None) -> None:
-    """Register the actuators of users' files. Raises ActuatorError."""
-    if paths:
-        from asrsim.actuators.user import load_plugin_file
-
-        for path in paths:
-            load_plugin_file(path)
 
 
 def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
@@ -99,13 +97,6 @@ def pairs(texts: Sequence[str] | None, option: str) -> dict[str, str]:
 def folders(texts: Sequence[str] | None, option: str) -> dict[str, Path]:
     """Name -> folder from the NAME=FOLDER texts of `option`. Raises typer's BadParameter."""
     return {name: Path(folder) for name, folder in pairs(texts, option).items()}
-
-
-def mapping_of(texts: Sequence[str] | None) -> tuple[str, ...] | Path | None:
-    """Value of `--map`: columns, or the path of a YAML file with them."""
-    if texts and len(texts) == 1 and Path(texts[0]).suffix.lower() in (".yaml", ".yml") and Path(texts[0]).is_file():
-        return Path(texts[0])
-    return tuple(texts) if texts else None
 
 
 def lag_of(text: str) -> LagChoice:

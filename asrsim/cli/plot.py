@@ -8,26 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.completion import logged
-from asrsim.cli.options import (
-    Align,
-    ColumnMap,
-    End,
-    Json,
-    Plugins,
-    Rate,
-    Start,
-    check_window,
-    into_folder,
-    lag_of,
-    load_plugins,
-    mapping_of,
-)
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
+from asrsim.cli.options import Align, ColumnMap, End, Rate, Start, check_window, into_folder, lag_of
+from asrsim.cli.recording_table import say_columns
 
 if TYPE_CHECKING:
     from asrsim.plots.job import PlotResult
 
 
+@command("Print failed claims and problems only.")
 def plot(
     logs: Annotated[
         list[Path] | None,
@@ -47,7 +37,7 @@ def plot(
         ),
     ] = None,
     mapping: ColumnMap = None,
-    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.", autocompletion=logged)] = None,
+    joint: Annotated[list[str] | None, typer.Option(help="Only this joint; may be repeated.")] = None,
     quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity; may be repeated.")] = None,
     align: Align = "auto",
     max_lag: Annotated[
@@ -72,10 +62,9 @@ def plot(
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
     formats: Annotated[list[str] | None, typer.Option("--format", metavar="png|pdf|svg", help="May be repeated.")] = None,
-    plugin: Plugins = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print failed claims and problems only.")] = False,
-    json: Json = False,
-) -> None:
+    *,
+    quiet: bool,
+) -> Done:
     """Draw runs, alone or beside experiments, and check the claims of their scenario.
 
     Exit code: 0, or 1 if a claim of the scenario does not hold.
@@ -88,46 +77,26 @@ def plot(
 
     Example: asrsim plot out/lab/default/log.mcap --experiment examples/recordings/two_joints.csv --lag start --out compared
     """  # fmt: skip
-    from asrsim.cli.console import json_errors, say_json, say_problems
+    from asrsim.cli.progress import FractionBar
+    from asrsim.plots.job import PlotJob
+    from asrsim.plots.job import plot as draw
+    from asrsim.runs.folder import find_logs, unreadable_logs
 
-    with json_errors(json):
-        from asrsim.cli.progress import FractionBar
-        from asrsim.plots.job import PlotJob
-        from asrsim.plots.job import plot as draw
-        from asrsim.runs.folder import find_logs, unreadable_logs
-
-        load_plugins(plugin)
-        check_window(start, end)
-        if (given or output) and not bode:
-            raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
-        say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
-        logs = [log for place in logs or () for log in find_logs(place)]
-        job = PlotJob(
-            logs=tuple(logs),
-            folder=out or _folder(logs, experiment or [], alone=not experiment and not bode),
-            experiments=tuple(experiment or ()),
-            mapping=mapping_of(mapping),
-            rate=rate,
-            joints=tuple(joint) if joint else None,
-            quantities=tuple(quantity) if quantity else None,
-            lag=lag_of(align),
-            lag_limit=max_lag,
-            formats=tuple(formats or ("png",)),
-            bode=bode,
-            band=band,
-            given=given,
-            output=output,
-            start=start,
-            end=end,
-        )
-        with FractionBar(show=not quiet and not json) as progress:
-            result = draw(job, progress.update)
-    if json:
-        say_json(result.as_dict())
-    else:
-        _print(result, quiet=quiet)
-    if not result.ok:
-        raise typer.Exit(1)
+    check_window(start, end)
+    if (given or output) and not bode:
+        raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
+    say_problems([problem for place in logs or () for problem in unreadable_logs(place)], "warning")
+    found = [log for place in logs or () for log in find_logs(place)]
+    job = PlotJob(
+        logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
+        experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,
+        joints=tuple(joint) if joint else None, quantities=tuple(quantity) if quantity else None,
+        lag=lag_of(align), lag_limit=max_lag, formats=tuple(formats or ("png",)),
+        bode=bode, band=band, given=given, output=output, start=start, end=end,
+    )  # fmt: skip
+    with FractionBar(show=not quiet) as progress:
+        result = draw(job, progress.update)
+    return Done(data=result.as_dict(), always=lambda: _print(result, quiet=quiet), code=int(not result.ok))
 
 
 def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
@@ -136,15 +105,11 @@ def _folder(logs: list[Path], experiments: list[str], *, alone: bool) -> Path:
         return Path("out") / Path(experiments[0] if experiments else "").stem
     if len(logs) == 1:
         return logs[0].parent if alone else logs[0].parent / "compared"
-    beside = Path(os.path.commonpath([path.absolute().parent for path in logs]))
-    if beside.is_relative_to(Path.cwd()) and not any(path.is_absolute() for path in logs):
-        beside = beside.relative_to(Path.cwd())
-    return beside / ("variants" if alone else "compared")
+    parents = [path.parent.absolute() if any(log.is_absolute() for log in logs) else path.parent for path in logs]
+    return Path(os.path.commonpath(parents)) / ("variants" if alone else "compared")
 
 
 def _print(result: PlotResult, *, quiet: bool) -> None:
-    from asrsim.cli.console import complain, say, say_problems, say_written, styled
-
     if not quiet:
         _print_experiments(result)
         if result.rows:
@@ -165,12 +130,9 @@ def _print(result: PlotResult, *, quiet: bool) -> None:
 
 
 def _print_experiments(result: PlotResult) -> None:
-    from asrsim.cli.console import say
-    from asrsim.cli.recording_table import say_columns
-
     shown: list[tuple[str, str, str, str]] = []
-    for (path, label, guessed), recording in zip(result.assigned, result.recordings, strict=True):
-        whose = "" if len(result.runs) <= 1 else f" -> {label}" + (" (guessed from its name)" if guessed else "")
+    for (path, label), recording in zip(result.assigned, result.recordings, strict=True):
+        whose = "" if len(result.runs) <= 1 else f" -> {label}"
         say(f"{path}{whose}: {recording.format}, {len(recording.time)} samples", "bold")
         columns = [(one.source, one.meaning, one.conversion, one.origin) for one in recording.channels.values()]
         if shown == columns:
@@ -185,7 +147,6 @@ def _print_experiments(result: PlotResult) -> None:
 
 
 def _print_rows(result: PlotResult) -> None:
-    from asrsim.cli.console import say_table
     from asrsim.plots.rows import metric_tables
 
     for table in metric_tables(result.rows):

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from asrsim.cli.options import End, Json, Start, check_window, into_folder
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import say, say_problems, say_written
+from asrsim.cli.options import End, Start, check_window, into_folder
 
 SIZE = 360
 """Square root of a picture's area, pixels."""
 
 
+@command("Print nothing.", plugins=False)
 def render(
     log: Annotated[
         Path,
@@ -34,46 +38,39 @@ def render(
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing.")] = False,
-    json: Json = False,
-) -> None:
+    *,
+    quiet: bool,
+) -> Done:
     """Draw the logged motion: a film strip, a GIF, a video. Needs only the log, and no display.
 
     Example: asrsim render out/step_2dof/soft --frames 8 --gif
     """
-    from asrsim.cli.console import json_errors, say, say_json, say_problems
+    from asrsim.cli.progress import FractionBar
+    from asrsim.outfile import make_folder
+    from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
+    from asrsim.runs.folder import find_logs, unreadable_logs
 
-    with json_errors(json):
-        from asrsim.cli.progress import FractionBar
-        from asrsim.outfile import make_folder
-        from asrsim.render import Film, share_view, write_gif, write_mp4, write_strip
-        from asrsim.runs.folder import find_logs, unreadable_logs
+    check_window(start, end)
+    logs = find_logs(log)
+    say_problems(unreadable_logs(log), "warning")
+    files: list[Path] = []
+    rates = {} if fps is None else {"fps": fps}
+    with FractionBar(show=not quiet) as progress:
+        films = [Film(path, size=size, start=start, end=end) for path in logs]
+        share_view(films)
+        for path, film in zip(logs, films, strict=True):
+            folder = make_folder(path.parent if out is None else out if len(logs) == 1 else out / path.parent.name)
+            if frames is not None or not (gif or mp4):
+                files.append(write_strip(film, folder / "filmstrip.png", count=6 if frames is None else frames))
+            for wanted, name, write in ((mp4, "motion.mp4", write_mp4), (gif, "motion.gif", write_gif)):
+                if wanted:
+                    shown = functools.partial(progress.update, name)
+                    files.append(write(film, folder / name, speed=speed, progress=shown, **rates))
+    notes = list(dict.fromkeys(note for film in films for note in film.notes))
 
-        check_window(start, end)
-        logs = find_logs(log)
-        say_problems(unreadable_logs(log), "warning")
-        files: list[Path] = []
-        rates = {} if fps is None else {"fps": fps}
-        with FractionBar(show=not quiet and not json) as progress:
-            films = [Film(path, size=size, start=start, end=end) for path in logs]
-            share_view(films)
-            for path, film in zip(logs, films, strict=True):
-                folder = path.parent if out is None else out if len(logs) == 1 else out / path.parent.name
-                make_folder(folder)
-                if frames is not None or not (gif or mp4):
-                    count = 6 if frames is None else frames
-                    strip = folder / "filmstrip.png"
-                    files.append(write_strip(film, strip, count=count, progress=lambda f: progress.update("film strip", f)))
-                if mp4:
-                    video = folder / "motion.mp4"
-                    files.append(write_mp4(film, video, speed=speed, progress=lambda f: progress.update("MP4", f), **rates))
-                if gif:
-                    moving = folder / "motion.gif"
-                    files.append(write_gif(film, moving, speed=speed, progress=lambda f: progress.update("GIF", f), **rates))
-        notes = list(dict.fromkeys(note for film in films for note in film.notes))
-    if json:
-        say_json({"ok": True, "files": [str(path) for path in files], "notes": notes})
-    elif not quiet:
+    def text() -> None:
         for note in notes:
             say(f"note {note}", "yellow")
-        say(f"wrote {', '.join(str(path) for path in files)}")
+        say_written(files)
+
+    return Done(data={"ok": True, "files": [str(path) for path in files], "notes": notes}, text=text)

@@ -19,16 +19,12 @@ DIFFERENCES = (
 """Columns of the tables of errors and differences, with their keys."""
 
 
-def print_run(
-    summary: RunSummary, *, quiet: bool, silent: bool = False, verbose: bool = False, printed: set[str] | None = None
-) -> None:
+def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
     """Print summary, claims, warnings and files of a run.
 
-    quiet: print only failed claims and a divergence; silent: print nothing; verbose: print every warning on its own line.
-    printed: warnings of earlier runs, which are only counted; this run's warnings are added.
+    quiet: print only failed claims and a divergence. printed: warnings of earlier runs, which are only counted; this run's
+    warnings are added.
     """
-    if silent:
-        return
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:
         say(f"{styled(title, 'bold cyan')}  {headline(summary)}")
@@ -49,7 +45,7 @@ def print_run(
     _print_cross_check(summary, quiet=quiet)
     if quiet:
         return
-    _print_warnings(summary, verbose=verbose, printed=set() if printed is None else printed)
+    _print_warnings(summary, printed=set() if printed is None else printed)
     if summary.replaced:
         say(f"replaced {counted(len(summary.replaced), 'file')} of an earlier run")
     _print_files(summary)
@@ -96,11 +92,7 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 
 
-def _print_warnings(summary: RunSummary, *, verbose: bool, printed: set[str]) -> None:
-    if verbose:
-        for warning in summary.warnings:
-            say_problems([warning], "warning")
-        return
+def _print_warnings(summary: RunSummary, *, printed: set[str]) -> None:
     fresh = [warning for warning in summary.warnings if str(warning) not in printed]
     say_problems(fresh, "warning")
     again = len(summary.warnings) - len(fresh)

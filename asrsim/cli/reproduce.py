@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json, into_folder
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say, styled
+from asrsim.cli.options import into_folder
 
 if TYPE_CHECKING:
     from asrsim.reproduce import Reproduction
 
 
+@command("Print only claims that do not hold.", plugins=False)
 def reproduce(
     figures: Annotated[
         list[str] | None, typer.Argument(metavar="[FIGURE]...", help="Figures 8, 11, 12, 13, 14, 15; all by default.")
     ] = None,
     out: Annotated[Path, into_folder("Folder for the results.")] = Path("out/reproduce"),
     workers: Annotated[int, typer.Option("--workers", "-j", min=1, help="Number of figures computed in parallel.")] = 2,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only claims that do not hold.")] = False,
-    json: Json = False,
-) -> None:
+    *,
+    quiet: bool,
+    json: bool,
+) -> Done:
     """Repeat the paper's experiments: every figure with its claims, measured numbers and verdicts on one page.
 
     Writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs; files of an earlier call
@@ -31,26 +36,18 @@ def reproduce(
 
     Example: asrsim reproduce 8 15 --out paper
     """
-    from asrsim.cli.console import json_errors, say, say_json
+    from asrsim.reproduce import reproduce as run
 
-    with json_errors(json):
-        from asrsim.reproduce import reproduce as run
-
-        outcome = run(figures or (), out, workers=workers, on_figure=None if json else lambda one: _report(one, quiet=quiet))
-    if json:
-        say_json(outcome.as_dict())
-    elif not quiet:
-        simulated = sum(one.simulated for one in outcome.figures)
-        say(f"{simulated:.0f} s simulated in {outcome.seconds:.1f} s; wrote {outcome.page}")
-    if not outcome.holds:
-        raise typer.Exit(1)
+    outcome = run(figures or (), out, workers=workers, on_figure=None if json else lambda one: _report(one, quiet=quiet))
+    simulated = sum(one.simulated for one in outcome.figures)
+    return Done(
+        data=outcome.as_dict(),
+        text=lambda: say(f"{simulated:.0f} s simulated in {outcome.seconds:.1f} s; wrote {outcome.page}"),
+        code=int(not outcome.holds),
+    )
 
 
 def _report(one: Reproduction, *, quiet: bool) -> None:
-    import sys
-
-    from asrsim.cli.console import complain, say, styled
-
     good = sum(claim.holds for claim in one.claims)
     if not quiet:
         verdict = styled("holds", "green") if one.holds else styled("does not hold", "red")

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from asrsim.cli.options import Json, into_folder
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say, say_problems
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
 
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
@@ -16,20 +18,22 @@ SHOWN = 10
 """Number of differing series that are printed."""
 
 
+@command("Print differences only.", plugins=False)
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
-    out: Annotated[Path | None, into_folder("Folder for the repeated run's log.", "not written")] = None,
-    plugin: Annotated[
+    plugins: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."),
+        typer.Option(
+            "--plugin", metavar="FILE", help="Python file with your own actuators, instead of the log's; may be repeated."
+        ),
     ] = None,
     trust_plugins: Annotated[
         bool, typer.Option("--trust-plugins", help="Run the Python code of actuators stored in the log.")
     ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another run in --out.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print differences only.")] = False,
-    json: Json = False,
-) -> None:
+    *,
+    quiet: bool,
+    json: bool,
+) -> Done:
     """Repeat a run from its log alone and compare every sample, bit for bit.
 
     The log of an interrupted or killed run is compared up to its last sample. Exit code: 0 if all samples are the same, 1 if
@@ -37,43 +41,33 @@ def rerun(
 
     Example: asrsim rerun out/step_2dof/soft/log.mcap
     """
-    from asrsim.cli.console import json_errors, say_json, say_problems
-    from asrsim.cli.interrupt import INTERRUPTED, Interruption
+    from asrsim.cli.progress import RunBar
+    from asrsim.log import open_log
+    from asrsim.runs.folder import find_logs, unreadable_logs
+    from asrsim.runs.repeat import repeat
 
-    with json_errors(json):
-        from asrsim.cli.progress import RunBar
-        from asrsim.log import open_log
-        from asrsim.runs.folder import find_logs, unreadable_logs
-        from asrsim.runs.repeat import repeat
-
-        logs, repetitions = find_logs(log), []
-        say_problems(unreadable_logs(log), "warning")
-        with Interruption() as interruption:
-            for one in logs:
-                place = out if out is None or len(logs) == 1 else out / one.parent.name
-                with RunBar(one.name, open_log(one).duration, show=not quiet and not json) as progress:
-                    repetitions.append(
-                        repeat(
-                            one, out=place, plugins=plugin or [], trust_plugins=trust_plugins, overwrite=overwrite,
-                            progress=progress.update, stop=interruption.stop,
-                        )
-                    )  # fmt: skip
-                if not json:
-                    _print(repetitions[-1], quiet=quiet)
-                if interruption.requested:
-                    break
-    if json:
-        documents = [repetition.as_dict() for repetition in repetitions]
-        say_json(documents[0] if len(logs) == 1 else {"runs": documents})
-    if interruption.requested:
-        raise typer.Exit(INTERRUPTED)
-    if not all(repetition.identical for repetition in repetitions):
-        raise typer.Exit(1)
+    logs, repetitions = find_logs(log), []
+    say_problems(unreadable_logs(log), "warning")
+    with Interruption() as interruption:
+        for one in logs:
+            with RunBar(one.name, open_log(one).duration, show=not quiet) as progress:
+                repetition = repeat(
+                    one, plugins=plugins or [], trust_plugins=trust_plugins, progress=progress.update, stop=interruption.stop
+                )  # fmt: skip
+            repetitions.append(repetition)
+            if not json:
+                _print(repetition, quiet=quiet)
+            if interruption.requested:
+                break
+    documents = [repetition.as_dict() for repetition in repetitions]
+    different = not all(repetition.identical for repetition in repetitions)
+    return Done(
+        data=documents[0] if len(logs) == 1 else {"runs": documents},
+        code=INTERRUPTED if interruption.requested else int(different),
+    )
 
 
 def _print(repetition: Repetition, *, quiet: bool) -> None:
-    from asrsim.cli.console import complain, say
-
     for difference in repetition.differences[:SHOWN]:
         complain(f"differs: {difference}", "red")
     if len(repetition.differences) > SHOWN:
@@ -88,5 +82,3 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
     verdict = "identical, bit for bit" if repetition.identical else "different" if repetition.samples else "nothing to compare"
     say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
-    if repetition.log is not None:
-        say(f"wrote {repetition.log}")

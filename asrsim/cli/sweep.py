@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from asrsim.cli.options import Json, Overrides, Plugins, into_folder, load_plugins
+from asrsim.cli.command import Done, command
+from asrsim.cli.console import complain, say, say_written
+from asrsim.cli.interrupt import INTERRUPTED, Interruption
+from asrsim.cli.options import Overrides, Plot, Variants, into_folder
 
 if TYPE_CHECKING:
     from asrsim.sweeps import Table
 
 
+@command()
 def sweep(
     study: Annotated[
         Path,
@@ -31,7 +35,7 @@ def sweep(
             "loguniform(LOW, HIGH), lognormal(MEDIAN, SIGMA). 'KEY & KEY' are tied. May be repeated.",
         ),
     ] = None,
-    variant: Annotated[list[str] | None, typer.Option(help="This variant only; may be repeated.", show_default="all")] = None,
+    variant: Variants = None,
     overrides: Overrides = None,
     design: Annotated[str, typer.Option(help="Design of the draws: random, lhs, sobol, saltelli.")] = "random",
     samples: Annotated[int | None, typer.Option(min=1, help="Number of draws.", show_default="100")] = None,
@@ -56,11 +60,11 @@ def sweep(
         list[str] | None,
         typer.Option(metavar="JOINT.MEASURE", help="Draw this result; may be repeated.", show_default="the first that vary"),
     ] = None,
-    plugin: Plugins = None,
-    plot: Annotated[bool, typer.Option("--plot/--no-plot", help="Draw pictures.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
-    json: Json = False,
-) -> None:
+    plot: Plot = True,
+    *,
+    plugin: list[Path],
+    quiet: bool,
+) -> Done:
     """Vary keys of a scenario, run it on all cores, and show how much each key influences each result.
 
     Rows are in rows.parquet, written as runs end. Ctrl-C keeps the rows so far; --resume continues. Equal studies give equal
@@ -71,35 +75,40 @@ def sweep(
 
     On a cluster: asrsim sweep study.yaml --cluster tcp://host:8786
     """
-    from asrsim.cli.console import json_errors
-
     given: dict[str, Any] = {
         "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
-        "fit": fit, "plugins": plugin or [],
+        "fit": fit, "plugins": plugin,
     }  # fmt: skip
-    with json_errors(json):
-        load_plugins(plugin)
-        if study.is_dir():
-            table = _opened(study, run, out, given["plugins"], quiet=quiet or json)
-            code = 0
-        else:
-            if run is not None:
-                raise typer.BadParameter("requires the folder of a study", param_hint="--run")
-            table, code = _swept(
-                study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet or json
-            )
-        if table is not None:
-            _show(table, result or [], plot=plot and not code, quiet=quiet, json=json)
-    if code:
-        raise typer.Exit(code)
+    if run is not None:
+        return _repeated(study, run, out, plugin, quiet=quiet)
+    if study.is_dir():
+        from asrsim.sweeps import Table
+
+        table, code = Table(study), 0
+    else:
+        table, code = _swept(study, over or [], given, workers, cluster, out, resume=resume, overwrite=overwrite, quiet=quiet)
+    files: list[Path] = []
+    if len(table) and plot and not code:
+        from asrsim.sweeps.pictures import draw_sweep
+
+        files += draw_sweep(table, results=result or [])
+    from asrsim.sweeps.show import as_dict, say_summary
+
+    def text() -> None:
+        for line in say_summary(table):
+            say(line)
+        say_written([*table.files[:1], *files])
+        if table.missing:
+            say(f"{table.missing} runs are missing; --resume does them")
+
+    data = {**as_dict(table), "files": [str(path) for path in (*table.files, *files)]}
+    return Done(data=data, text=text, code=code)
 
 
 def _swept(
     path: Path, over: list[str], given: dict[str, Any], workers: int | None, cluster: str | None, out: Path | None,
     *, resume: bool, overwrite: bool, quiet: bool,
 ) -> tuple[Table, int]:  # fmt: skip
-    from asrsim.cli.console import complain
-    from asrsim.cli.interrupt import INTERRUPTED, Interruption
     from asrsim.cli.progress import SweepBar
     from asrsim.sweeps import sweep
     from asrsim.sweeps.run import study_of
@@ -118,33 +127,13 @@ def _swept(
     return table, INTERRUPTED if interruption.requested and table.missing else 0
 
 
-def _opened(folder: Path, run: int | None, out: Path | None, plugins: list[Path], *, quiet: bool) -> Table | None:
+def _repeated(folder: Path, number: int, out: Path | None, plugins: list[Path], *, quiet: bool) -> Done:
+    """Repeat one run of a study, with a log."""
     from asrsim.cli.report import print_run
     from asrsim.sweeps import Table
     from asrsim.sweeps.run import run_again
 
-    table = Table(folder)
-    if run is None:
-        return table
-    summary = run_again(table, run, out or folder / f"run_{run:06d}", plugins)
-    print_run(summary, quiet=quiet, silent=quiet)
-    return None
-
-
-def _show(table: Table, results: list[str], *, plot: bool, quiet: bool, json: bool) -> None:
-    from asrsim.cli.console import say, say_json, say_written
-    from asrsim.sweeps.show import as_dict, say_summary
-
-    files: list[Path] = []
-    if plot and len(table):
-        from asrsim.sweeps.pictures import draw_sweep
-
-        files = draw_sweep(table, results=results)
-    if json:
-        say_json({**as_dict(table), "files": [str(path) for path in (*table.files, *files)]})
-    elif not quiet:
-        for line in say_summary(table):
-            say(line)
-        say_written([*table.files[:1], *files])
-        if table.missing:
-            say(f"{table.missing} runs are missing; --resume does them")
+    if not folder.is_dir():
+        raise typer.BadParameter("requires the folder of a study", param_hint="--run")
+    summary = run_again(Table(folder), number, out or folder / f"run_{number:06d}", plugins)
+    return Done(data=summary.as_dict(), always=lambda: print_run(summary, quiet=quiet))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.cli.console import SHOWN, counted, line_width, problem_lines, say, say_rows, styled
 from asrsim.cli.findings import FileReport
+from asrsim.errors import listed
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
@@ -45,35 +46,24 @@ def _print_head(report: FileReport) -> None:
         names = report.title.split(", ")
         parts.append(f"variants {report.title} (tables: {names[0]})" if len(names) > 1 else names[0])
     if report.robot is not None:
-        robot = report.robot
-        parts.append(f"robot '{robot.name}'")
-        parts.append(counted(len(robot.links), "link"))
-        parts.append(counted(len(robot.moving_joints), "moving joint"))
-        parts.append(counted(len(robot.actuators), "actuator"))
-        rigid = _undriven(robot)
+        robot, driven = report.robot, {block.joint for block in report.robot.actuators}
+        counts = {"link": robot.links, "moving joint": robot.moving_joints, "actuator": robot.actuators}
+        parts += [f"robot '{robot.name}'", *(counted(len(items), noun) for noun, items in counts.items())]
+        rigid = [joint.name for joint in robot.moving_joints if joint.name not in driven]
         if rigid:
-            parts.append(f"not driven: {', '.join(rigid[:SHOWN])}{' ...' if len(rigid) > SHOWN else ''}")
+            parts.append(f"not driven: {listed(rigid, SHOWN)}")
     say(" · ".join(parts))
 
 
 def _print_passive(robot: Robot) -> None:
     """Print passive springs and mimic joints."""
-    springs: dict[str, list[str]] = {}
     for joint in robot.moving_joints:
         if joint.spring_stiffness:
             per, at = ("N/m", "m") if joint.kind == "prismatic" else ("N m/rad", "rad")
-            key = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
-            springs.setdefault(key, []).append(joint.name)
-    for spring, names in springs.items():
-        say(f"{styled('passive spring', 'bold cyan')}, {spring}: {', '.join(names)}")
-    followers = [f"{joint.name} = {joint.mimic}" for joint in robot.moving_joints if joint.mimic is not None]
-    if followers:
-        say(f"{styled('mimic', 'bold cyan')}, not simulated: {'; '.join(followers)}")
-
-
-def _undriven(robot: Robot) -> list[str]:
-    driven = {block.joint for block in robot.actuators}
-    return [joint.name for joint in robot.moving_joints if joint.name not in driven]
+            spring = f"{joint.spring_stiffness:g} {per} to {joint.spring_reference:g} {at}"
+            say(f"{styled('passive spring', 'bold cyan')}, {spring}: {joint.name}")
+        if joint.mimic is not None:
+            say(f"{styled('mimic', 'bold cyan')}, not simulated: {joint.name} = {joint.mimic}")
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:
@@ -108,11 +98,9 @@ def _print_blocks(blocks: list[ActuatorBlock], slides: Container[str]) -> None:
             styles.append("")
         section = part
         name = value.name if used else f"{value.name} *"
-        rows.append((name, f"{value.value:.6g}", unit_of(value.unit), _origin(value, blocks)))
+        rows.append((name, f"{value.value:.6g}", unit_of(value.unit), _origin(value)))
         styles.append("" if used and value.origin != "default" else "dim")
     say_rows(("parameter", "value", "unit", "from"), rows, right=(1,), styles=styles)
-    if mode.motor and mode.controller and any(values[f"motor_{i}_torque_constant"] for i in range(1, actuator.motors + 1)):
-        say("controllers of electric motors give voltage: gains in V for N m (in A where the resistance is 0)", "dim")
     if not all(_is_used(_part(name), name, mode) for name in first.parameters):
         say(f"* not used in mode {mode.number}", "dim")
 
@@ -129,25 +117,10 @@ def _is_used(part: str, name: str, mode: Mode) -> bool:
     return mode.spring
 
 
-def _origin(value: ParameterValue, blocks: list[ActuatorBlock]) -> str:
+def _origin(value: ParameterValue) -> str:
     if value.origin == "tag":
-        where = f", line {value.line}" if value.line else ""
-        more = f" and {len(blocks) - 1} more" if len(blocks) > 1 and where else ""
-        written = f" {value.text}" if not _plain(value.text) else ""
-        return f"<{value.tag}>{where}{more}{written}"
-    if value.origin == "scenario":
-        return "scenario"
-    if value.origin == "mode default":
-        return f"default of mode 1 <{value.tag}>"
-    return f"default <{value.tag}>"
-
-
-def _plain(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        return f"<{value.tag}>" + (f", line {value.line}" if value.line else "")
+    return value.origin if value.origin == "scenario" else f"{value.origin} <{value.tag}>"
 
 
 def _print_figures(report: FileReport, step: float, slides: Container[str]) -> None:

@@ -41,7 +41,7 @@ def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array,
     total = lengths.sum()
     shares = lengths / total
     whole = 1.0 if abs(total - 1.0) < ROUNDING else float(total)
-    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None], whole
+    return np.tensordot(shares, exchange, 1), np.tensordot(shares, wrenches, 1)[None] if wrenches.size else wrenches, whole
 
 
 class Model(Protocol):

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 from math import cos, inf, sin, sqrt
+from operator import is_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -168,6 +169,11 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
         exchange[last, j, VELOCITY] = speed
 
 
+def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
+    """Apply `aim`."""
+    aim(room, state)
+
+
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Compute kick and drift from mass matrix and bias in the room. forces: (p, v, 1) N m, generalised forces of the
     wrenches."""
@@ -217,17 +223,23 @@ class Calculation:
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:
         self._function, self._room = function, room
         self._plain, self._packed = plain(room), pack(room)
-        self._at = self._packed.ctypes.data
         self._call: Any = None
+        self._arrays: tuple[Array, ...] = ()
+        """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
+        self._arguments: tuple[Any, ...] = ()
 
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to numbers, exchange, forces and lengths."""
-        if self._call is None and "numba" in sys.modules:
-            self._call = _compiled(self._function, compiling.type_of(self._room))
         if self._call is None:
-            self._function(self._plain, *[array.data for array in arrays])
-        else:
-            self._call(self._at, *[array.ctypes.data for array in arrays], len(arrays[-1]))
+            self._call = self._function
+            if "numba" in sys.modules:
+                self._call = _compiled(self._function, compiling.type_of(self._room))
+        if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
+            self._arrays = arrays
+            self._arguments = self._plain, *[array.data for array in arrays]
+            if self._call is not self._function:
+                self._arguments = *[array.ctypes.data for array in (self._packed, *arrays)], len(arrays[-1])
+        self._call(*self._arguments)
 
 
 class RigidEngine:
@@ -239,14 +251,14 @@ class RigidEngine:
     def __init__(self, room: Room, home: Array) -> None:
         """home: (q,) configuration at the start; the values of the joints are not used."""
         self._room, self._home = room, home
-        self._plain = plain(room)
         self._state = np.zeros(_sizes(room)[0])
         self._numbers = self._state.data
-        self._advance = Calculation(advance, room)
+        self._forces = np.zeros((1, len(room.force), 1))
+        self._aim, self._advance = Calculation(begin, room), Calculation(advance, room)
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `matrix` and `bias` of the room at its `qpos` and `qvel`, and write the generalised forces of the wrenches
-        (p, w, 6) to `forces` (p, v, 1), which contains zeros."""
+        (p, w, 6), if there are any, to `forces` (p, v, 1)."""
         raise NotImplementedError
 
     def start(
@@ -265,10 +277,12 @@ class RigidEngine:
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
         """Advance the robot by one step; see `asrsim.engines.base.Engine`."""
-        aim(self._plain, self._numbers)
-        forces = np.zeros((len(lengths), len(self._room.force), 1))
-        self.look(wrenches, forces)
-        self._advance(self._state, exchange, forces, lengths)
+        if len(self._forces) != len(lengths):
+            self._forces = np.zeros((len(lengths), len(self._room.force), 1))
+        arrays = self._state, exchange, self._forces, lengths
+        self._aim(*arrays)
+        self.look(wrenches, self._forces)
+        self._advance(*arrays)
 
     @property
     def state(self) -> Array:

@@ -1,4 +1,4 @@
-"""A simulation as a Gymnasium environment."""
+"""A simulation as a Gymnasium environment: one environment of the vectorised kind, with pictures."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
+import numpy as np
 
-from asrsim.environment.task import Episode, Single, State, Task
-from asrsim.errors import DivergenceError, InputError
-from asrsim.simulation.simulation import Simulation
+from asrsim.environment.task import Single
+from asrsim.environment.vector import SoftRobotVectorEnv, again
+from asrsim.errors import InputError
 
 if TYPE_CHECKING:
     from asrsim.environment.picture import Picture
     from asrsim.render.draw import Image
-
 
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
@@ -33,13 +33,11 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._made_with = scenario, options, {"render_mode": render_mode, "size": size}
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
-        self._task = task = Task(scenario, options)
         self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
-        chunk = task.steps * task.prepared.resolution.substeps
-        self.simulation = Simulation(task.prepared, chunk=chunk, expected_substeps=10**6, duration=1e7)
-        self._readings = task.readings(self.simulation)
-        self.observation_space, self.action_space = task.spaces(self._readings)
-        self._count, self._episode = 0, Episode({}, {}, {})
+        self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1)
+        self.worlds = many.worlds
+        """The simulation of the environment, as a single world."""
+        self.observation_space, self.action_space = many.single_observation_space, many.single_action_space
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle support: the copy is a new environment made with the same arguments."""
@@ -48,36 +46,20 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
     @property
     def action_names(self) -> tuple[str, ...]:
         """Meaning of each entry of an action, as `joint.reference`."""
-        return tuple(f"{joint}.{reference}" for joint, reference in self._task.actions)
+        return tuple(f"{joint}.{reference}" for joint, reference in self._many.task.actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Single, dict[str, Any]]:
         """Begin a new episode with new random values; returns the observation and the random values."""
         super().reset(seed=seed)
-        task = self._task
-        self._count = 0
-        self._episode = episode = task.draw(self.np_random) if task.draws else Episode({}, {}, {})
-        self.simulation.reset(episode.start or None, parameters=task.changes(episode) or None)
-        for joint, reference, value in task.references(episode):
-            self.simulation.set_reference(joint, reference, value)
-        observation = task.observation(self._readings.read(), episode.goal)
-        return observation, {"parameters": episode.parameters, "goal": episode.goal}
+        observations, _ = self._many.reset(seed=seed)
+        episode = self._many.episodes[0]
+        return observations[0], {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
         """Apply one action for one control period. If the simulation diverges, the episode is terminated."""
-        simulation, task = self.simulation, self._task
-        given, values = task.values_of(action)
-        for (joint, reference), value in zip(task.actions, values.tolist(), strict=True):
-            simulation.set_reference(joint, reference, value)
-        info: dict[str, Any] = {}
-        try:
-            simulation.advance(task.steps)
-        except DivergenceError as error:
-            info["divergence"] = str(error)
-        self._count += 1
-        found, goal = self._readings.read(), self._episode.goal
-        reward, over = task.judge(lambda: State(simulation.time, found, goal, given))
-        ended = over or "divergence" in info
-        return task.observation(found, goal), reward, ended, self._count >= task.last and not ended, info
+        self._many.task.values_of(action)
+        observations, rewards, ended, truncated, _ = self._many.step(np.asarray(action)[None])
+        return observations[0], float(rewards[0]), bool(ended[0]), bool(truncated[0]), {}
 
     def render(self) -> Image | None:
         """Picture of the present state, (size, size, 3) with 8 bits per value; no display is needed."""
@@ -86,14 +68,9 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         from asrsim.environment.picture import Picture
 
         if self._picture is None:
-            self._picture = Picture(self.simulation, self._size)
+            self._picture = Picture(self.worlds, self._size)
         return self._picture.image()
 
     def close(self) -> None:
         """Release the engine."""
-        self.simulation.close()
-
-
-def again(kind: Any, scenario: Any, options: Mapping[str, Any], keywords: Mapping[str, Any]) -> Any:
-    """A new environment of the class `kind`, made with the given arguments; used to unpickle environments."""
-    return kind(scenario, options, **keywords)
+        self.worlds.close()

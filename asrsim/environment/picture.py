@@ -11,7 +11,7 @@ from asrsim.render.draw import Image, Painter
 from asrsim.render.scene import Scene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
-from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.worlds import Worlds
 
 LOOKS = 3
 """Number of positions of each joint that must be in the camera's view."""
@@ -20,15 +20,15 @@ MOST = 81
 
 
 class Picture:
-    """Pictures of a simulation's robot and world from a fixed viewpoint that shows the joints' whole ranges."""
+    """Pictures of the robot and the objects of a single world from a fixed viewpoint that shows the joints' whole ranges."""
 
-    def __init__(self, simulation: Simulation, size: int) -> None:
+    def __init__(self, worlds: Worlds, size: int) -> None:
         """size: edge of the pictures in pixels."""
-        self._simulation, self._size = simulation, size
-        scenario, robot = simulation.prepared.scenario, simulation.prepared.robot
+        self._worlds, self._size = worlds, size
+        scenario, robot = worlds.prepared.scenario, worlds.prepared.robot
         self._scene = Scene(drawable(robot, scenario.package_paths)[0], scenario)
         self._painter = Painter(self._scene)
-        joints = [drive.joint for drive in simulation.prepared.drives]
+        joints = [drive.joint for drive in worlds.prepared.drives]
         ranges = {joint.name: np.linspace(max(joint.stops[0], -np.pi), min(joint.stops[1], np.pi), LOOKS) for joint in joints}
         poses = [dict(zip(ranges, pose, strict=True)) for pose, _ in zip(product(*ranges.values()), range(MOST), strict=False)]
         frames = [*(self._scene.frames(pose, {}) for pose in poses), self._frames()]
@@ -41,6 +41,6 @@ class Picture:
         return self._painter.image(self._frames(), self._camera, self._size, self._size)
 
     def _frames(self) -> dict[str, Array]:
-        positions = self._simulation.observe().link_position.tolist()
-        poses = {name: np.array(pose) for name, pose in self._simulation.look().scene().bodies.items()}
-        return self._scene.frames(dict(zip(self._simulation.joints, positions, strict=True)), poses)
+        positions = self._worlds.observe().link_position[0].tolist()
+        poses = {name: np.array(pose) for name, pose in self._worlds.look(0).scene().bodies.items()}
+        return self._scene.frames(dict(zip(self._worlds.joints, positions, strict=True)), poses)

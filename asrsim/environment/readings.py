@@ -1,4 +1,4 @@
-"""Observed quantities of one simulation, or of many simulated worlds."""
+"""Observed quantities of simulated worlds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.samples import Array
 from asrsim.simulation.quantities import recorded_quantities
-from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
@@ -28,9 +27,9 @@ BEYOND = 1e-3
 
 
 class Readings:
-    """Reader of the observed quantities: arrays (n,) for a simulation, (N, n) for N worlds, over the joints that have them."""
+    """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have them."""
 
-    def __init__(self, source: Simulation | Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
+    def __init__(self, source: Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
         self._source, self._tip, self._names = source, tip, tuple(names)
         drives = source.prepared.drives
         recorded = [recorded_quantities(drive) for drive in drives]
@@ -56,11 +55,6 @@ class Readings:
             raise InputError(problems)
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
-    @property
-    def size(self) -> int:
-        """Number of observed values of one environment."""
-        return sum(3 if name == TIP else len(joints) for name, joints in self._joints.items())
-
     def bounds(self) -> tuple[list[float], list[float]]:
         """Lower and upper bounds of the observed values; infinite where a value is unbounded."""
         low: list[float] = []
@@ -77,7 +71,7 @@ class Readings:
         return low, high
 
     def read(self) -> dict[str, Array]:
-        """Quantity -> present values (..., n) in SI units."""
+        """Quantity -> present values (N, n) in SI units."""
         state = self._source.observe()
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}

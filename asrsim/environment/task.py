@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.prepare import one_scenario
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.ranges import ranges_of, with_ranges
+from asrsim.simulation.worlds import Worlds
 
 LARGEST = float(np.finfo(np.float32).max)
 """Bound in the observation space of values that are unbounded."""
@@ -76,9 +77,9 @@ class Task:
         """Names of the quantities that the worlds must record for the observations."""
         return [name for name in KNOWN if name in QUANTITIES and (name in self._observe or name.startswith("motor"))]
 
-    def readings(self, simulation: Any) -> Readings:
-        """Reader of the observed quantities of a simulation or of worlds. Raises InputError for unknown quantities."""
-        return Readings(simulation, self._observe, self._tip)
+    def readings(self, worlds: Worlds) -> Readings:
+        """Reader of the observed quantities of worlds. Raises InputError for unknown quantities."""
+        return Readings(worlds, self._observe, self._tip)
 
     def spaces(self, readings: Readings) -> tuple[Any, Any]:
         """Observation space and action space of one environment."""
@@ -127,22 +128,15 @@ class Task:
             raise InputError(f"{whose} {len(self.actions)} finite numbers", value=actions, code="action")
         return given, self._middle + self._half * np.clip(given, -1.0, 1.0)
 
-    def observation(self, found: Mapping[str, Array], goal: Mapping[str, float]) -> Single:
-        """Observation of one environment."""
-        return np.concatenate([*found.values(), list(goal.values())]).astype(np.float32)
-
     @property
     def judges(self) -> bool:
         """Whether the user has given a function for rewards or for termination."""
         return self._reward is not None or self._terminated is not None
 
-    def judge(self, state: Callable[[], State]) -> tuple[float, bool]:
+    def judge(self, state: State) -> tuple[float, bool]:
         """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
-        if not self.judges:
-            return 0.0, False
-        seen = state()
-        reward = _rewarded(self._reward(seen)) if self._reward is not None else 0.0
-        return reward, self._terminated is not None and bool(self._terminated(seen))
+        reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
+        return reward, self._terminated is not None and bool(self._terminated(state))
 
 
 def _listed(names: str | Sequence[str]) -> tuple[str, ...]:

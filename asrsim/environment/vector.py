@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from asrsim.environment.env import again
 from asrsim.environment.task import Episode, Single, State, Task
 from asrsim.errors import InputError
 from asrsim.samples import Array
@@ -26,7 +25,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def __init__(self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int) -> None:
         self._made_with = scenario, options, {"num_envs": num_envs, "threads": threads}
-        self._task = task = Task(scenario, options)
+        self.task = task = Task(scenario, options)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared, num_envs, names=task.read_names, watched=False, expected_substeps=10**6, threads=threads
@@ -36,7 +35,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._chances: list[np.random.Generator] = [seeding.np_random(None)[0] for _ in range(num_envs)]
-        self._episodes = [Episode({}, {}, {})] * num_envs
+        self.episodes = [Episode({}, {}, {})] * num_envs
+        """Random values of the present episode of each environment."""
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
         """(n,): whether the next step resets the environment, because its episode is over."""
@@ -64,20 +64,20 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         return self._observation(self._readings.read()), self._infos(mask)
 
     def _begin(self, mask: NDArray[np.bool_]) -> None:
-        task, numbers = self._task, np.flatnonzero(mask).tolist()
+        task, numbers = self.task, np.flatnonzero(mask).tolist()
         for i in numbers:
-            self._episodes[i] = task.draw(self._chances[i]) if task.draws else Episode({}, {}, {})
-            self._goals[i] = list(self._episodes[i].goal.values())
-        starts = [Start(parameters=task.changes(self._episodes[i]), positions=self._episodes[i].start) for i in numbers]
+            self.episodes[i] = task.draw(self._chances[i]) if task.draws else Episode({}, {}, {})
+            self._goals[i] = list(self.episodes[i].goal.values())
+        starts = [Start(parameters=task.changes(self.episodes[i]), positions=self.episodes[i].start) for i in numbers]
         self.worlds.reset(starts, worlds=mask)
         for i in numbers:
-            for joint, reference, value in task.references(self._episodes[i]):
+            for joint, reference, value in task.references(self.episodes[i]):
                 self.worlds.set_reference(joint, reference, value, worlds=[i])
         self._counts[mask], self._over[mask] = 0, False
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
-        task, worlds = self._task, self.worlds
+        task, worlds = self.task, self.worlds
         given, values = task.values_of(actions, self.num_envs)
         going, fresh = ~self._over, self._over.copy()
         if fresh.any():
@@ -90,8 +90,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         rewards, ended = np.zeros(self.num_envs), ~worlds.healthy
         for i in np.flatnonzero(going).tolist() if task.judges else ():
             own = {name: table[i] for name, table in found.items()}
-            state = State(float(worlds.time[i]), own, self._episodes[i].goal, given[i])
-            rewards[i], over = task.judge(lambda state=state: state)  # type: ignore[misc]
+            state = State(float(worlds.time[i]), own, self.episodes[i].goal, given[i])
+            rewards[i], over = task.judge(state)
             ended[i] |= over
         truncated = (self._counts >= task.last) & ~ended & going
         ended &= going
@@ -103,14 +103,19 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def _infos(self, fresh: NDArray[np.bool_]) -> dict[str, Any]:
         """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
-        if not fresh.any() or not self._task.draws:
+        if not fresh.any() or not self.task.draws:
             return {}
         infos: dict[str, Any] = {}
         for i in np.flatnonzero(fresh).tolist():
-            episode = self._episodes[i]
+            episode = self.episodes[i]
             infos = self._add_info(infos, {"parameters": dict(episode.parameters), "goal": dict(episode.goal)}, i)
         return infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """Release the engines."""
         self.worlds.close()
+
+
+def again(kind: Any, scenario: Any, options: Mapping[str, Any], keywords: Mapping[str, Any]) -> Any:
+    """A new environment of the class `kind`, made with the given arguments; used to unpickle environments."""
+    return kind(scenario, options, **keywords)

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from asrsim.actuators import MODES
+from asrsim.identification.noise import bandwidth
 from asrsim.identification.result import Result
 from asrsim.identification.verdicts import AT_BOUND, CLOSE, IDENTIFIED, NO_EFFECT, RATIO, WEAK
 from asrsim.outfile import written
 from asrsim.robot.model import INERTIAS
 
 LIMITS = "limits.yaml"
-POWER = 0.95
-"""Fraction of the power of a joint's velocity that lies below the joint's bandwidth."""
 LOAD_CELL = 0.05
 """Assumed noise of a torque sensor that the robot could get, N m."""
 REPEATED = 10.0
@@ -32,9 +31,7 @@ def _moved(result: Result) -> dict[str, dict[str, Any]]:
     for one in (one for channels in result.series for one in channels if one["key"].endswith("position")):
         joint = found.setdefault(one["key"].rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
         time, values = one["time"], one["recorded"] if one["after"] is None else one["after"]
-        speed = np.gradient(values, time)
-        power = np.cumsum(np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2)
-        band = float(np.searchsorted(power, POWER * power[-1])) / float(time[-1] - time[0])
+        speed, band = np.gradient(values, time), bandwidth(time, values)
         joint["low"], joint["high"] = min(joint["low"], float(values.min())), max(joint["high"], float(values.max()))
         joint["speed"], joint["band"] = max(joint["speed"], float(np.abs(speed).max())), max(joint["band"], band)
         joint["unit"] = one["unit"]

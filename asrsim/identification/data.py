@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -34,6 +34,18 @@ COMPUTED = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Guide:
+    """Controller that brings a simulated joint back to its recorded position."""
+
+    command: str
+    """Key of the recorded torque."""
+    positions: Array
+    """(n,) recorded positions at the channel's times."""
+    stiffness: float
+    """N m/rad."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
     """A measured quantity of a joint."""
 
@@ -48,6 +60,8 @@ class Channel:
     """Standard deviation of its noise, given or estimated from third differences."""
     quantum: float
     """Step of a quantised encoder; 0: not quantised."""
+    guide: Guide | None = None
+    """Controller whose torque is compared, if a recorded torque drives the joint."""
 
     @property
     def key(self) -> str:
@@ -75,6 +89,10 @@ class Command:
     source: str
     """Column of the recording."""
     unit: str
+    scale: float = 1.0
+    """Factor between the recorded quantity and the reference."""
+    guide: Curve | None = None
+    """Curve that is added to the reference."""
 
     @property
     def key(self) -> str:
@@ -104,6 +122,10 @@ class Data:
     commands: tuple[Command, ...]
     modes: Mapping[str, int]
     """Joint -> operation mode that replaces the robot's, because of the commands."""
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Joint -> parameters of its controller, if the controller is not the robot's."""
+    guides: tuple[Channel, ...] = ()
+    """Recorded positions that joints follow; they are not compared."""
     remarks: tuple[str, ...] = ()
     held: bool
     """Whether the recording is predicted but not fitted."""
@@ -247,6 +269,8 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
+        if early.source not in mapped and np.array_equal(early.values, late.values):
+            continue  # a copy of the same measurement, such as another topic of a log
         a, b = (c.values - c.values.mean() for c in (early, late))
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
             found[late.source] = f"'{early.source}'"

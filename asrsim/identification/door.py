@@ -125,12 +125,6 @@ class Door:
         found = resolution_of(replace(self.varied(parameters), scenario=self.scenario))
         return found.substeps, found.motor_substeps
 
-    def inverse_dynamics(self, robot: Robot, q: Array, v: Array, a: Array) -> Array:
-        """(rows, joints) torques of inertia, gravity and Coriolis forces along a motion."""
-        model = self._worlds(self.substeps).model_of(robot)
-        assert model is not None  # links that nothing prescribes have dynamics
-        return np.array([model.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
-
     def close(self) -> None:
         """Release the engines."""
         for one in self._made.values():

@@ -27,6 +27,8 @@ LEVELS = 20_000
 """Largest number of different values of a recording that counts as quantised."""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
+POWER = 0.95
+"""Fraction of the power of a velocity that lies below its bandwidth."""
 FIRST, LONG = 15, 10
 """Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
 
@@ -174,6 +176,13 @@ def at_rest(channel: Channel) -> tuple[float, float]:
     still = int(np.argmax(moved)) // 2 if moved.any() else len(moved)
     count = still if still >= LONG else 1
     return float(np.mean(channel.values[:count])), float(np.hypot(channel.noise / np.sqrt(count), channel.quantum))
+
+
+def bandwidth(time: Array, values: Array) -> float:
+    """Frequency below which 95 % of the power of a series' velocity lies, Hz."""
+    speed = np.gradient(values, time)
+    power = np.cumsum(np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2)
+    return float(np.searchsorted(power, POWER * power[-1])) / float(time[-1] - time[0])
 
 
 def smoothed(values: Array, cutoff: float) -> Array:

@@ -47,7 +47,9 @@ class Played(Signal):
             near = np.abs(at - jump) < 0.5 * self.step
             share = (at[near] - jump) / self.step + 0.5
             means[near] += size * np.where(at[near] >= jump - 1e-9, 1.0 - share, -share)
-        return np.asarray(self.gain * (means - self.offset), dtype=np.float64)
+        values = self.command.scale * self.gain * (means - self.offset)
+        guide = self.command.guide
+        return np.asarray(values if guide is None else values + guide.values(at + self.delay), dtype=np.float64)
 
     def jumps(self, start: float, end: float) -> Array:
         """Times of large jumps."""

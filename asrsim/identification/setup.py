@@ -6,9 +6,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from asrsim.errors import InputError
-from asrsim.identification.balance import track_of
 from asrsim.identification.data import read_data
 from asrsim.identification.door import load_plugin_file
+from asrsim.identification.guided import guided
 from asrsim.identification.keys import free_parameters, parameters_of
 from asrsim.identification.layout import make_layout
 from asrsim.identification.problem import Meter, Problem
@@ -44,9 +44,10 @@ def set_up(task: Task, stack: ExitStack) -> Setup:
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
     asked = frozenset(parameter.key for parameter in free)
+    trusted = [key.removesuffix(".offset") for key in asked if key.endswith("_position.offset")]
     tracks = []
     for one in data:
-        tracks.append(track_of(scenario, given, one, robot, asked))
+        tracks.append(Track(scenario, given, guided(one, robot, asked), trusted))
         stack.callback(tracks[-1].close)
     # Free initial states of links that begin elsewhere than in the scenario, or in motion.
     starts = dict.fromkeys(key for track in tracks if not track.data.held for key in track.uncertain)

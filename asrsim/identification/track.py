@@ -52,7 +52,9 @@ class Track:
         self.data = data
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
-        self.wanted = [(self.door.joints.index(channel.joint), channel.quantity) for channel in data.channels]
+        self.wanted = [
+            (self.door.joints.index(one.joint), one.quantity if one.guide is None else "link_position") for one in data.channels
+        ]
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
         self.uncertain: tuple[str, ...] = ()
@@ -86,12 +88,13 @@ class Track:
             # A start that is not a round number was read from a noisy recording.
             measured = positions[j] != round(positions[j], DIGITS) and not self.scenario.initial_equilibrium
             if abs(place - positions[j]) > STILL * place_error or moving or measured:
+                compared = channel not in self.data.guides
                 if channel.key not in trusted:
                     positions[j] = place
-                    uncertain.append(f"{joint}.initial_position")
+                    uncertain += [f"{joint}.initial_position"] * compared
                 if moving:
                     velocities[j] = speed
-                    uncertain.append(f"{joint}.initial_velocity")
+                    uncertain += [f"{joint}.initial_velocity"] * compared
         for j, drive in enumerate(self.door.drives):
             channels = [self._channel(drive.name, f"motor_{i}_position") for i in range(1, drive.dynamic_motors + 1)]
             known = [at_rest(channel) for channel in channels if channel is not None and channel.time[0] <= SOON]
@@ -107,7 +110,8 @@ class Track:
         self.motors, self.uncertain = motors, tuple(uncertain)
 
     def _channel(self, joint: str, quantity: str) -> Channel | None:
-        return next((one for one in self.channels if (one.joint, one.quantity) == (joint, quantity)), None)
+        known = (*self.channels, *self.data.guides)
+        return next((one for one in known if (one.joint, one.quantity) == (joint, quantity)), None)
 
     # -- prediction ----------------------------------------------------------------------------------------------------
 
@@ -142,6 +146,11 @@ class Track:
         clock, predicted = values.get(CLOCK, 0.0), []
         for channel, exact in zip(self.channels, series, strict=True):
             time = channel.time if until is None else channel.time[channel.time <= until + 1e-9]
+            if (guide := channel.guide) is not None:
+                lag = guide.positions[: len(time)] - interpolate(exact, time / self.scenario.step)
+                torque = guide.stiffness * lag / values.get(f"{guide.command}.gain", 1.0)
+                predicted.append(channel.values[: len(time)] + torque)
+                continue
             shift = clock + values.get(f"{channel.key}.delay", 0.0)
             gain, offset = values.get(f"{channel.key}.gain", 1.0), values.get(f"{channel.key}.offset", 0.0)
             predicted.append(interpolate(exact, (time - shift) / self.scenario.step) / gain + offset)
@@ -205,9 +214,11 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
         if command.name != EXTERNAL:
             played = {command.name: Played(command=command, step=scenario.step)}
             references[command.joint] = {**references.get(command.joint, {}), **played}
+    joints = {**scenario.parameters, **data.parameters}
+    parameters = {joint: {**scenario.parameters.get(joint, {}), **data.parameters.get(joint, {})} for joint in joints}
     return replace(
-        scenario, duration=data.duration, modes={**scenario.modes, **data.modes}, references=references, expect=(), desired={},
-        log_every=1,
+        scenario, duration=data.duration, modes={**scenario.modes, **data.modes}, references=references,
+        parameters=parameters, expect=(), desired={}, log_every=1,
     )  # fmt: skip
 
 

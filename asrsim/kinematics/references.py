@@ -57,7 +57,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     problems = [
         Problem(
             f"mode {block.mode} has no position as its first reference",
-            key=f"references.{block.joint}.inverse_dynamics",
+            key=f"inverse_dynamics.{block.joint}",
             choices=tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES),
             code="mode-not-inverted",
         )

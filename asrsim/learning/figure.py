@@ -1,4 +1,4 @@
-"""The picture of learning, like the paper's figure 15."""
+"""Picture of learning, like the paper's figure 15."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from asrsim.learning.trial import LearningProblem, LearningResult
 from asrsim.outfile import make_folder
-from asrsim.scenario.learning_keys import Learning
+from asrsim.scenario.goal_keys import Learning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MOST_POINTS = 1000
-"""Points of a curve that are drawn."""
+"""Largest number of points drawn for a curve."""
 
 
 def learning_figure(problem: LearningProblem, result: LearningResult, settings: Learning, title: str = "") -> Figure:
-    """Errors over the iterations; every joint's trajectories and inputs, from the first iteration (faint) to the last."""
+    """Figure with errors over the iterations, and positions and inputs of each joint in all iterations (early ones faint)."""
     from asrsim.plots.figures import new_figure
     from asrsim.plots.style import plain
 
@@ -107,7 +107,7 @@ def _draw_joint(
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
-    """Write the picture of the learning; the suffix says the format. Raises OutputError where it cannot be written."""
+    """Write the picture of learning in the format of the suffix. Raises OutputError if it cannot be written."""
     from asrsim.plots.output import save_figure, styled
 
     make_folder(path.parent)

@@ -1,8 +1,9 @@
-"""Learning on the real robot, trial by trial: a recording in, the next input out, the state kept in between.
+"""Learning on the real robot, trial by trial: the next input follows from each recording; files keep the state in between.
 
-A twin of the robot is fitted to the best trial and the last. The law `auto` rehearses its updates on the twin. The twin, and
-plants drawn from the posterior of the fit, foretell the next trial: the change is halved until none of them expects an error
-beyond 1.2 times the best. Where that does not help, and with the other laws, the forecast is a warning before the trial.
+A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
+twin, and plants drawn from the posterior of the fit, predict the error of the next trial: the change of the input is halved
+until no prediction exceeds 1.2 times the best error. If that fails, and with the other laws, a warning is given before the
+trial.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ from asrsim.runs.lock import owned
 from asrsim.samples import Array
 
 WORSE = 1.2
-"""Largest error of a trial over the best so far from which on it is called worse."""
+"""Ratio of a trial's largest error to the best so far, above which the trial is called worse."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Shares of the change that are tried until no worse trial is foretold."""
+"""Fractions of the change that are tried until no worse trial is predicted."""
 SMOOTH = 0.02
-"""s over which recorded positions are averaged: noise is not an error of the robot."""
+"""Window over which recorded positions are averaged, s, so that noise does not count as an error."""
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
 
 @dataclass(frozen=True, kw_only=True)
 class HardwareStep:
-    """What became of a recording."""
+    """Result of processing a recording."""
 
     prepared: Prepared
     trials: tuple[Trial, ...]
@@ -52,24 +53,24 @@ class HardwareStep:
     """Why learning ended; None: it goes on."""
     converged: bool
     twin: Twin | None
-    """Fitted to the robot; None where learning has ended."""
+    """Model fitted to the robot; None after learning has ended."""
     foretold: float
-    """Largest error that is foretold of the next trial, over that of the best so far."""
+    """Ratio of the largest predicted error of the next trial to the best so far."""
     recording: Recording
     clock: str
-    """How the recording's clock was moved."""
+    """Alignment of the recording's clock, in words."""
     findings: tuple[Problem, ...]
-    """What is odd about the recording."""
+    """Notes about the recording."""
 
     @property
     def warning(self) -> str | None:
-        """What to know before the next input is played: it may be worse than the best so far."""
+        """Warning that the next trial may be worse than the best so far; None if that is not expected."""
         if self.foretold <= WORSE:
             return None
         much = (
             f"{self.foretold:.2g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
         )
-        return f"the next trial may be worse: its largest error is foretold as up to {much}"
+        return f"the next trial may be worse: its largest error is predicted to be up to {much}"
 
 
 def next_input(
@@ -80,11 +81,11 @@ def next_input(
     mapping: Mapping[str, str] | Sequence[str] | Path | None = None,
     lag: LagChoice = "off",
 ) -> HardwareStep:
-    """Take the recording of the input that was handed out last, and write the next one into `folder`.
+    """Process the recording of the last input, and write the next input into `folder`.
 
-    The first input is what `asrsim ilc` left there (learned.csv), or inverse dynamics. lag: how the recording's clock is moved
-    onto that of the desired motion. The last recording may be given again, with another lag or mapping: the trial is then
-    replaced. Raises InputError for a recording that does not fit, OutputError.
+    The first input is learned.csv, if `asrsim ilc` wrote it into the folder, or else inverse dynamics. lag: alignment of the
+    recording's clock with the desired motion. The last recording may be given again with another lag or mapping: the trial is
+    then replaced. Raises InputError for a recording that does not fit, OutputError.
     """
     from asrsim.recordings import read_recording
 
@@ -93,7 +94,7 @@ def next_input(
         digests = _digests(folder)
         again = digest in digests[-1:]
         if digest in digests[:-1]:
-            message = f"was taken already, as trial {digests.index(digest)}; record the input in {folder / NEXT} and take that"
+            message = f"was used already, as trial {digests.index(digest)}; record the motion under {folder / NEXT} instead"
             raise InputError(message, file=path, code="recording-taken")
         recording = read_recording(path, mapping=mapping, joints=plant.joints)
         with learning_model(plant) as model:
@@ -101,7 +102,7 @@ def next_input(
             problem, settings = prepared.problem, prepared.settings
             trials = load_state(folder / STATE, problem, settings) if (folder / STATE).exists() else []
             if len(trials) != len(digests):
-                message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to begin anew"
+                message, hint = f"does not belong to the trials in {NUMBERS}", f"Delete {STATE} and {NUMBERS} to start again"
                 raise InputError(message, file=folder / STATE, hint=hint, code="state")
             if again:
                 digests.pop()
@@ -133,7 +134,7 @@ def next_input(
 
 
 def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, float] | None) -> tuple[Array, Twin, float]:
-    """The next inputs (n, joints), the twin, and the largest error that it foretells over that of the best trial."""
+    """Next inputs (n, joints), twin, and ratio of the largest predicted error to that of the best trial."""
     problem = prepared.problem
     best, rho, _ = standing(trials)
     twin = fit_twin(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
@@ -158,7 +159,7 @@ def _proposed(prepared: Prepared, trials: Sequence[Trial], start: Mapping[str, f
 
 
 def _pending(folder: Path, prepared: Prepared, trials: list[Trial]) -> Array:
-    """(n, joints) inputs that were handed out last."""
+    """Inputs (n, joints) that were written last."""
     from asrsim.signals.recorded import read_column
 
     path = folder / (NEXT if trials else INPUTS)
@@ -180,18 +181,18 @@ def _digest(path: Path) -> str:
 
 
 def _digests(folder: Path) -> list[str]:
-    """Digests of the recordings that were taken, in their order."""
+    """Digests of the recordings used so far, in their order."""
     try:
         return [str(item["recording"]) for item in json.loads((folder / NUMBERS).read_text(encoding="utf-8"))["trials"]]
     except FileNotFoundError:
         return []
     except (OSError, ValueError, KeyError, TypeError) as error:
-        hint = "Delete it with hardware.npz to begin anew"
+        hint = "Delete it with hardware.npz to start again"
         raise InputError("is no record of trials", file=folder / NUMBERS, hint=hint, code="state") from error
 
 
 def _changes(folder: Path) -> dict[str, float] | None:
-    """How the twin of the trial before differs from the plant, if there was one."""
+    """Relative changes of the previous twin's parameters; None if there is no previous twin."""
     try:
         data = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
         return {str(name): float(value) for name, value in data["identified"]["changes"].items()}
@@ -200,7 +201,7 @@ def _changes(folder: Path) -> dict[str, float] | None:
 
 
 def smoothed(outputs: Array, step: float) -> Array:
-    """Recorded positions (n, joints), each the mean over :data:`SMOOTH`."""
+    """Recorded positions (n, joints), averaged over windows of `SMOOTH` s."""
     from scipy.ndimage import uniform_filter1d
 
     return np.asarray(uniform_filter1d(outputs, 2 * round(0.5 * SMOOTH / step) + 1, axis=0, mode="nearest"))

@@ -11,21 +11,21 @@ import numpy as np
 
 from asrsim.learning.trial import LearningProblem, Outcome, Trial
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import Learning
+from asrsim.scenario.goal_keys import Learning
 
 CREEP = 1.1
-"""Growth of the error over the trials of `patience` below which learning goes on."""
+"""Growth of the error over `patience` trials below which learning continues."""
 
 
 @dataclass(frozen=True)
 class FixedGain:
-    """Equation 13 and what the settings add to it."""
+    """Equation 13 with the filter and gains of the settings."""
 
     problem: LearningProblem
     settings: Learning
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the last trial's input, corrected by its error."""
+        """Input u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the last trial's input, corrected by its error."""
         last, settings = trials[-1], self.settings
         fading = 1.0 if settings.gain_decay is None else exp(-last.number / settings.gain_decay)
         gains = [settings.joint_gains.get(joint, settings.gain) * fading for joint in self.problem.joints]
@@ -35,7 +35,7 @@ class FixedGain:
         return learned
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Gives up when a trial diverged, or the error has grown `patience` times in a row, by more than a creep."""
+        """Reason to stop if a trial diverged or the error grew `patience` times in a row, beyond `CREEP`; None to continue."""
         last = trials[-1]
         if not np.isfinite(last.worst):
             return "growing", f"trial {last.number} has no finite error: the simulation diverged"
@@ -44,21 +44,21 @@ class FixedGain:
             return None
         return "growing", (
             f"stopped: the largest error has grown in {patience} iterations in a row, from {run[0]:.4g} to "
-            f"{self.problem.worst(last)} (now {self.problem.worst_place(last)}); law: auto goes on from the best trial"
+            f"{self.problem.worst(last)} (now {self.problem.worst_place(last)}); law: auto continues from the best trial"
         )
 
 
 def zero_phase(values: Array, cutoff: float, order: int, step: float) -> Array:
-    """`values` (n, joints) low-passed forwards and backwards, so without delay.
+    """Values (n, joints) after a low-pass filter forwards and backwards, which causes no delay.
 
-    cutoff: Hz, where the whole filter has half the amplitude (each pass -3 dB); order: of the Butterworth filter.
-    A cutoff beyond half the sampling rate filters nothing.
+    cutoff: frequency at which the whole filter halves the amplitude (each pass: -3 dB), Hz. order: order of the Butterworth
+    filter. A cutoff above half the sampling rate has no effect.
     """
     from scipy.signal import butter, sosfiltfilt
 
     if cutoff >= 0.5 / step:
         return values
     sections = butter(order, cutoff, fs=1.0 / step, output="sos")
-    # Long enough for the filter to forget its start; the odd extension keeps the ends where they are.
+    # Long enough for the filter's transient to decay; the odd extension keeps the end values.
     padding = min(len(values) - 1, int(3.0 / (cutoff * step)))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding), dtype=float)

@@ -1,4 +1,4 @@
-"""Soft joints linearised along a motion: what a change of their inputs does to it.
+"""Soft joints linearised along a motion: the response of the motion to changes of the inputs.
 
 About a motion, with k_i = d tau_i / d theta_i, rho of the reference map, and matrices that change with time:
 
@@ -24,11 +24,11 @@ from asrsim.kinematics.engine_model import EngineModel
 from asrsim.samples import Array
 
 POSTURES = 101
-"""Postures of a motion at which the rigid robot is linearised; between, straight lines."""
+"""Number of postures of a motion at which the rigid robot is linearised, with linear interpolation between them."""
 NUDGE = 1e-6
-"""rad and rad/s, for slopes by central differences."""
+"""Step of central differences, rad and rad/s."""
 CLIP = 0.98
-"""Share of the deflection limit at which springs beyond it are linearised: at the limit they have no slope."""
+"""Fraction of the deflection limit at which springs beyond the limit are linearised: at the limit their slope is 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,26 +36,26 @@ class Linearised:
     """The driven joints linearised along a motion; n samples, m joints."""
 
     time: Array
-    """(n,) s, equidistant."""
+    """Equidistant times (n,), s."""
     drives: tuple[Drive, ...]
     mass: Array = field(repr=False)
-    """(n, m, m) kg m^2."""
+    """Mass matrices (n, m, m), kg m^2."""
     rates: Array = field(repr=False)
-    """(n, m, m) N m s/rad, damping included."""
+    """Slopes (n, m, m) of the rigid robot's torques with the velocities, and damping, N m s/rad."""
     slopes: Array = field(repr=False)
-    """(n, m, m) N m/rad, of the rigid robot."""
+    """Slopes (n, m, m) of the rigid robot's torques with the positions, N m/rad."""
     springs: Array = field(repr=False)
-    """(n, m, 2) N m/rad, k_i."""
+    """Stiffnesses k_i (n, m, 2) of the springs, N m/rad."""
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
-        """The same joints with all masses and springs other by factors."""
+        """Joints with all masses and stiffnesses multiplied by factors."""
         return Linearised(
             time=self.time, drives=self.drives, mass=mass * self.mass, rates=self.rates, slopes=mass * self.slopes,
             springs=stiffness * self.springs,
         )  # fmt: skip
 
     def held(self, tail: float) -> Linearised:
-        """The same joints, standing for `tail` s more where the motion ends."""
+        """Joints with the motion extended by `tail` s, during which they rest at its end."""
         step = float(self.time[1] - self.time[0])
         more = max(round(tail / step), 1)
 
@@ -69,7 +69,7 @@ class Linearised:
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
-        """State matrices (n - 1, s, s) and inputs' (n - 1, s, m) of one step each; the joints' positions come first."""
+        """Matrices of each step, of the state (n - 1, s, s) and the inputs (n - 1, s, m); first states: joint positions."""
         step = float(self.time[1] - self.time[0])
         change, inputs = self.continuous
         change, inputs = 0.5 * (change[1:] + change[:-1]), 0.5 * (inputs[1:] + inputs[:-1])
@@ -119,7 +119,7 @@ class Linearised:
 
     @property
     def _moving(self) -> list[tuple[int, int]]:
-        """(joint, motor) of the motors that have states, in their order."""
+        """(joint, motor) for each motor that has states, in the order of the states."""
         return [
             (joint, motor)
             for joint, drive in enumerate(self.drives) if drive.mode.controller and drive.mode.spring
@@ -138,9 +138,9 @@ def linearise_along(
     springs: Array,
     damping: Sequence[float],
 ) -> Linearised:
-    """The joints of `drives` along `motion` (columns in the model's order); the model's other joints are held to it.
+    """Joints of `drives`, linearised along `motion` (columns in the model's order); other joints follow the motion exactly.
 
-    springs: (n, joints, 2) N m/rad, slopes of each drive's springs; damping: N m s/rad of each link.
+    springs: stiffnesses (n, joints, 2) of each drive's springs, N m/rad. damping: damping of each link, N m s/rad.
     """
     index = [model.joints.index(drive.joint) for drive in drives]
     rows = np.unique(np.linspace(0, len(motion.time) - 1, POSTURES).round().astype(int))
@@ -175,16 +175,16 @@ def linearise_along(
 
 
 def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
-    """Straight lines between samples (k, m, m) at `knots`, at `time`."""
+    """Function that interpolates samples (k, m, m) at `knots` linearly at `time`."""
     from scipy.interpolate import make_interp_spline
 
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
-    """(n, 2) N m/rad: d tau_i / d theta_i at motors (n, 2); 0 for an adjuster.
+    """Stiffnesses d tau_i / d theta_i (n, 2) at motor positions (n, 2), N m/rad; 0 for an adjuster.
 
-    Springs beyond their deflection limit are taken just before it, since at the limit they have no slope.
+    Springs beyond their deflection limit are evaluated just before it, since at the limit their slope is 0.
     """
     law = over_arrays(drive.actuator.elastic_torques)
     most = CLIP * drive.max_deflection

@@ -1,4 +1,4 @@
-"""The learner's model of a plant: its inverse dynamics and its linearisation."""
+"""Model of a plant for learning: inverse dynamics and linearisation."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """A plant and the soft arm of its scenario.
+    """Plant and the soft arm of its scenario.
 
-    Joints that are driven and do not learn follow their own references, but are as soft: they stand behind the learned ones
-    wherever the arm is linearised.
+    Driven joints that do not learn follow their own references and are soft too: in the linearised arm they come after the
+    learned joints.
     """
 
     plant: Plant
@@ -34,29 +34,29 @@ class ArmModel:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The learned joints' drives, then the followers'."""
+        """Drives of the learned joints, then drives of the other soft joints."""
         arm, learned = self.arm.drives, self.plant.joints
         followers = [drive for joint, drive in arm.items() if joint not in learned and all(drive.proportional)]
         return (*(arm[joint] for joint in learned), *followers)
 
     @property
     def delays(self) -> tuple[float, ...]:
-        """s by which each joint's commands arrive late."""
+        """Delay of each learned joint's commands, s."""
         return tuple(self.arm.delay(joint) + self.plant.delay for joint in self.plant.joints)
 
     @cached_property
     def inverse(self) -> InverseDynamics:
-        """Of the desired motion."""
+        """Inverse dynamics of the desired motion."""
         return self.arm.inverse(self.plant.time, self.plant.joints, self.plant.reference)
 
     @property
     def guess(self) -> Array:
-        """(n, joints) inputs that move the model along the desired motion."""
+        """Inputs (n, joints) that move the model along the desired motion."""
         return self.inverse.inputs_at(self.plant.time, self.delays)
 
     @cached_property
     def linear(self) -> Linearised:
-        """The joints along the desired motion."""
+        """Joints linearised along the desired motion."""
         motion = self.inverse.motion
         columns = [self.arm.model.joints.index(drive.joint) for drive in self.drives]
         positions, motors = motion.positions[:, columns], [drive.motors for drive in self.inverse.drives]
@@ -73,7 +73,7 @@ class ArmModel:
 
 @contextmanager
 def learning_model(plant: Plant) -> Iterator[ArmModel]:
-    """The plant's model, with its numbers; released at the end."""
+    """Context with the model of a plant, which is released at the end."""
     robot = plant.prepared.robot
     with model_of(plant.scenario, robot) as model:
         yield ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=robot, model=model))

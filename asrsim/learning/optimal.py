@@ -1,13 +1,14 @@
 """Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
 
-The joints' response is lifted: a matrix G from the coefficients of the whole input, cubic B-splines whose knots bound the
-band of what is learned, to samples of the whole motion. With models G_i of masses and springs that are nominal, heavier and
-softer, lighter and stiffer, the change du = B c of the best trial's input follows from its error e over the whole time,
+The joints' response is lifted: a matrix G maps the coefficients of the whole input to samples of the whole motion. The input
+is a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: nominal; heavier and
+softer; lighter and stiffer. The change du = B c of the best trial's input follows from its error e over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
-A trial that is no better goes back to the best one with ten times rho; one that is better goes on with a third. So the error
-of the best trial never grows, however wrong the models are, and a step that is small enough helps.
+After a trial that is not better, the next trial starts from the best one again, with ten times rho; after a better trial,
+rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough step
+reduces it.
 """
 
 from __future__ import annotations
@@ -27,56 +28,56 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 EVERY = 2
-"""Samples of the motion for each row of a lifted matrix."""
+"""Number of samples of the motion for each row of a lifted matrix."""
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
-"""Factors of mass and stiffness."""
+"""Factors of mass and stiffness of the models."""
 RHO = 0.1
-"""Weight of the input's change against the error, at least."""
+"""Smallest weight of the input's change relative to the error."""
 TAIL = 20
-"""Knots behind the end of the motion through which its last error is taken to stand: what the last inputs do shows there."""
+"""Number of knots after the end of the motion, where the last inputs still act; the last error is repeated there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
-"""Factors on the weight of changes after a trial that was worse, and after one that was better."""
+"""Factor on the weight of changes after a worse trial, and divisor after a better trial."""
 REHEARSALS = 4
-"""Further updates in a model before each trial, at most."""
+"""Largest number of further updates in a model before each trial."""
 PROGRESS = 0.99
-"""Share of the best error below which a trial counts as progress."""
+"""Fraction of the best error below which a trial counts as progress."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Cubic B-splines on a motion's time: the changes of the input that are learned."""
+    """Cubic B-splines over the time of a motion, for changes of the input."""
 
     knots: Array
-    """With the repeated ends."""
+    """Knots with repeated ends, s."""
 
     @classmethod
     def over(cls, duration: float, tail: float) -> Band:
-        """For a motion of `duration` s, and `tail` s behind it."""
+        """Splines for a motion of `duration` s and `tail` s after it."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)
         return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
 
     @property
     def count(self) -> int:
-        """Splines."""
+        """Number of splines."""
         return len(self.knots) - 4
 
     def at(self, time: Array) -> csr_array:
-        """(n, count) values of the splines at `time` (n,)."""
+        """Values (n, count) of the splines at `time` (n,)."""
         from scipy.interpolate import BSpline
 
         return BSpline.design_matrix(np.clip(time, self.knots[0], self.knots[-1]), self.knots, 3)
 
 
 def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
-    """(rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
+    """Lifted matrix (rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
 
-    delays: s by which each of the first m joints' commands arrives late; the others' do not change.
+    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change.
     """
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
     middle = 0.5 * (linear.time[1:] + linear.time[:-1])
-    # Before a command arrives its first value stands, as it does in a run.
+    # Before the first command arrives, its value holds, as in a run.
     values = [band.at(middle - delay).toarray() for delay in delays]
     columns = band.count * m
     state = np.zeros((states.shape[1], columns))
@@ -97,7 +98,7 @@ def lift(linear: Linearised, band: Band, delays: Sequence[float]) -> Array:
 
 
 class Lifted:
-    """The lifted models of an arm; linear: its joints along the motion, delays: s, of each learned joint's command."""
+    """Lifted models of an arm. linear: joints along the motion; delays: delay of each learned joint's command, s."""
 
     def __init__(self, time: Array, linear: Linearised, delays: Sequence[float]) -> None:
         self._time = time
@@ -118,7 +119,7 @@ class Lifted:
             self._mean += flat / len(MODELS)
 
     def change(self, error: Array, rho: float) -> Array:
-        """(n, joints) change of the inputs for an error (n, joints)."""
+        """Change (n, joints) of the inputs for an error (n, joints)."""
         from scipy.linalg import solve
 
         seen = averaged(self._time, error, self._rows)
@@ -128,18 +129,18 @@ class Lifted:
 
 @dataclass(frozen=True)
 class NormOptimal:
-    """The law."""
+    """The law `auto`."""
 
     problem: LearningProblem
     lifted: Lifted
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """The best trial's input, corrected by its error."""
+        """Input of the best trial, corrected by its error."""
         best, rho, _ = standing(trials)
         return best.inputs + self.lifted.change(best.error, rho)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Gives up when more than `patience` trials in a row brought no progress."""
+        """Reason to stop after more than `patience` trials without progress; None to continue."""
         best, _, failed = standing(trials)
         if not np.isfinite(best.total):
             return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
@@ -152,7 +153,7 @@ class NormOptimal:
 
 
 def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, forecast: Callable[[Array], Array]) -> Array:
-    """The best trial's input after some updates in a model that knows more than the lifted ones, such as friction."""
+    """Input of the best trial after several updates in a nonlinear model, which includes friction unlike the lifted models."""
     found, seen = best.inputs, best.outputs
     for number in range(1 + REHEARSALS):
         left = problem.reference - seen
@@ -165,7 +166,7 @@ def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float,
 
 
 def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
-    """The best trial by its error over the whole time, rho for the next update, and the trials since there was progress."""
+    """Best trial by its error over the whole time, rho for the next update, and number of trials since the last progress."""
     best, rho, failed = trials[0], RHO, 0
     for trial in trials[1:]:
         better = np.isfinite(trial.total) and not trial.total >= best.total
@@ -176,12 +177,12 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:
-    """(rows, joints) means of `values` (n, joints) around the equidistant times `rows`, so that noise averages out."""
+    """Means (rows, joints) of `values` (n, joints) around the equidistant times `rows`, so that noise averages out."""
     total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
     half = 0.5 * float(rows[1] - rows[0])
     step = float(time[1] - time[0])
     wide = max(round(2.0 * half / step), 1)
-    # Behind the end its last mean stands.
+    # After the end, the last mean is repeated.
     first = np.clip(np.round((rows - half) / step).astype(int), 0, len(time) - wide)
     last = np.clip(np.round((rows + half) / step).astype(int), first + 1, len(time))
     return np.asarray((total[last] - total[first]) / (last - first)[:, None])

@@ -23,52 +23,52 @@ if TYPE_CHECKING:
     from asrsim.simulation.run import Run
 
 TRIALS = 10
-"""Runs of a plant that learning takes, about."""
+"""Typical number of runs that learning needs; it decides whether compilation is worthwhile."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plant:
-    """A robot in a scenario whose `ilc:` block says what it is to learn."""
+    """Robot in a scenario whose block `ilc` states the motion to learn."""
 
     scenario: Scenario
     robot: Robot = field(repr=False)
-    """As its file says."""
+    """Robot of the file, without the scenario's changes."""
     learning: Learning = field(repr=False)
     """The scenario's block `ilc`."""
     prepared: Prepared = field(repr=False)
-    """The robot with the scenario's modes and parameters, under the desired motion: all trials begin with it."""
+    """Robot with the scenario's modes and parameters, whose references are the desired motion; all trials start from it."""
     joints: tuple[str, ...]
     time: Array = field(repr=False)
-    """(n,) s, the steps of the simulation."""
+    """Times (n,) of the simulation steps, s."""
     reference: Array = field(repr=False)
-    """(n, joints) rad."""
+    """Desired link positions (n, joints), rad."""
     delay: float = 0.0
-    """s by which commands arrive later than the scenario says."""
+    """Delay of commands in addition to the scenario's, s."""
 
     @property
     def drives(self) -> tuple[SteppedJoint, ...]:
-        """Of the learned joints."""
+        """Drives of the learned joints."""
         drives = {drive.name: drive for drive in self.prepared.drives}
         return tuple(drives[joint] for joint in self.joints)
 
     def names(self) -> tuple[str, ...]:
-        """Of each joint's first reference, which is learned."""
+        """Name of each joint's first reference, which is learned."""
         return tuple(drive.mode.references[0] for drive in self.drives if drive.mode)
 
     def headings(self) -> list[str]:
-        """Of the joints' columns in files of inputs."""
+        """Headings of the joints' columns in files of inputs."""
         return [f"{joint} [{self.unit(joint)}]" for joint in self.joints]
 
     def unit(self, joint: str) -> str:
-        """Of a joint's position."""
+        """Unit of a joint's position."""
         return "m" if self.robot.joint(joint).kind == "prismatic" else "rad"
 
     def varied(self, numbers: Mapping[str, Mapping[str, float]], delay: float) -> Plant:
-        """The plant with other numbers, as :meth:`asrsim.Prepared.vary` takes them, and later commands."""
+        """Plant with other parameters (as for `vary` of the prepared simulation), and another delay of commands, s."""
         return replace(self, prepared=self.prepared.vary(numbers), delay=delay)
 
     def run(self, inputs: Array) -> Run:
-        """One run with inputs (n, joints); every sample kept."""
+        """Run with inputs (n, joints) that keeps every sample."""
         from asrsim.simulation.run import simulate
 
         prepared = self.prepared.with_references(
@@ -78,12 +78,12 @@ class Plant:
             }
         )
         if self.scenario.initial_equilibrium:
-            # Where it starts depends on the first references.
+            # The start depends on the first references.
             prepared = prepared.vary({})
         return simulate(prepared, alike=TRIALS)
 
     def outputs(self, inputs: Array) -> Array:
-        """(n, joints) rad, link positions with these inputs; NaN after a divergence."""
+        """Link positions (n, joints) with these inputs, rad; NaN after a divergence."""
         found = np.full_like(self.reference, np.nan)
         try:
             run = self.run(inputs)
@@ -96,9 +96,9 @@ class Plant:
 
 
 def make_plant(scenario: Scenario) -> Plant:
-    """The plant of a scenario with an `ilc:` block.
+    """Plant of a scenario with a block `ilc`.
 
-    Raises ScenarioError where there is none, or a joint's mode takes no position.
+    Raises ScenarioError if the block is missing, or a joint's mode has no position reference.
     """
     from asrsim.scenario import apply_to_robot, checked_robot
     from asrsim.simulation.prepare import prepare

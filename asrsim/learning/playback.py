@@ -1,4 +1,4 @@
-"""Files of inputs: as CSV, and a scenario that plays them for `asrsim run` and claims what was learned."""
+"""Files of learned inputs: a CSV file, and a scenario that plays it with `asrsim run` and claims the learned accuracy."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from asrsim.learning.plant import Plant
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plain import mapped
 from asrsim.samples import Array
-from asrsim.scenario.joint_keys import INVERSE_DYNAMICS
 
 DIGITS = 3
-"""Of a claimed error, rounded up: a replay on the same plant repeats it bit for bit, on another one it fails."""
+"""Digits of a claimed error, which is rounded up. A replay on the same plant repeats the error bit for bit."""
 
 
 def write_inputs(path: Path, time: Array, headings: Sequence[str], values: Array, *, comment: str) -> None:
-    """Write `time` (n,) in s and `values` (n, columns) so that reading gives the same bits. Raises OutputError."""
+    """Write `time` (n,) in s and `values` (n, columns) in full precision. Raises OutputError."""
     comments = "".join(f"# {line}\n" for line in comment.splitlines())
     make_folder(path.parent)
     write_text(path, comments + csv_text(["time [s]", *headings], np.column_stack([time, values])), "learned input")
@@ -30,9 +29,9 @@ def write_inputs(path: Path, time: Array, headings: Sequence[str], values: Array
 def write_playback(
     path: Path, plant: Plant, inputs: Path, *, largest: Sequence[float] = (), desired: Path | None = None
 ) -> None:
-    """Write the learned scenario with its inputs played back from the CSV file `inputs`. Raises OutputError.
+    """Write a scenario that plays the learned inputs from the CSV file `inputs`. Raises OutputError.
 
-    It claims that the error of every joint against the motion in `desired` stays within `largest` (rad, by joint).
+    It claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
     """
     import yaml
 
@@ -44,15 +43,17 @@ def write_playback(
     learned = data.pop("ilc", {})
     for key in ("variant", "expect"):
         data.pop(key, None)
-    # Two arms' learned inputs are played into two folders.
+    # Learned inputs of two variants are played into two folders.
     variant = [scenario.variant] if scenario.variant != "default" else []
     data["name"] = "_".join([scenario.name, *variant, inputs.stem])
-    # The error of a replay is that against what was to be learned.
+    # The error of a replay is relative to the motion to be learned.
     data["desired"] = learned.get("trajectory", {})
+    if scenario.inverse_dynamics:
+        data["inverse_dynamics"] = {**scenario.inverse_dynamics, **dict.fromkeys(plant.joints, False)}
     data["references"] = _references(data.get("references", {}), plant, os.path.relpath(inputs, folder))
     if desired is not None:
         if not plant.prepared.stepping.released:
-            # Those of the trials: a replay repeats them bit for bit.
+            # With the substeps of the trials, a replay repeats the trials bit for bit.
             resolution = plant.prepared.resolution
             data |= {"substeps": resolution.substeps, "motor_substeps": resolution.motor_substeps}
         claim = {
@@ -68,26 +69,23 @@ def write_playback(
 
 def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, Any]:
     references = {joint: dict(signals) for joint, signals in given.items()}
-    # The entry for all joints holds name by name.
+    # The entry for all joints applies name by name.
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
-        own.pop(INVERSE_DYNAMICS, None)
         own[name] = {"playback": {"file": inputs, "column": joint}}
-        if common.get(INVERSE_DYNAMICS):
-            own[INVERSE_DYNAMICS] = False
-    # Without what every joint has of its own, which would do nothing.
+    # Entries that every joint replaces would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives if drive.mode
-        for name in (*drive.mode.references, INVERSE_DYNAMICS) if name not in references.get(drive.name, {})
+        for name in drive.mode.references if name not in references.get(drive.name, {})
     }  # fmt: skip
     left = {name: signal for name, signal in common.items() if name in missed}
     return ({"*": left} if left else {}) | references
 
 
 def rounded_up(value: float) -> float:
-    """The value to some digits, never below it."""
+    """Value rounded up to `DIGITS` digits."""
     if value <= 0.0:
         return 0.0
     places = DIGITS - 1 - floor(log10(value))

@@ -1,4 +1,4 @@
-"""The learning problem that a scenario states, its law, and what the motion needs of the joints."""
+"""Learning problem of a scenario, its law, and the demands of the motion on the joints."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from asrsim.learning.state import identity_of
 from asrsim.learning.trial import Law, LearningProblem, LearningResult
 from asrsim.runs.folder import origin_of
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import Learning
+from asrsim.scenario.goal_keys import Learning
 
 FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
 """Keys without effect under `law: auto`."""
 MOST_DEMANDS = 5
-"""Demands beyond their limits that are listed."""
+"""Largest number of listed demands beyond their limits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Prepared:
-    """Everything that `learn` needs."""
+    """Inputs of `learn`."""
 
     plant: Plant
     problem: LearningProblem
     settings: Learning
-    """The scenario's, with the first guess chosen."""
+    """Settings of the scenario with the chosen first guess."""
     law: Law = field(repr=False)
     demands: tuple[Demand, ...]
-    """What the motion needs of the joints, highest score first."""
+    """Demands of the motion on the joints, highest score first."""
 
     @property
     def before(self) -> list[str]:
-        """What to know before the first trial, a line each."""
+        """Lines that are printed before the first trial."""
         lines = ["law auto: norm-optimal over three models"]
         raw = self.plant.scenario.resolved.get("ilc") or {}
         idle = [key for key in FIXED_GAIN_KEYS if key in raw]
@@ -55,7 +55,7 @@ class Prepared:
         return [*lines, *(beyond or most)]
 
     def reach(self, result: LearningResult) -> str:
-        """Whether the motion is within reach, by trials simulated under all limits; empty with other laws than `auto`."""
+        """Statement whether the motion is within reach, from trials simulated with all limits; empty with the law `paper`."""
         if self.settings.law != "auto":
             return ""
         error = f"the best simulated trial is {self.problem.worst(result.best)} off"
@@ -63,13 +63,13 @@ class Prepared:
         if result.converged:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
         if not beyond:
-            # No limit stands in the way: friction that holds the joints, or the start, which more trials may overcome.
+            # Friction, or the start, may prevent the motion; more trials may overcome that.
             return f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may"
         return f"out of reach: {error}; {'; '.join(beyond)}"
 
 
 def prepare_learning(plant: Plant, model: ArmModel) -> Prepared:
-    """The learning problem of a plant; `model` is its :func:`asrsim.learning.model.learning_model`."""
+    """Learning problem of a plant. model: from `learning_model`."""
     learning = plant.learning
     settings = replace(learning, first_guess=learning.first_guess or ("inverse_dynamics" if learning.law == "auto" else "zero"))
     guesses: dict[str, Callable[[], Array]] = {

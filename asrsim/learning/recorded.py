@@ -1,4 +1,4 @@
-"""What a recording of the robot tells of a trial: link positions on the motion's clock, and what is odd about them."""
+"""Trial from a recording of the robot: link positions at the times of the motion, and notes about the recording."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
 MISSING = 0.02
-"""Share of the motion that may be missing at its ends; the end values stand there."""
+"""Largest fraction of the motion that may be missing at its ends; the nearest values are repeated there."""
 BRIDGED = 0.1
-"""s, the longest gap within the motion that is bridged by a straight line."""
+"""Longest gap within the motion that is interpolated, s."""
 OFF, BETTER = 0.05, 0.5
-"""s that a clock is off, beyond a robot's delay, and share of the error that moving it leaves, for a word about it."""
+"""Conditions for a note about the clock: offset in s beyond a robot's delay, and fraction of the error that remains after
+moving the clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """A trial on the robot."""
+    """Recorded trial of the robot."""
 
     outputs: Array = field(repr=False)
-    """(n, joints) link positions at the plant's times."""
+    """Link positions (n, joints) at the plant's times, rad or m."""
     clock: str
-    """How the recording's clock was moved."""
+    """Alignment of the recording's clock, in words."""
     findings: tuple[Problem, ...]
-    """What people should know: of the file, its clock, its gaps, columns that look odd."""
+    """Notes about the file, its clock, gaps and implausible columns."""
 
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
-    """The trial that a recording holds.
+    """Trial in a recording.
 
-    lag: how its clock is moved onto the motion's. Raises InputError for one that does not last, lacks a joint, or has columns
-    whose units or signs cannot be those of the motion, unless the user said what they are.
+    lag: alignment of its clock with the motion. Raises InputError for a recording that is too short, lacks a joint, or has
+    columns with implausible units or signs, unless the user stated them.
     """
     pairing, findings = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}
@@ -63,14 +64,14 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
         there = resample(columns[moving].time - better.lag, columns[moving].values, plant.time)
         left, before = (np.sqrt(np.nanmean((motion[1] - values) ** 2)) for values in (there, outputs[:, moving]))
         if abs(better.lag - chosen.lag) > OFF and left < BETTER * before:
-            message = f"would fit the desired motion {before / left:.2g} times as well, were its clock {better.said}"
-            hint = f"If the recording began at another time than the motion, take it again with --lag {better.lag:.3g}"
+            message = f"would fit the desired motion {before / left:.2g} times better if its clock were {better.said}"
+            hint = f"If the recording did not start with the motion, give it again with --lag {better.lag:.3g}"
             findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
     return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings))
 
 
 def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequence[Column], lag: float) -> list[Problem]:
-    """Fill what is missing of outputs (n, joints), in place, and say so. Raises InputError where that is too much."""
+    """Fill gaps of outputs (n, joints) in place; return a note about the gaps. Raises InputError if too much is missing."""
     missing = ~np.isfinite(outputs)
     if not missing.any():
         return []
@@ -83,14 +84,14 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
         if ends > MISSING * len(gap) or inside > BRIDGED:
             where = f"{columns[0].time[0] - lag:.3g} to {columns[0].time[-1] - lag:.3g} s"
             message = (
-                f"must hold the link positions over the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on "
+                f"must contain the link positions of the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on "
                 f"the motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
             )
-            hint = f"Record the whole motion, with no gap beyond {BRIDGED:g} s; --lag says by how much its clock is late"
+            hint = f"Record the whole motion without gaps longer than {BRIDGED:g} s; --lag states the offset of its clock"
             raise InputError(message, file=recording.path, hint=hint, code="recording-too-short")
         column[gap] = np.interp(plant.time[gap], plant.time[known], column[known])
         longest = max(longest, inside)
     if longest == 0.0:
         return []
-    message = f"has gaps of up to {longest:.2g} s, which are bridged by straight lines"
+    message = f"has gaps of up to {longest:.2g} s, which are interpolated linearly"
     return [Problem(message, file=recording.path, code="gaps")]

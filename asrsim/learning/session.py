@@ -1,7 +1,7 @@
-"""A whole learning session: from a scenario to learned inputs in a folder. The command line is a thin skin over it.
+"""A whole learning session: from a scenario to learned inputs in a folder.
 
-The folder follows the rule of `asrsim run`: results of the same scenario file and variant are replaced, and the caller says so;
-those of another one are kept unless asked for.
+As in `asrsim run`, results of the same scenario file and variant are replaced, with a message; results of another scenario or
+variant are kept unless overwriting is allowed.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ KINDS = {
     STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json",
     PICTURE: "picture",
 }  # fmt: skip
-"""Files of a learning run and their kinds."""
+"""File of a learning run -> its kind in `asrsim.outfile`."""
 MOST_DEMANDS = 12
-"""Demands of the motion that are written."""
+"""Largest number of demands that are written."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """What a learning session gave."""
+    """Result of a learning session."""
 
     prepared: Prepared
     result: LearningResult
     replaced: str
-    """What was replaced of an earlier run, in words; empty: nothing."""
+    """Message about replaced files of an earlier run; empty if there were none."""
 
     @property
     def reach(self) -> str:
-        """Whether the motion is within reach, in words."""
+        """Statement whether the motion is within reach."""
         return self.prepared.reach(self.result)
 
 
@@ -64,8 +64,8 @@ def run_session(
 ) -> Session:
     """Learn, and write into `folder`: state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json, ilc.png.
 
-    resume: go on from the folder's state. overwrite: replace what another scenario left there; results of the same one are
-    replaced anyway. on_start receives the problem before the first trial.
+    resume: continue from the folder's state. overwrite: also replace results of another scenario; results of the same scenario
+    are always replaced. on_start receives the problem before the first trial.
     Raises InputError, SimulationError or OutputError.
     """
     with owned(folder), learning_model(plant) as model:
@@ -75,7 +75,7 @@ def run_session(
             on_start(prepared)
 
         def ended(trial: Trial) -> None:
-            # This run's state is on disk now: the earlier run's files may go.
+            # The state of this run is on disk now, so the files of the earlier run can be removed.
             for path in earlier if trial.number == 0 else ():
                 if path.name != STATE:
                     remove_ours(path, KINDS[path.name])
@@ -91,10 +91,10 @@ def run_session(
 
 
 def _earlier(folder: Path, scenario: Scenario, *, resume: bool, overwrite: bool) -> tuple[list[Path], str]:
-    """Files of an earlier run that are to be replaced, and words about them; with `resume` nothing is.
+    """Files of an earlier run that will be replaced, and a message about them; none with `resume`.
 
-    Raises OutputError if the folder holds what another scenario or variant learned, what asrsim did not write, or what is read
-    here.
+    Raises OutputError if the folder contains results of another scenario or variant, files that asrsim did not write, or inputs
+    of this run.
     """
     for name, kind in KINDS.items():
         check_output(folder / name, kind, inputs=inputs_of(scenario))
@@ -110,7 +110,7 @@ def _earlier(folder: Path, scenario: Scenario, *, resume: bool, overwrite: bool)
 
 
 def session_data(session: Session) -> dict[str, Any]:
-    """A session's numbers as plain values."""
+    """Numbers of a session as plain data."""
     prepared, result = session.prepared, session.result
     scenario = prepared.plant.scenario
     return {
@@ -130,7 +130,7 @@ def session_data(session: Session) -> dict[str, Any]:
 
 
 def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
-    """One trial's numbers; rad and s."""
+    """Numbers of a trial as plain data, in rad and s."""
     return {
         "iteration": trial.number,
         "largest_error": {joint: finite_or_none(value) for joint, value in zip(joints, trial.largest, strict=True)},
@@ -141,7 +141,7 @@ def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
 
 
 def demand_data(demand: Demand) -> dict[str, Any]:
-    """What the motion needs of one part of a joint."""
+    """Demand of the motion on one part of a joint, as plain data."""
     return {
         "joint": demand.joint,
         "what": demand.what,

@@ -1,4 +1,4 @@
-"""State of a learning run on disk, so that an interrupted one goes on exactly where it was."""
+"""State of a learning run on disk, from which an interrupted run continues exactly."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from asrsim.samples import Array
 if TYPE_CHECKING:
     from asrsim.learning.plant import Plant
     from asrsim.learning.trial import LearningProblem, Trial
-    from asrsim.scenario.learning_keys import Learning
+    from asrsim.scenario.goal_keys import Learning
 
 FORMAT = "asrsim learning state 4"
 DECIDING = ("law", "gain", "joint_gains", "gain_decay", "filter", "first_guess")
-"""Keys of `ilc:` that decide how trials follow each other; one may go on with a tighter tolerance or more iterations."""
+"""Keys of `ilc:` that determine the next trial. Other keys, such as the tolerance, may change when a run is resumed."""
 NOT_OF_THE_PLANT = ("ilc", "expect", "log_rate")
-"""Keys of a scenario that may change between resumptions."""
+"""Keys of a scenario that may change when a run is resumed."""
 
 
 def identity_of(plant: Plant) -> str:
-    """A hash of everything that the plant depends on: robot and scenario, their files' contents, the laws of the actuators."""
+    """Hash of everything that the plant depends on: robot, scenario, contents of their files, laws of the actuators."""
     kept = {key: value for key, value in plant.scenario.resolved.items() if key not in NOT_OF_THE_PLANT}
     digest = hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode())
     digest.update(plant.robot.text.encode())
@@ -45,7 +45,7 @@ def identity_of(plant: Plant) -> str:
 
 
 def _files(plant: Plant) -> Iterator[Path]:
-    """Playbacks and the like, objects' meshes, and the robot's meshes that collide."""
+    """Files of the scenario (such as playbacks), meshes of objects, and collision meshes of the robot."""
     from asrsim.robot import engine_urdf
 
     scenario = plant.scenario
@@ -57,7 +57,7 @@ def _files(plant: Plant) -> Iterator[Path]:
 
 
 def fingerprint(problem: LearningProblem, settings: Learning) -> str:
-    """A hash of everything that decides how the learning goes, apart from where it stops."""
+    """Hash of everything that determines the trials, except the conditions that stop learning."""
     deciding = [getattr(settings, name) for name in DECIDING]
     text = json.dumps([deciding, problem.joints, problem.identity], sort_keys=True, default=asdict)
     digest = hashlib.sha256(text.encode())
@@ -67,7 +67,7 @@ def fingerprint(problem: LearningProblem, settings: Learning) -> str:
 
 
 def save_state(path: Path, problem: LearningProblem, settings: Learning, trials: Sequence[Trial]) -> None:
-    """Write all trials to `path` (NumPy's npz), whole or not at all."""
+    """Write all trials to `path` (NumPy's npz), complete or not at all."""
     head = {
         "format": FORMAT, "fingerprint": fingerprint(problem, settings), "scenario_path": problem.origin[0],
         "variant": problem.origin[1], "seconds": [trial.seconds for trial in trials],
@@ -83,7 +83,7 @@ def save_state(path: Path, problem: LearningProblem, settings: Learning, trials:
 
 
 def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
-    """Scenario file and variant that a state comes from, and how many trials it holds; None if it is no readable state."""
+    """Scenario file and variant of a state, and its number of trials; None if the state is unreadable."""
     try:
         head, inputs, _ = _stored(path)
     except InputError:
@@ -92,22 +92,22 @@ def state_origin(path: Path) -> tuple[tuple[str, str], int] | None:
 
 
 def load_state(path: Path, problem: LearningProblem, settings: Learning) -> list[Trial]:
-    """The trials of a state file. Raises InputError if it is unreadable or belongs to another problem."""
+    """Trials of a state file. Raises InputError if it is unreadable or belongs to another problem."""
     head, inputs, outputs = _stored(path)
     if head["fingerprint"] != fingerprint(problem, settings) or inputs.shape[1:] != problem.reference.shape:
         message = "belongs to another learning run: robot, scenario, a file of theirs, or learning settings have changed"
-        hint = "Delete it, or leave out --resume, to begin anew"
+        hint = "Delete it, or leave out --resume, to start again"
         raise InputError(message, file=path, hint=hint, code="state-of-another-run")
     rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
     return [problem.trial(number, *row) for number, row in rows]
 
 
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
-    """The checked contents of a state: its head, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
+    """Validated contents of a state: header, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
 
     def fault(why: str) -> InputError:
         message = f"is no state of a learning run, or is damaged ({why})"
-        return InputError(message, file=path, hint="Delete it to begin anew", code="state")
+        return InputError(message, file=path, hint="Delete it to start again", code="state")
 
     try:
         with ZipFile(path) as archive:
@@ -117,7 +117,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
-        # A damaged file fails in the zip reader, in NumPy or in JSON, each with errors of its own.
+        # A damaged file raises errors of the zip reader, of NumPy or of JSON.
     except InputError:
         raise
     except Exception as error:

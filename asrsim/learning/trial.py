@@ -1,4 +1,4 @@
-"""The problem of iterative learning control, its trials, and the loop: try, compare, correct, until the error is tolerated."""
+"""Problem of iterative learning control, trials, and the loop: simulate, compare, correct, until the error is tolerable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.learning.state import load_state, save_state
 from asrsim.samples import Array
-from asrsim.scenario.learning_keys import Learning
+from asrsim.scenario.goal_keys import Learning
 
 Simulate = Callable[[Array], Array]
 """Inputs (n, joints) -> link positions (n, joints)."""
@@ -22,124 +22,124 @@ Outcome = Literal["converged", "growing", "stalled", "exhausted"]
 
 @dataclass(frozen=True, kw_only=True)
 class LearningProblem:
-    """What is to be learned."""
+    """Motion to be learned."""
 
     joints: tuple[str, ...]
     time: Array
-    """(n,) s, equidistant."""
+    """Equidistant times (n,), s."""
     reference: Array
-    """(n, joints) rad, the desired link positions."""
+    """Desired link positions (n, joints), rad."""
     first_guess: Array
-    """(n, joints) rad, inputs of trial 0."""
+    """Inputs (n, joints) of trial 0, rad."""
     units: tuple[str, ...] = ()
-    """Of each joint's position, `rad` or `m`; none: all `rad`. Elsewhere here `rad` stands for both."""
+    """Unit of each joint's position, `rad` or `m`; empty: all `rad`. Other docstrings of this module say `rad` for both."""
     identity: str = ""
-    """Text that distinguishes plants: a saved state of another plant is refused."""
+    """Hash of the plant: a saved state of another plant is rejected."""
     origin: tuple[str, str] = ("", "")
-    """Scenario file and variant, kept in the state."""
+    """Scenario file and variant, which are saved in the state."""
 
     @property
     def step(self) -> float:
-        """s between samples."""
+        """Time between samples, s."""
         return float(self.time[1] - self.time[0])
 
     @property
     def unit(self) -> str:
-        """Of errors over all joints, for people."""
+        """Unit of errors of all joints, as text."""
         return " or ".join(dict.fromkeys(self.units)) or "rad"
 
     def trial(self, number: int, inputs: Array, outputs: Array, seconds: float = 0.0) -> Trial:
-        """The trial in which `inputs` gave `outputs`, (n, joints) each."""
+        """Trial with inputs and outputs (n, joints)."""
         return Trial(number=number, inputs=inputs, outputs=outputs, error=self.reference - outputs, seconds=seconds)
 
     def worst(self, trial: Trial) -> str:
-        """The largest error with its unit."""
+        """Largest error of a trial with its unit, as text."""
         unit = self.units[int(np.argmax(trial.largest))] if self.units else "rad"
         return f"{trial.worst:.4g} {unit}"
 
     def worst_place(self, trial: Trial) -> str:
-        """Joint and time of the largest error."""
+        """Joint and time of the largest error, as text."""
         column = int(np.argmax(trial.largest))
         return f"{self.joints[column]} at {int(np.argmax(np.abs(trial.error[:, column]))) * self.step:.3g} s"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One trial: number 0 is the first guess, number i follows i updates."""
+    """Trial; number 0 has the first guess as its input, and number i the input after i updates."""
 
     number: int
     inputs: Array = field(repr=False)
-    """(n, joints) rad."""
+    """Inputs (n, joints), rad."""
     outputs: Array = field(repr=False)
-    """(n, joints) rad."""
+    """Link positions (n, joints), rad."""
     error: Array = field(repr=False)
-    """(n, joints) rad, desired less measured."""
+    """Desired minus measured positions (n, joints), rad."""
     seconds: float = 0.0
-    """Wall-clock time of the simulation."""
+    """Wall-clock time of the simulation, s."""
 
     @cached_property
     def largest(self) -> tuple[float, ...]:
-        """rad, largest absolute error of each joint."""
+        """Largest absolute error of each joint, rad."""
         return tuple(np.abs(self.error).max(axis=0).tolist())
 
     @cached_property
     def rms(self) -> tuple[float, ...]:
-        """rad, root mean square error of each joint."""
+        """Root mean square error of each joint, rad."""
         return tuple(np.sqrt(np.mean(self.error**2, axis=0)).tolist())
 
     @cached_property
     def norm(self) -> float:
-        """rad, largest 2-norm of the joints' error over time (paper figure 15)."""
+        """Largest 2-norm of the joints' errors over time, rad (paper figure 15)."""
         return float(np.linalg.norm(self.error, axis=1).max())
 
     @property
     def total(self) -> float:
-        """rad, root mean square error over all joints and the whole time."""
+        """Root mean square error over all joints and the whole time, rad."""
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
     def worst(self) -> float:
-        """rad, largest error of all joints."""
+        """Largest error of all joints, rad."""
         return max(self.largest)
 
 
 class Law(Protocol):
-    """How learning goes on: a function of the trials so far, so that a resumed run goes on exactly where it was."""
+    """Law of learning. It depends only on the trials so far, so a resumed run continues exactly."""
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """(n, joints) rad, the next inputs."""
+        """Next inputs (n, joints), rad."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Why this law would give up after the last trial, or None to go on."""
+        """Outcome and reason if this law gives up after the last trial; None to continue."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningResult:
-    """What was learned, and how it went."""
+    """Result of learning."""
 
     outcome: Outcome
     reason: str
-    """Why it ended, a sentence for people."""
+    """Sentence that says why learning ended."""
     trials: tuple[Trial, ...]
 
     @property
     def converged(self) -> bool:
-        """Whether every joint came within the tolerance."""
+        """Whether the errors of all joints are within the tolerance."""
         return self.outcome == "converged"
 
     @property
     def iterations(self) -> int:
-        """Updates made: the number of the last trial."""
+        """Number of updates, which is the number of the last trial."""
         return self.trials[-1].number
 
     @property
     def best(self) -> Trial:
-        """The trial whose inputs are the result."""
+        """Trial with the smallest error, whose inputs are the result."""
         return best_of(self.trials)
 
     @property
     def inputs(self) -> Array:
-        """(n, joints) rad, the learned inputs."""
+        """Learned inputs (n, joints), rad."""
         return self.best.inputs
 
 
@@ -153,10 +153,10 @@ def learn(
     state: Path | None = None,
     resume: bool = False,
 ) -> LearningResult:
-    """Learn inputs whose outputs follow the reference.
+    """Result of learning inputs whose outputs follow the reference.
 
-    on_trial: receives each new trial as it ends. state: file that is replaced after each trial, in one move; with `resume` the
-    learning goes on from it exactly, or begins if there is no file. Raises InputError if the state belongs to another problem,
+    on_trial: receives each new trial. state: file that is replaced after each trial; with `resume` learning continues from this
+    file, or starts if the file is missing. Raises InputError if the state belongs to another problem,
     OutputError if it cannot be written.
     """
     trials: list[Trial] = []
@@ -177,12 +177,12 @@ def learn(
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
-    """The trial with the least largest error; of equal ones the first."""
+    """Trial whose largest error is smallest; the first of equal trials."""
     return min(trials, key=lambda trial: trial.worst if np.isfinite(trial.worst) else np.inf)
 
 
 def verdict(problem: LearningProblem, trials: Sequence[Trial], settings: Learning, law: Law) -> tuple[Outcome, str] | None:
-    """Why to stop after the last trial, or None to go on."""
+    """Outcome and reason if learning stops after the last trial; None to continue."""
     last = trials[-1]
     if last.worst <= settings.tolerance:
         return "converged", (

@@ -1,7 +1,7 @@
-"""A twin of the robot: the plant's masses, stiffnesses, losses and delay, fitted to recorded trials.
+"""A twin of the robot: a plant whose masses, stiffnesses, losses and delay are fitted to recorded trials.
 
-Least squares on simulations of the varied plant, with normal priors, since a trial excites little. The spread of the posterior,
-with the misfit of the fit as noise, estimates how far the twin's forecast of the next trial may be off.
+The fit is a least-squares problem on simulations, with normal priors, since a trial excites few parameters. The posterior, with
+the misfit as noise, gives the uncertainty of the predicted next trial.
 """
 
 from __future__ import annotations
@@ -20,46 +20,46 @@ from asrsim.samples import Array
 SPREAD, LOSSES = 0.25, 0.7
 """Prior standard deviations of the logarithms of masses and stiffnesses, and of friction and damping."""
 DELAY = 0.02
-"""s, prior of the delay."""
+"""Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""rad, misfit that a plant of the right structure leaves at least."""
+"""Smallest misfit of a plant with the right structure, rad."""
 SAMPLES = 250
-"""Times at which the motion is compared."""
+"""Number of times at which the motion is compared."""
 INDEPENDENT = 40
-"""Misfits among those of a joint's samples that count as independent: what a model lacks lasts for some samples."""
+"""Number of independent misfits of a joint: model errors are correlated over several samples."""
 ROUNDS = 4
-"""Steps at most."""
+"""Largest number of steps of the fit."""
 NUDGE = 0.2
-"""Step of the slopes, of the priors."""
+"""Step of finite differences, as a fraction of the priors."""
 LITTLE = 0.1
-"""Share of the misfit whose gain ends the fit."""
+"""Relative reduction of the misfit below which the fit ends."""
 DIVERGED = 1e3
-"""rad, misfit where a plant diverged."""
+"""Misfit of a plant that diverged, rad."""
 LIKELY = 6
-"""Plants drawn from the posterior."""
+"""Number of plants drawn from the posterior."""
 
 Forecast = Callable[[Array], Array]
 """Inputs (n, joints) -> expected outputs (n, joints)."""
 Group = Mapping[tuple[str, str], float]
-"""(joint or link, name) -> value, of numbers that are scaled together."""
+"""(joint or link, name) -> value of parameters that are scaled together."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Twin:
-    """The fitted plant."""
+    """Fitted plant."""
 
     plant: Plant = field(repr=False)
     changes: Mapping[str, float]
-    """Group of numbers -> relative change; `delay` in s."""
+    """Group of parameters -> relative change; `delay` in s."""
     residual: float
-    """rad, root mean square of the recorded motion that the twin does not explain."""
+    """Root mean square difference between the recorded motion and the twin's, rad."""
     before: float
-    """rad, the same of the plant before the fit."""
+    """Root mean square difference before the fit, rad."""
     likely: tuple[Plant, ...] = field(repr=False)
-    """Drawn from the posterior."""
+    """Plants drawn from the posterior."""
 
     def forecasts(self, best: Trial) -> list[Forecast]:
-        """By the twin, then by each likely plant: the best trial's outputs, changed as the plant's outputs change."""
+        """Predictions by the twin and by each likely plant: the best trial's outputs plus the change of the plant's outputs."""
         return [_forecast(plant, best) for plant in (self.plant, *self.likely)]
 
 
@@ -69,7 +69,7 @@ def _forecast(plant: Plant, best: Trial) -> Forecast:
 
 
 def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] | None = None) -> Twin:
-    """The plant that gives the trials' outputs for their inputs; start: changes of an earlier twin to begin with."""
+    """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts."""
     from scipy.optimize import least_squares
 
     rows = np.linspace(0.0, float(plant.time[-1]), SAMPLES + 1)[1:]
@@ -97,7 +97,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
         here = weighted(x)
         return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
 
-    # What a model lacks lasts for some samples, so that fewer of them count.
+    # Model errors are correlated over several samples, so fewer samples count.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     given = start or {}
     begin = np.array([*(np.log1p(given.get(name, 0.0)) for name in groups), given.get("delay", 0.0)])
@@ -117,7 +117,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float] |
 
 
 def _groups(plant: Plant) -> dict[str, Group]:
-    """What is fitted of each joint: the mass that it moves as one body, its springs, its friction and motors', its damping."""
+    """Fitted groups of parameters of each joint: mass of its body, springs, friction of joint and motors, damping."""
     robot = plant.prepared.robot
     blocks = {block.joint: block.values() for block in robot.actuators}
     found: dict[str, Group] = {}
@@ -134,7 +134,7 @@ def _groups(plant: Plant) -> dict[str, Group]:
 
 
 def _body(robot: Robot, joint: str) -> Group:
-    """Masses and inertias of the links that the joint moves as one body."""
+    """Masses and inertias of the links that move with the joint as one body."""
     body, waiting = {robot.joint(joint).child}, [robot.joint(joint).child]
     while waiting:
         fixed = [item.child for item in robot.carried.get(waiting.pop(), ()) if item.kind == "fixed"]

@@ -14,7 +14,7 @@ from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, reference_names
 from asrsim.live.transport import Inlet, Received
 from asrsim.log.topics import topic_paths
 from asrsim.samples import JointInfo
-from asrsim.simulation.prepared import EXTERNAL_TORQUE
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.ranges import Range
 from asrsim.simulation.simulation import Simulation
 

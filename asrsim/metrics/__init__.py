@@ -6,11 +6,12 @@ from asrsim.metrics.expect import ExpectationResult, check_expectation, evaluate
 from asrsim.metrics.frequency import frequency_response
 from asrsim.metrics.lag import estimate_lag
 from asrsim.metrics.measures import MEASURES, Measure, measure
-from asrsim.metrics.output import MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.metrics.output import METRICS, MetricRow, read_metrics, write_metrics
 from asrsim.metrics.summary import JointSummary, summarise
 
 __all__ = [
     "MEASURES",
+    "METRICS",
     "ExpectationResult",
     "JointSummary",
     "Measure",
@@ -20,7 +21,7 @@ __all__ = [
     "evaluate_expectation",
     "frequency_response",
     "measure",
+    "read_metrics",
     "summarise",
-    "write_metrics_csv",
-    "write_metrics_json",
+    "write_metrics",
 ]

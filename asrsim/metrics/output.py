@@ -1,4 +1,4 @@
-"""Writes metrics as `metrics.json` and CSV."""
+"""Writes metrics as `metrics.csv` and reads them."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from asrsim.outfile import write_json, write_text
-from asrsim.plain import finite_or_none
+from asrsim.outfile import write_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +26,12 @@ class MetricRow:
     unit: str = ""
 
 
+METRICS = "metrics.csv"
+"""Name of the file of metrics."""
 _FIELDS = ("source", "joint", "quantity", "measure", "value", "unit")
 
 
-def write_metrics_json(path: Path, rows: Sequence[MetricRow]) -> None:
-    """Write `metrics.json`, a list of rows; undefined numbers are null. Raises OutputError."""
-    data = [{**row.__dict__, "value": finite_or_none(row.value)} for row in rows]
-    write_json(path, {"metrics": data})
-
-
-def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
+def write_metrics(path: Path, rows: Sequence[MetricRow]) -> None:
     """Write the rows as CSV with a header; undefined numbers are empty. Raises OutputError."""
     stream = io.StringIO()
     writer = csv.writer(stream)
@@ -45,3 +40,17 @@ def write_metrics_csv(path: Path, rows: Sequence[MetricRow]) -> None:
         value = repr(row.value) if math.isfinite(row.value) else ""
         writer.writerow((row.source, row.joint, row.quantity, row.measure, value, row.unit))
     write_text(path, stream.getvalue(), "metrics")
+
+
+def read_metrics(path: Path) -> list[MetricRow]:
+    """Rows of a file written by `write_metrics`. Raises OSError, and ValueError if the file has another structure."""
+    reader = csv.reader(path.read_text(encoding="utf-8").splitlines(), strict=True)
+    try:
+        if tuple(next(reader, ())) != _FIELDS:
+            raise ValueError(f"{path.name} has other columns than {', '.join(_FIELDS)}")
+        return [
+            MetricRow(source=source, joint=joint, quantity=quantity, measure=measure, value=float(value or "nan"), unit=unit)
+            for source, joint, quantity, measure, value, unit in reader
+        ]
+    except csv.Error as error:
+        raise ValueError(f"{path.name}: {error}") from None

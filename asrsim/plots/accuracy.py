@@ -22,7 +22,9 @@ def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Map
     certificate, cross_check: tables of `summary.json`, empty if the run did not compute them. A dot marks the largest value
     over the run; a bar reaches from the dot to the root mean square. Raises OutputError.
     """
-    found = [(name, data["joints"]) for name, data in _named(certificate, cross_check) if data.get("joints")]
+    engines = f"difference\n{cross_check.get('engine')} - {cross_check.get('other')}"
+    named = (("numerical error\n(estimated)", certificate), (engines, cross_check))
+    found = [(name, data["joints"]) for name, data in named if data.get("joints")]
     if not found:
         return []
     joints = list(dict.fromkeys(joint for _, data in found for joint in data))
@@ -40,11 +42,6 @@ def draw_accuracy(folder: Path, certificate: Mapping[str, Any], cross_check: Map
         axes[0, 1].legend(loc="upper left", bbox_to_anchor=(1.02, 1.0))
         set_title(figure, "accuracy: dots are the largest values of the run, bars reach to the root mean square")
         return save_figure(figure, make_folder(folder), "accuracy", ("png",))
-
-
-def _named(certificate: Mapping[str, Any], cross_check: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
-    engines = f"difference\n{cross_check.get('engine')} - {cross_check.get('other')}"
-    return [("numerical error\n(estimated)", certificate), (engines, cross_check)]
 
 
 def _draw(axes: Any, rows: Sequence[Mapping[str, Any]], quantity: str, shift: float, number: int, name: str) -> None:

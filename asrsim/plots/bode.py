@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.figures import PER_PAGE, Page, describe, shorten
+from asrsim.plots.figures import PER_PAGE, Page, joint_title
 from asrsim.plots.layout import Grid, set_title
 from asrsim.plots.responses import OUTPUT, Response
 from asrsim.samples import Array
@@ -63,7 +63,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     for c, (name, info) in enumerate(joints.items()):
         mine = [one for one in moving if one.joint.name == name]
         draw_bode(axes[0, c], axes[1, c], axes[2, c] if telling else None, mine, several=several)
-        axes[0, c].set_title(f"{shorten(name, 40)}\n{describe(info)}", loc="left")
+        axes[0, c].set_title(joint_title(info), loc="left")
         axes[-1, c].set_xlabel("frequency (Hz)")
     handles: list[Any] = []
     for one in {(r.variant, r.experiment): r for r in found}.values():

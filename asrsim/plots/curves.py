@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
@@ -25,9 +25,6 @@ EXTRA: dict[str, Quantity] = {
 """Quantities that only pictures use: the position reference under one name for all operation modes."""
 KNOWN: dict[str, Quantity] = QUANTITIES | DERIVED | EXTRA
 
-Progress = Callable[[float], None]
-"""Callback that receives the fraction done, 0 to 1."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class RunCurves:
@@ -43,15 +40,17 @@ class RunCurves:
     """(joint, quantity) -> curve; only quantities that the run has."""
     bodies: Mapping[str, Mapping[str, Curve]] = field(default_factory=dict)
     """World object -> dx, dy, dz (displacement from the first sample, m) and force (magnitude of the contact forces, N)."""
-    metadata: Mapping[str, str] = field(default_factory=dict)
     status: str = "complete"
-    duration: float
-    """Duration of the run, s."""
     samples: int
 
     def get(self, joint: str, quantity: str) -> Curve | None:
         """Curve of a joint's quantity, None if the run does not have it."""
         return self.curves.get((joint, quantity))
+
+
+def joint_info(runs: Sequence[RunCurves], joint: str) -> JointInfo:
+    """Description of a joint, from the first run that has it."""
+    return next(info for run in runs for info in run.joints if info.name == joint)
 
 
 class CurveSource:
@@ -79,24 +78,30 @@ class CurveSource:
         recorded = {name for joint in self.reader.info.joints for name in joint.quantities}
         self._stored = [name for name in stored(self._names) if name in recorded]
 
+    def run(
+        self, curves: Mapping[tuple[str, str], Curve], samples: int, *, bodies: Mapping[str, Mapping[str, Curve]] | None = None
+    ) -> RunCurves:
+        """Run of this log with the given curves."""
+        reader = self.reader
+        return RunCurves(
+            path=reader.path, info=reader.info, label=reader.info.variant or reader.path.stem, joints=self.joints,
+            curves=curves, bodies=bodies or {}, status=reader.status, samples=samples,
+        )  # fmt: skip
+
     def span(self, first: float) -> tuple[float, float]:
         """Start and end of the part to read, s; `first` is the time of its first sample."""
         # A log begins at 0, except when the run repeats a recording.
         last = (first if self._start is None else 0.0) + self.reader.duration
         return first, max(first, last if self._end is None else min(self._end, last))
 
-    def chunks(self, progress: Progress | None = None) -> Iterator[tuple[Samples, Array]]:
+    def chunks(self) -> Iterator[tuple[Samples, Array]]:
         """Chunks of the log: samples, and the selected columns as a matrix (n, columns)."""
-        duration, start = self.reader.duration, None
         samples = self.reader.iter_samples(
             quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
         )
         for part in _ordered(samples, self.reader.path):
             columns = table(part, self._names, self.reader.info.joints)
             yield part, np.concatenate([columns[name] for name in self._names], axis=1) if self._names else np.empty((0, 0))
-            start = float(part.time[0]) if start is None else start
-            if progress is not None and duration > 0:
-                progress((float(part.time[-1]) - start) / duration)
 
 
 def read_curves(
@@ -108,7 +113,6 @@ def read_curves(
     start: float | None = None,
     end: float | None = None,
     bins: int = BINS,
-    progress: Progress | None = None,
 ) -> RunCurves:
     """Thinned curves of a log. The log is read chunk by chunk; memory depends on `bins`, not on the duration.
 
@@ -119,50 +123,33 @@ def read_curves(
     reader, columns = source.reader, source.columns
     envelope: Envelope | None = None
     world: WorldEnvelope | None = None
-    for part, matrix in source.chunks(progress):
+    for part, matrix in source.chunks():
         if envelope is None:
             first, last = source.span(float(part.time[0]))
-            envelope = Envelope(len(columns), start=first, end=last, bins=bins)
+            envelope = Envelope(start=first, end=last, bins=bins)
             world = WorldEnvelope(part, start=first, end=last, bins=bins) if bodies else None
         envelope.add(part.time, matrix)
         if world is not None:
             world.add(part)
     if envelope is None:
+        window = start is not None or end is not None
+        ended = "The run ended before its first chunk was written" if reader.truncated else None
         raise LogError(
-            "the log contains no samples" + ("" if start is None and end is None else " in that time"),
-            file=reader.path,
-            hint="The run ended before its first chunk was written"
-            if reader.truncated
-            else f"It lasts {reader.duration:g} s"
-            if start is not None or end is not None
-            else None,
-            code="empty-log",
-        )
+            "the log contains no samples" + (" in that time" if window else ""), file=reader.path, code="empty-log",
+            hint=f"It lasts {reader.duration:g} s" if window and not ended else ended,
+        )  # fmt: skip
     curves = {}
     for index, column in enumerate(columns):
         time, values = envelope.column(index)
         if np.isfinite(values).any():
             curves[column] = Curve(time=time, values=values)
-    return RunCurves(
-        path=reader.path,
-        info=reader.info,
-        label=reader.info.variant or reader.path.stem,
-        joints=source.joints,
-        curves=curves,
-        bodies=world.curves() if world is not None else {},
-        metadata=reader.metadata,
-        status=reader.status,
-        duration=reader.duration,
-        samples=envelope.samples,
-    )
+    return source.run(curves, envelope.samples, bodies=world.curves() if world is not None else {})
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
-    """The runs with distinct labels: variant, else file name, else the part of the path that differs, else a number."""
+    """The runs with distinct labels: variant, else the part of the path that differs, else a number."""
     for labels in (
         [run.label for run in runs],
-        [f"{Path(run.info.scenario_path).stem} {run.label}".strip() for run in runs],
-        [run.path.stem for run in runs],
         _differing([run.path.resolve().with_suffix("").parts for run in runs]),
     ):
         if all(labels) and len(set(labels)) == len(labels):
@@ -186,31 +173,30 @@ def available(reader: LogReader) -> tuple[str, ...]:
     return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)
 
 
-def _members(reader: LogReader, asked: Sequence[str] | None) -> tuple[JointInfo, ...]:
-    by_name = {joint.name: joint for joint in reader.info.joints}
-    unknown = [name for name in asked or () if name not in by_name]
+def require_names(reader: LogReader, kind: str, names: Sequence[str], choices: Sequence[str]) -> None:
+    """Raise LogError for names that are not among the choices. kind: `joint` or `quantity`."""
+    unknown = [name for name in names if name not in choices]
     if unknown:
         raise LogError(
-            Problem(f"the log has no joint '{name}'", file=reader.path, key="joint", choices=tuple(by_name),
-                    meant=name, code="unknown-joint")
+            Problem(f"the log has no {kind} '{name}'", file=reader.path, key=kind, choices=tuple(choices),
+                    meant=name, code=f"unknown-{kind}")
             for name in unknown
         )  # fmt: skip
-    return reader.info.joints if asked is None else tuple(by_name[name] for name in dict.fromkeys(asked))
 
 
-def _names(reader: LogReader, members: Sequence[JointInfo], asked: Sequence[str] | None) -> tuple[str, ...]:
+def _members(reader: LogReader, names: Sequence[str] | None) -> tuple[JointInfo, ...]:
+    by_name = {joint.name: joint for joint in reader.info.joints}
+    require_names(reader, "joint", names or (), tuple(by_name))
+    return reader.info.joints if names is None else tuple(by_name[name] for name in dict.fromkeys(names))
+
+
+def _names(reader: LogReader, members: Sequence[JointInfo], names: Sequence[str] | None) -> tuple[str, ...]:
     choices = available(reader)
-    if asked is None:
+    if names is None:
         mine = {name for joint in members for name in joint.quantities} | set(DERIVED)
         return (*(name for name in choices if name in mine), *([REFERENCE] if "link_position" in choices else []))
-    unknown = [name for name in asked if name not in choices and name not in EXTRA]
-    if unknown:
-        raise LogError(
-            Problem(f"the log has no quantity '{name}'", file=reader.path, key="quantity", choices=choices,
-                    meant=name, code="unknown-quantity")
-            for name in unknown
-        )  # fmt: skip
-    return tuple(dict.fromkeys(asked))
+    require_names(reader, "quantity", names, (*choices, *EXTRA))
+    return tuple(dict.fromkeys(names))
 
 
 def stored(names: Sequence[str]) -> list[str]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from asrsim.outfile import make_folder
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info, read_curves
 from asrsim.plots.layout import GAP_Y, Grid, set_title
-from asrsim.plots.legends import legend, limit_handle
+from asrsim.plots.legends import LIMIT, legend
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
 from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import BodyPanel, body_panels
@@ -105,12 +108,12 @@ def grid_figure(
             if not content(panel, runs, joint):
                 _empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # A single quantity, named by the axis: draw it in the variants' colours.
-        alone = several and len(names) == 1
+        # A single quantity of several runs is named by the axis.
+        names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
-        legend(axes[r, -1], [] if alone else names, several=several, words=words, extra=_limit_handles(shown))
+        legend(axes[r, -1], names, several=several, words=words)
     for c, joint in enumerate(joints):
-        axes[0, c].set_title(_column_title(runs, joint), loc="left", color=style.BLACK)
+        axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
     figure_title(figure, runs, subject, part)
     return figure
@@ -142,8 +145,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             ax.set_xlabel("time (s)")
             ax.xaxis.set_tick_params(labelbottom=True)
     several = len(runs) > 1
-    legend(axes[0, -1], [name for name in panel.of_any(several=several) if name in shown], several=several,
-           extra=_limit_handles(shown))  # fmt: skip
+    legend(axes[0, -1], [name for name in (*panel.of_any(several=several), LIMIT) if name in shown], several=several)
     figure_title(figure, runs, "all joints", (1, 1))
     return figure
 
@@ -178,8 +180,7 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
             own = len(runs) > 1 and not led
             draw_curve(
                 axes, curves[key], linestyle=style.line_style(plain.index(key)) if own else "-", gid=f"{body}.{key}.{number}",
-                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key),
-                linewidth=2.6 if led else style.WIDTH, zorder=1.5 if led else 2.0,
+                colour=style.variant_colour(number) if own else style.colour(REFERENCE if led else key), reference=led,
             )  # fmt: skip
             words[REFERENCE if led else key] = "goal" if led else panel.entries[key]
             shown.append(curves[key])
@@ -189,10 +190,6 @@ def _draw_body(axes: Axes, runs: Sequence[RunCurves], body: str, panel: BodyPane
     return words
 
 
-def _limit_handles(shown: Collection[str]) -> list[Any]:
-    return [limit_handle(own=kind == "own limit") for kind in ("limit", "own limit") if kind in shown]
-
-
 def _empty(axes: Axes) -> None:
     axes.set_ylabel("")
     axes.set_yticks([])
@@ -200,9 +197,9 @@ def _empty(axes: Axes) -> None:
     axes.text(0.5, 0.5, "not recorded", transform=axes.transAxes, ha="center", va="center", color=style.GREY)
 
 
-def _column_title(runs: Sequence[RunCurves], joint: str) -> str:
-    info = next(info for run in runs for info in run.joints if info.name == joint)
-    return f"{shorten(joint, 40)}\n{describe(info)}"
+def joint_title(joint: JointInfo) -> str:
+    """Title of a joint's column: its name, and its actuator and mode."""
+    return f"{shorten(joint.name, 40)}\n{describe(joint)}"
 
 
 def describe(joint: JointInfo) -> str:
@@ -234,3 +231,23 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
     if part[1] > 1:
         words.append(f"page {part[0]} of {part[1]}")
     set_title(figure, " · ".join(words))
+
+
+def draw_run(
+    log_path: str | os.PathLike[str], folder: str | os.PathLike[str], *, formats: Sequence[str] = ("png",), brief: bool = False
+) -> list[Path]:
+    """Draw one run into `folder` (created if missing) and return the files; `asrsim.plots.job.plot` has more options.
+
+    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. Joints that
+    do not fit on one page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: no energies;
+    of many joints only the overview and the first page, as `asrsim run` draws them. Raises LogError for files that are not
+    logs, and OutputError.
+    """
+    kinds = check_formats(formats)
+    place = make_folder(Path(folder))
+    run = read_curves(log_path)
+    written: list[Path] = []
+    with styled():
+        for page in run_pages([run], brief=brief):
+            written += save_figure(page.figure, place, page.name, kinds)
+    return written

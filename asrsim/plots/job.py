@@ -10,7 +10,7 @@ from typing import Any
 
 from asrsim.errors import InputError, Problem
 from asrsim.log import open_log
-from asrsim.metrics import ExpectationResult, MetricRow, write_metrics_csv, write_metrics_json
+from asrsim.metrics import METRICS, ExpectationResult, MetricRow, write_metrics
 from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
@@ -19,8 +19,7 @@ from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels
 from asrsim.plots.figures import Page, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
-from asrsim.plots.pairing import RunComparison, assign, compare_run
-from asrsim.plots.recorded import RECORDED, write_recorded
+from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
 from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
@@ -65,8 +64,8 @@ class PlotResult:
 
     runs: tuple[RunCurves, ...]
     recordings: tuple[Recording, ...] = ()
-    assigned: tuple[tuple[Path, str, bool], ...] = ()
-    """(recording, label of its run or `all`, whether the run was guessed)."""
+    assigned: tuple[tuple[Path, str], ...] = ()
+    """(recording, label of its run or `all`)."""
     compared: tuple[RunComparison, ...] = ()
     responses: tuple[Response, ...] = ()
     rows: tuple[MetricRow, ...] = ()
@@ -93,10 +92,9 @@ class PlotResult:
                 {
                     "file": str(path),
                     "run": label,
-                    "guessed": guessed,
                     "columns": {c.source: f"{c.joint}.{c.quantity}" for c in recording.channels.values() if c.quantity},
                 }
-                for (path, label, guessed), recording in zip(self.assigned, self.recordings, strict=True)
+                for (path, label), recording in zip(self.assigned, self.recordings, strict=True)
             ],
             "alignment": [
                 {"run": one.label, "experiment": name, "lag": a.lag, "how": a.how,
@@ -127,10 +125,10 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     runs = _read_runs(job, progress)
     labels = [run.label for run in runs]
     assigned = assign(labels, job.experiments)
-    recordings = _read_recordings(job, [path for path, _, _ in assigned], runs)
+    recordings = _read_recordings(job, [path for path, _ in assigned], runs)
     findings = [finding for recording in recordings for finding in recording.findings]
-    members = [[r for r, (_, n, _) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
-    compared = _compared(job, runs, members, progress)
+    members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
+    compared = _compared(job, runs, members)
     findings += [finding for one in compared for finding in one.findings]
     rows = [row for one in compared for row in one.rows]
     found: list[Response] = []
@@ -142,7 +140,7 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     result = PlotResult(
         runs=tuple(runs),
         recordings=tuple(recordings),
-        assigned=tuple((path, "all" if n is None else labels[n], guessed) for path, n, guessed in assigned),
+        assigned=tuple((path, "all" if n is None else labels[n]) for path, n in assigned),
         compared=tuple(compared),
         responses=tuple(found),
         rows=tuple(rows),
@@ -152,23 +150,19 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     return _written(job, result, formats)
 
 
-def _share(progress: Progress | None, what: str, number: int, count: int) -> Callable[[float], None] | None:
-    """Progress of part `number` of a task with `count` parts."""
-    return None if progress is None else lambda fraction: progress(what, (number + fraction) / count)
-
-
 def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
     alone = not job.experiments and not job.bode
-    return distinct_labels(
-        [
+    runs = []
+    for number, path in enumerate(job.logs):
+        runs.append(
             read_curves(
                 path, joints=job.joints, quantities=job.quantities if alone else _beside(path),
                 bodies=alone and job.quantities is None, start=job.start, end=job.end,
-                progress=_share(progress, "reading", n, len(job.logs)),
             )
-            for n, path in enumerate(job.logs)
-        ]
-    )  # fmt: skip
+        )  # fmt: skip
+        if progress is not None:
+            progress("reading", (number + 1) / len(job.logs))
+    return distinct_labels(runs)
 
 
 def _beside(path: Path) -> tuple[str, ...]:
@@ -193,22 +187,19 @@ def _read_recordings(job: PlotJob, paths: Sequence[Path], runs: Sequence[RunCurv
     return recordings
 
 
-def _compared(
-    job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequence[Recording]], progress: Progress | None
-) -> list[RunComparison]:
+def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequence[Recording]]) -> list[RunComparison]:
     """Comparison of each run with its recordings (`members`); runs without recordings are omitted."""
     everything = [recording for mine in members for recording in mine]
     claimed = claimed_clocks([run.info for run in runs], everything) if job.lag == "auto" else {}
     lags: dict[str, LagChoice] = dict(claimed)
     compared: list[RunComparison] = []
-    for number, (run, mine) in enumerate(zip(runs, members, strict=True)):
+    for run, mine in zip(runs, members, strict=True):
         if not mine:
             continue
         one = compare_run(
             run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
             # A recording has one clock: the lag found with the first run holds for the other runs.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, lag_limit=job.lag_limit,
-            progress=_share(progress, "comparing", number, len(runs)),
         )  # fmt: skip
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)
@@ -263,7 +254,6 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
     if result.compared:
         files.append(write_recorded(folder / RECORDED, result.compared))
     if result.rows:
-        write_metrics_json(folder / "metrics.json", result.rows)
-        write_metrics_csv(folder / "metrics.csv", result.rows)
-        files += [folder / "metrics.json", folder / "metrics.csv"]
+        write_metrics(folder / METRICS, result.rows)
+        files.append(folder / METRICS)
     return replace(result, files=tuple(files), replaced=sum(path.name in before for path in files))

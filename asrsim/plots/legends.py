@@ -27,28 +27,25 @@ def legend(
     """
     from matplotlib.lines import Line2D
 
-    plain = [name for name in quantities if not name.startswith("reference")]
-    handles: list[Any] = [
-        Line2D(
-            [], [], linewidth=2.6 if name.startswith("reference") else 1.6, label=(words or {}).get(name) or _entry(name),
-            color=style.BLACK if several and name in plain else style.colour(name),
-            linestyle=style.line_style(plain.index(name)) if several and name in plain else "-",
-        )
-        for name in quantities
-    ]  # fmt: skip
+    plain = [name for name in quantities if not name.startswith("reference") and name != LIMIT]
+    handles: list[Any] = []
+    for name in quantities:
+        own = several and name in plain
+        text = (words or {}).get(name) or _WORDS.get(name) or style.plain(style.name(name))
+        handles.append(
+            Line2D(
+                [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
+                label=text, color=style.BLACK if own else style.colour(name),
+                linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
+            )
+        )  # fmt: skip
     if handles or extra:
         length = 3.0 if several else 2.2
         axes.legend(handles=[*handles, *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
 
 
-def limit_handle(*, own: bool) -> Any:
-    """Legend entry for limits. own: the limits differ from run to run and have the runs' colours."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=style.BLACK if own else style.LIMIT, linewidth=0.9, linestyle=LIMIT_LINE,
-                  label="limits of each" if own else "limits")  # fmt: skip
-
-
+LIMIT = "limit"
+"""Name of the limits in a legend."""
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
 """Dash pattern of limit lines, in points."""
 
@@ -98,8 +95,5 @@ _WORDS = {
     "friction_loss": "friction",
     "link_work": "link work",
     "damping_loss": "damping",
+    LIMIT: "limits",
 }
-
-
-def _entry(quantity: str) -> str:
-    return _WORDS.get(quantity) or style.symbol(quantity)

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
-from asrsim.plots.figures import PER_PAGE, Page, describe, figure_title, shorten
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
+from asrsim.plots.figures import PER_PAGE, Page, figure_title, joint_title
 from asrsim.plots.layout import Grid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
 from asrsim.plots.view import draw_curve, show_time, show_values
-from asrsim.plots.world import Curve
-from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +22,8 @@ if TYPE_CHECKING:
 
 QUANTITIES_PER_PAGE = 3
 """Number of quantities (rows of panels) per page."""
+SHOWN = 3
+"""Largest number of runs whose difference is also written as a number."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", "motor_1_position", "motor_2_position")
 
@@ -61,19 +61,17 @@ def overlay_figure(
     grid = Grid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
     figure, axes = grid.figure([one.label for one in compared], sharex="col")
     for c, joint in enumerate(joints):
-        info = _info(runs, joint)
         for r, quantity in enumerate(quantities):
             draw_overlay(axes[2 * r, c], runs, compared, joint, quantity)
             draw_difference(axes[2 * r + 1, c], runs, compared, joint, quantity)
-        axes[0, c].set_title(f"{shorten(joint, 40)}\n{describe(info) if info else ''}", loc="left")
+        axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left")
         axes[-1, c].set_xlabel("time (s)")
     banded = max((pair.count for one in compared for pair in one.pairs.values()), default=1)
+    has_reference = any((joint, REFERENCE) in run.curves for run in runs for joint in joints)
     for r, quantity in enumerate(quantities):
-        reference = [REFERENCE] if quantity in _BESIDE_REFERENCE and _has_reference(runs, joints) else []
+        names = [quantity, *([REFERENCE] if has_reference and quantity in _BESIDE_REFERENCE else [])]
         words = {quantity: "simulation"}
-        legend(
-            axes[2 * r, -1], [quantity, *reference], words=words, extra=_experiment_handles(banded), several=len(compared) > 1
-        )
+        legend(axes[2 * r, -1], names, words=words, extra=_experiment_handles(banded), several=len(compared) > 1)
     figure_title(figure, runs, "simulation and experiment", part, more=_moved(compared))
     return figure
 
@@ -94,15 +92,12 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
             _experiment(axes, pair, ink, f"{joint}.{quantity}.experiment.{number}")
         reference = run.get(joint, REFERENCE)
         if number == 0 and reference is not None and quantity in _BESIDE_REFERENCE:
-            inside = _within(reference, pair.simulation)
-            draw_curve(
-                axes, inside, colour=style.colour(REFERENCE), linewidth=2.6, zorder=1.4, gid=f"{joint}.{quantity}.reference"
-            )
-            drawn.append(inside)
+            draw_curve(axes, reference, colour=style.colour(REFERENCE), reference=True, gid=f"{joint}.{quantity}.reference")
+            drawn.append(reference)
         draw_curve(
             axes, pair.simulation, colour=colour, zorder=2.3, linewidth=1.9, gid=f"{joint}.{quantity}.simulation.{number}"
         )
-    unit = style.unit(quantity, _info(runs, joint))
+    unit = style.unit(quantity, joint_info(runs, joint))
     show_values(axes, drawn, brief="N" in unit)
     axes.set_ylabel(style.axis_label(style.name(quantity), unit))
 
@@ -111,55 +106,35 @@ def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
     """Draw simulation minus experiment on the given axes and write the root mean square."""
-    found = [(n, one, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
-    for number, _, pair in found:
+    unit = style.unit(quantity, joint_info(runs, joint))
+    found = [(n, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
+    for place, (number, pair) in enumerate(found):
         colour = style.variant_colour(number) if len(compared) > 1 else style.colour(quantity)
         draw_curve(axes, pair.difference, colour=colour, linewidth=0.9, gid=f"{joint}.{quantity}.difference.{number}")
+        if math.isfinite(pair.rmse) and place < SHOWN:
+            share = f" ({100 * pair.nrmse:.{0 if pair.nrmse >= 0.1 else 1}f} %)" if math.isfinite(pair.nrmse) else ""
+            axes.text(
+                1.0 - 0.3 * (min(len(found), SHOWN) - 1 - place), 1.02,
+                f"{'' if place else 'RMSE '}{pair.rmse:.3g} {unit}{share}", transform=axes.transAxes, ha="right", va="bottom",
+                fontsize=7.5, color=colour if len(compared) > 1 else style.GREY,
+            )  # fmt: skip
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)
-    unit = style.unit(quantity, _info(runs, joint))
-    size = max((pair.difference.extent for _, _, pair in found), default=0.0)
+    size = max((pair.difference.extent for _, pair in found), default=0.0)
     whole = max(
-        (float(np.ptp(v)) for _, _, p in found if len(v := p.recording.values[np.isfinite(p.recording.values)])), default=0.0
+        (float(np.ptp(v)) for _, p in found if len(v := p.recording.values[np.isfinite(p.recording.values)])), default=0.0
     )
     if size > 1e-9 * whole:
-        show_values(axes, [pair.difference for _, _, pair in found], brief="N" in unit)
+        show_values(axes, [pair.difference for _, pair in found], brief="N" in unit)
     else:
         # A negligible difference is drawn on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     axes.set_ylabel(f"difference\n({unit or '-'})")
-    texts = [(number, _verdict(one, joint, quantity)) for number, one, _ in found[:3]]
-    for place, (number, text) in enumerate(reversed([entry for entry in texts if entry[1]])):
-        first = number == texts[0][0]
-        axes.text(
-            1.0 - 0.3 * place, 1.02, f"{'RMSE ' if first else ''}{text}", transform=axes.transAxes, ha="right", va="bottom",
-            fontsize=7.5, color=style.variant_colour(number) if len(compared) > 1 else style.GREY,
-        )  # fmt: skip
-
-
-def _verdict(one: RunComparison, joint: str, quantity: str) -> str:
-    """RMS difference and its fraction of the recording's range as text; the mean for several recordings."""
-    found: dict[str, list[float]] = {"rmse": [], "nrmse": []}
-    unit = ""
-    for row in one.rows:
-        if (row.joint, row.quantity) == (joint, quantity) and row.measure in found and math.isfinite(row.value):
-            found[row.measure].append(row.value)
-            unit = row.unit.replace("N m", "N·m") if row.measure == "rmse" else unit
-    if not found["rmse"]:
-        return ""
-    mean, share = (float(np.mean(values)) if values else math.nan for values in found.values())
-    return f"{mean:.3g} {unit}" + (f" ({100 * share:.{0 if share >= 0.1 else 1}f} %)" if math.isfinite(share) else "")
 
 
 def _moved(compared: Sequence[RunComparison]) -> str:
     """Shifts of the recordings' clocks as text for the title."""
     lags = dict.fromkeys(a.said for one in compared for a in one.alignments.values() if abs(a.lag) > 1e-9)
     return f"recording {', '.join(list(lags)[:4])}" if lags else ""
-
-
-def _within(curve: Curve, other: Curve) -> Curve:
-    """Part of a curve within the time span of the other curve."""
-    inside = (curve.time >= other.time[0]) & (curve.time <= other.time[-1])
-    return Curve(time=curve.time[inside], values=curve.values[inside])
 
 
 def _experiment(axes: Axes, pair: Pair, ink: str, gid: str) -> None:
@@ -178,11 +153,3 @@ def _experiment_handles(count: int) -> list[Any]:
         Line2D([], [], color=style.EXPERIMENT, linewidth=1.2, label=f"experiment,\nmean of {count} runs"),
         Patch(color=style.EXPERIMENT, alpha=0.18, linewidth=0, label="their range"),
     ]
-
-
-def _has_reference(runs: Sequence[RunCurves], joints: Sequence[str]) -> bool:
-    return any(run.get(joint, REFERENCE) is not None for run in runs for joint in joints)
-
-
-def _info(runs: Sequence[RunCurves], joint: str) -> JointInfo | None:
-    return next((info for run in runs for info in run.joints if info.name == joint), None)

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from asrsim import __version__
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
-from asrsim.log.derived import DERIVED_SOURCES
 from asrsim.metrics import MetricRow
-from asrsim.plots.curves import Progress, available
+from asrsim.outfile import write_text
+from asrsim.plots.curves import available, stored
 from asrsim.plots.decimate import BINS, decimate
 from asrsim.plots.world import Curve
 from asrsim.quantities import is_comparable
-from asrsim.recordings import Comparison, Recording, Series, band, compare
+from asrsim.recordings import Comparison, Recording, band, compare
 from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
+
+RECORDED = "recorded.json"
+"""Name of the file with the recorded curves of a comparison, which a report draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +34,6 @@ class Pair:
 
     joint: str
     quantity: str
-    unit: str
     simulation: Curve
     recording: Curve
     """Recording; the mean of several recordings."""
@@ -40,6 +44,10 @@ class Pair:
     high: Curve | None = None
     count: int = 1
     """Number of recordings."""
+    rmse: float
+    """Root mean square of the difference, in the unit of the quantity; mean over several recordings."""
+    nrmse: float
+    """`rmse` divided by the range of the recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,26 +66,21 @@ class RunComparison:
     findings: tuple[Problem, ...] = ()
 
 
-def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int | None, bool]]:
-    """Run of each recording: (file, number of the run or None for all runs, whether the run was guessed).
+def assign(labels: Sequence[str], files: Sequence[str]) -> list[tuple[Path, int | None]]:
+    """Recordings with the number of their run, from `VARIANT=FILE`; None: the recording belongs to all runs.
 
-    `VARIANT=FILE` names the run. Otherwise a file belongs to the run whose label is a word of the file's name, if exactly one
-    run matches, else to all runs. Raises InputError for a variant that no run has.
+    Raises InputError for a variant that no run has.
     """
-    chosen: list[tuple[Path, int | None, bool]] = []
+    chosen: list[tuple[Path, int | None]] = []
     for text in files:
         variant, equals, name = text.partition("=")
-        if equals and variant and not Path(text).exists():
-            if variant not in labels:
-                message = f"no log is labelled '{variant}'"
-                problem = Problem(message, key="experiment", choices=tuple(labels), meant=variant, code="unknown-variant")
-                raise InputError(problem)
-            chosen.append((Path(name), labels.index(variant), False))
-            continue
-        words = set(re.split(r"[^a-z0-9]+", Path(text).stem.lower()))
-        named = [n for n, label in enumerate(labels) if set(re.split(r"[^a-z0-9]+", label.lower())) <= words]
-        guessed = len(labels) > 1 and len(named) == 1
-        chosen.append((Path(text), named[0] if guessed else None, guessed))
+        if not equals or not variant or Path(text).exists():
+            chosen.append((Path(text), None))
+        elif variant in labels:
+            chosen.append((Path(name), labels.index(variant)))
+        else:
+            message = f"no log is labelled '{variant}'"
+            raise InputError(Problem(message, key="experiment", choices=tuple(labels), meant=variant, code="unknown-variant"))
     return chosen
 
 
@@ -91,9 +94,8 @@ def compare_run(
     lags: Mapping[str, LagChoice] | LagChoice = "auto",
     lag_limit: float | None = None,
     bins: int = BINS,
-    progress: Progress | None = None,
 ) -> RunComparison:
-    """Comparison of a log with recordings of one experiment, computed one joint at a time.
+    """Comparison of a log with recordings of one experiment.
 
     joints, quantities: all by default. lags: one lag for all recordings, or a lag by path. lag_limit: largest automatic lag, s.
     Raises RecordingError (no common joint or quantity, no overlap in time) and LogError.
@@ -106,32 +108,24 @@ def compare_run(
         str(recording.path): _aligned(reader, recording, pairing, lags, lag_limit)
         for recording, pairing in zip(recordings, pairings, strict=True)
     }
-    findings = {str(problem): problem for alignment in alignments.values() for problem in alignment.findings}
-    pairs: dict[tuple[str, str], Pair] = {}
-    rows: list[MetricRow] = []
-    for number, joint in enumerate(paired):
-        compared = []
-        samples = reader.read(quantities=_stored(reader, common), joints=[joint]).samples
-        for recording, pairing in zip(recordings, pairings, strict=True):
-            of_joint = {its: ours for its, ours in pairing.items() if ours == joint}
-            if not of_joint:
-                continue
+    recorded = {name for joint in infos for name in joint.quantities}
+    samples = reader.read(quantities=[name for name in stored(common) if name in recorded], joints=paired).samples
+    compared = []
+    for recording, pairing in zip(recordings, pairings, strict=True):
+        shared = {its: ours for its, ours in pairing.items() if ours in paired}
+        if shared:
             lag = alignments[str(recording.path)].lag
-            one = compare(samples, recording, infos=infos, joints=of_joint, quantities=common, lag=lag)
-            compared.append(one)
-            rows += one.rows(label)
-            findings |= {str(problem): problem for problem in one.findings}
-        pairs |= _pairs(compared, bins)
-        if progress is not None:
-            progress((number + 1) / len(paired))
+            compared.append(compare(samples, recording, infos=infos, joints=shared, quantities=common, lag=lag))
+    findings = [problem for alignment in alignments.values() for problem in alignment.findings]
+    findings += [problem for one in compared for problem in one.findings]
     return RunComparison(
         label=label,
         recordings=tuple(recording.path for recording in recordings),
-        pairs=pairs,
+        pairs=_pairs(compared, bins),
         alignments=alignments,
         joints={str(recording.path): pairing for recording, pairing in zip(recordings, pairings, strict=True)},
-        rows=tuple(rows),
-        findings=tuple(findings.values()),
+        rows=tuple(row for one in compared for row in one.rows(label)),
+        findings=tuple(findings),
     )
 
 
@@ -171,41 +165,26 @@ def _aligned(
     return align_recording(recording, pairing, series_of(read, infos), lag=lag, limit=limit, infos=infos)
 
 
-def _stored(reader: LogReader, names: Sequence[str]) -> list[str]:
-    recorded = {name for joint in reader.info.joints for name in joint.quantities}
-    wanted = dict.fromkeys(source for name in names for source in DERIVED_SOURCES.get(name, (name,)))
-    return [name for name in wanted if name in recorded]
-
-
 def _pairs(compared: Sequence[Comparison], bins: int) -> dict[tuple[str, str], Pair]:
     pairs: dict[tuple[str, str], Pair] = {}
     for key in dict.fromkeys((s.joint, s.quantity) for one in compared for s in one.series):
         found = [s for s in (one.find(*key) for one in compared) if s is not None]
-        first = found[0]
-        if len(found) == 1:
-            pairs[key] = _pair(first, first.recording, bins)
+        runs = band(compared, *key) if len(found) > 1 else None
+        if len(found) > 1 and runs is None:
             continue
-        runs = band(compared, *key)
-        if runs is None:
-            continue
-        low, high = _hull(runs.time, runs.low, runs.high, bins)
-        pairs[key] = replace(_pair(first, runs.mean, bins), low=low, high=high, count=runs.count)
+        time, simulated, recorded = found[0].time, found[0].simulation, found[0].recording if runs is None else runs.mean
+
+        def thin(values: Array, time: Array = time) -> Curve:
+            moments, kept = decimate(time, values, bins=bins)
+            return Curve(time=moments, values=kept)
+
+        low, high = (None, None) if runs is None else _hull(runs.time, runs.low, runs.high, bins)
+        pairs[key] = Pair(
+            joint=key[0], quantity=key[1], simulation=thin(simulated), recording=thin(recorded),
+            difference=thin(simulated - recorded), low=low, high=high, count=len(found),
+            **{name: float(np.mean([one.metrics[name] for one in found])) for name in ("rmse", "nrmse")},
+        )  # fmt: skip
     return pairs
-
-
-def _pair(series: Series, recording: Array, bins: int) -> Pair:
-    def thin(values: Array) -> Curve:
-        time, kept = decimate(series.time, values, bins=bins)
-        return Curve(time=time, values=kept)
-
-    return Pair(
-        joint=series.joint,
-        quantity=series.quantity,
-        unit=series.unit,
-        simulation=thin(series.simulation),
-        recording=thin(recording),
-        difference=thin(series.simulation - recording),
-    )
 
 
 def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve]:
@@ -214,3 +193,18 @@ def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve
         edges = np.unique(np.linspace(0, len(time), bins + 1).astype(int)[:-1])
         time, low, high = time[edges], np.fmin.reduceat(low, edges), np.fmax.reduceat(high, edges)
     return Curve(time=time, values=low), Curve(time=time, values=high)
+
+
+def write_recorded(path: Path, compared: Iterable[RunComparison]) -> Path:
+    """Write the recorded curves, thinned and on the run's clock, for a report and return the file. Raises OutputError."""
+    curves = [
+        {
+            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
+            "time": [round(t, 6) for t in pair.recording.time.tolist()],
+            "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
+        }
+        for one in compared for pair in one.pairs.values()
+    ]  # fmt: skip
+    data = {"generator": f"asrsim {__version__}", "curves": curves}
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
+    return path

@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.actuators import MODES
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
-from asrsim.plots.legends import LIMIT_LINE
+from asrsim.plots.legends import LIMIT, LIMIT_LINE
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import Curve
@@ -46,23 +46,18 @@ class Panel:
         return self.quantities if not several or self.compared is None else self.compared
 
     def _belongs(self, name: str, joint: JointInfo) -> bool:
-        mode = MODES.get(joint.mode) if joint.mode is not None else None
         if self.key in ("position", "motors") and name == "motor_2_position":
             return not style.has_adjuster(joint)
-        if name in ("reference_1", "reference_2") and self.key in _REFERENCE_WORD:
-            index = int(name[-1]) - 1
-            if mode is None or index >= len(mode.references):
-                return False
-            if self.key in ("position", "motors"):
-                # A motor reference; the position that results from the motors is the other reference.
-                return not mode.mapped and mode.spring and not mode.references[index].endswith("torque") and (
-                    index == 0 or not style.has_adjuster(joint)
-                )  # fmt: skip
-            return mode.references[index].startswith(_REFERENCE_WORD[self.key]) and mode.references[index].endswith("torque")
-        return True
+        word = _TORQUES.get(self.key)
+        if word is None or not name.startswith("reference_"):
+            return True
+        mode, index = MODES.get(joint.mode) if joint.mode is not None else None, int(name[-1]) - 1
+        given = mode.references[index] if mode is not None and index < len(mode.references) else ""
+        return given.startswith(word) and given.endswith("torque")
 
 
-_REFERENCE_WORD = {"position": "", "motors": "", "torque": "link", "motor_torque": "motor"}
+_TORQUES = {"torque": "link", "motor_torque": "motor"}
+"""Panels that show a reference only if it is a torque, and the part on which this torque acts."""
 
 PANELS: dict[str, Panel] = {
     panel.key: panel
@@ -145,7 +140,7 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
 
 
 def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) -> tuple[str, ...]:
-    """Draw a joint's panel, variants by colour, and return the names of the quantities drawn, `limit` among them."""
+    """Draw a joint's panel, variants by colour, and return the names of the quantities drawn, `limit` for limits included."""
     drawn = content(panel, runs, joint)
     several = len(runs) > 1
     plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
@@ -156,38 +151,32 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
         colour = style.variant_colour(number) if several and not shared else style.colour(name)
         draw_curve(
             axes, curve, colour=colour, linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
-            linewidth=2.6 if reference else style.WIDTH, gid=f"{joint}.{name}.{number}", zorder=1.5 if reference else 2.0,
+            reference=reference, gid=f"{joint}.{name}.{number}",
             alpha=0.35 if reference and several and not shared else None,
-            label=style.symbol(name) if len(runs) == 1 else f"{style.symbol(name)} {style.plain(runs[number].label)}",
         )  # fmt: skip
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])
     words = panel.words.replace("torque", "force") if infos and infos[0].prismatic else panel.words
     axes.set_ylabel(style.axis_label(words, " or ".join(filter(None, units))))
-    limits = [(n, limit) for n, run in enumerate(runs) for limit in panel_limits(run, joint, panel.key)] if drawn else []
+    limits = _common_limits(runs, joint, panel.key) if drawn else []
     show_values(
-        axes, [curve for _, _, curve in drawn], limits=[limit for _, limit in limits], brief=any("N" in unit for unit in units),
+        axes, [curve for _, _, curve in drawn], limits=limits, brief=any("N" in unit for unit in units),
         still=_STILL if panel.key in ("position", "link") else 1e-12,
     )  # fmt: skip
     low, high = axes.get_ylim()
-    seen = [(n, limit) for n, limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
-    kinds: dict[str, None] = {}
-    for number, limit in _distinct(seen):
-        own = several and sum(_equal(limit, other) for _, other in seen) < len(runs)
-        kinds["own limit" if own else "limit"] = None
+    seen = [limit for limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
+    for limit in seen:
         axes.plot(
-            limit.time, limit.values, color=style.variant_colour(number) if own else style.LIMIT, linewidth=0.9,
-            linestyle=LIMIT_LINE, zorder=1.2, gid=f"{joint}.{panel.key}.limit.{number}",
+            limit.time, limit.values, color=style.colour(LIMIT), linewidth=0.9, linestyle=LIMIT_LINE, zorder=1.2,
+            gid=f"{joint}.{panel.key}.limit",
         )  # fmt: skip
-    return (*dict.fromkeys(name for name, _, _ in drawn), *kinds)
+    return (*dict.fromkeys(name for name, _, _ in drawn), *([LIMIT] if seen else []))
 
 
-def _distinct(curves: Sequence[tuple[int, Curve]]) -> list[tuple[int, Curve]]:
-    found: list[tuple[int, Curve]] = []
-    for number, curve in curves:
-        if not any(_equal(curve, other) for _, other in found):
-            found.append((number, curve))
-    return found
+def _common_limits(runs: Sequence[RunCurves], joint: str, panel: str) -> list[Curve]:
+    """Limits that all runs share; limits that differ from run to run would hide the curves."""
+    first, *others = ([(limit, limit.values) for limit in panel_limits(run, joint, panel)] for run in runs)
+    return [limit for limit, values in first if all(any(np.array_equal(values, v) for _, v in other) for other in others)]
 
 
 def _info(run: RunCurves, joint: str) -> list[JointInfo]:

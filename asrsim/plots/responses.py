@@ -15,7 +15,7 @@ from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
-from asrsim.plots.curves import EXTRA, REFERENCE, available, stored, table
+from asrsim.plots.curves import EXTRA, REFERENCE, available, require_names, stored, table
 from asrsim.recordings import Column, Recording, resample
 from asrsim.samples import JointInfo
 
@@ -121,7 +121,10 @@ def responses(
     """
     reader = open_log(path)
     first, last = Signal.parse(given, REFERENCE), Signal.parse(output, OUTPUT)
-    _check(reader, [signal for signal, text in ((first, given), (last, output)) if text is not None])
+    named = [signal for signal, text in ((first, given), (last, output)) if text is not None]
+    require_names(reader, "quantity", [signal.quantity for signal in named], (*available(reader), *EXTRA))
+    members = [joint.name for joint in reader.info.joints]
+    require_names(reader, "joint", [signal.joint for signal in named if signal.joint is not None], members)
     found: list[Response] = []
     problems: list[Problem] = []
     for info in reader.info.joints:
@@ -177,19 +180,6 @@ def recorded_responses(
         except InputError as error:
             problems += [replace(problem, key=name, file=recording.path) for problem in error.problems]
     return found, problems
-
-
-def _check(reader: LogReader, signals: Sequence[Signal]) -> None:
-    names, joints = (*available(reader), *EXTRA), tuple(joint.name for joint in reader.info.joints)
-    problems = [
-        Problem(f"the log has no {kind} '{value}'", file=reader.path, key=kind, choices=choices, meant=value,
-                code=f"unknown-{kind}")
-        for signal in signals
-        for kind, value, choices in (("quantity", signal.quantity, names), ("joint", signal.joint, joints))
-        if value is not None and value not in choices
-    ]  # fmt: skip
-    if problems:
-        raise LogError(problems)
 
 
 def _logged(reader: LogReader, quantity: str, joint: str) -> Column | None:

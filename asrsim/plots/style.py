@@ -52,6 +52,7 @@ COLOURS: dict[str, str] = {
     "dy": GREEN,
     "dz": BLUE,
     "force": BLACK,
+    "limit": "#c2185b",
 }
 LINE_STYLES: tuple[Any, ...] = (
     "-",
@@ -69,8 +70,6 @@ COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
 """Width of a column, height of a row, width of the legends, inch."""
 DPI = 150
 """Resolution of a picture, dots per inch."""
-LIMIT = "#c2185b"
-"""Colour of the limits of joints, torques and deflections."""
 WIDTH = 1.25
 """Line width, pt."""
 
@@ -143,12 +142,6 @@ def variant_colour(index: int) -> str:
 def darker(colour_text: str) -> str:
     """Darker shade of a run's colour, for the run's recording."""
     return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
-
-
-def symbol(quantity: str) -> str:
-    """Short symbol of a quantity for legends, in mathtext."""
-    known = KNOWN.get(quantity)
-    return known.label if known else plain(quantity.replace("_", " "))
 
 
 def name(quantity: str) -> str:

@@ -19,9 +19,12 @@ FLATTENED = 4.0
 """A peak is cut off if the full range exceeds the range of the other values by this factor."""
 
 
-def draw_curve(axes: Axes, curve: Curve, *, gid: str, colour: str, linestyle: Any = "-", **more: Any) -> None:
-    """Draw a line; gid: its name in an SVG file."""
-    axes.plot(curve.time, curve.values, color=colour, linestyle=linestyle, gid=gid, **more)
+def draw_curve(
+    axes: Axes, curve: Curve, *, gid: str, colour: str, linestyle: Any = "-", reference: bool = False, **more: Any
+) -> None:
+    """Draw a line; a reference is wide and lies under the other lines. gid: name of the line in an SVG file."""
+    look = {"linewidth": 2.6 if reference else style.WIDTH, "zorder": 1.5 if reference else 2.0, **more}
+    axes.plot(curve.time, curve.values, color=colour, linestyle=linestyle, gid=gid, **look)
 
 
 def show_time(axes: Axes, curves: Sequence[Curve]) -> None:

@@ -57,7 +57,7 @@ class WorldEnvelope:
             name: poses[0, :3] for name, poses in first.bodies.items() if name != TIP_GOAL or TIP not in first.bodies
         }
         self._axes = {name: tuple(axis for panel in body_panels(name) for axis in panel.entries) for name in self._origins}
-        self._envelopes = {name: Envelope(len(axes), start=start, end=end, bins=bins) for name, axes in self._axes.items()}
+        self._envelopes = {name: Envelope(start=start, end=end, bins=bins) for name, axes in self._axes.items()}
 
     def add(self, part: Samples) -> None:
         """Add the next chunk."""

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.figures import describe, joint_names
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, content
 from asrsim.plots.world import body_panels
-from asrsim.report.series import PageRun, pack
+from asrsim.report.series import pack
 from asrsim.samples import Array
 
 DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
@@ -34,16 +34,15 @@ Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
 """(joint, quantity, number of the run) -> time and values of a recording."""
 
 
-def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
+def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
     """Section of each joint: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
-    curves = [run.curves for run in runs]
     sections = []
-    for joint in joint_names(curves):
-        info = next(info for run in curves for info in run.joints if info.name == joint)
+    for joint in joint_names(runs):
+        info = joint_info(runs, joint)
         plots = []
         for key in (*JOINT_PANELS, *ENERGY_PANELS):
             panel = PANELS[key]
-            drawn = content(panel, curves, joint)
+            drawn = content(panel, runs, joint)
             if not drawn:
                 continue
             units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn)
@@ -53,16 +52,13 @@ def joint_sections(runs: Sequence[PageRun], recorded: Recorded, time: Array) -> 
                 # A reference shared by all runs is assigned to no run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
-                owner = None if shared else number
-                unit = style.unit(name, info)
-                several = len(runs) > 1
-                series.append(_series(style.name(name), name, unit, owner, curve.values, dash=dash, several=several))
+                owner = None if shared or len(runs) == 1 else number
+                unit, words = style.unit(name, info), style.name(name)
+                series.append(_series(words, name, unit, owner, curve.values, dash))
                 if (joint, name, number) in recorded:
                     when, values = recorded[joint, name, number]
                     on_grid = np.interp(time, when, values, left=np.nan, right=np.nan)
-                    series.append(
-                        _series(f"{style.name(name)}, recorded", "experiment", unit, owner, on_grid, dash=dash, several=several)
-                    )
+                    series.append(_series(f"{words}, recorded", "experiment", unit, owner, on_grid, dash))
             plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
         sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
     return sections
@@ -84,24 +80,22 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
                     if len(curve.time) > len(time):
                         values = _envelope(time, curve.time, curve.values)
                     dash = DASHES[plain.index(key)] if len(runs) > 1 and key in plain else []
-                    owner, colour = (number, key) if key in plain else (None, REFERENCE)
-                    series.append(_series(name, colour, panel.unit, owner, values, dash=dash, several=len(runs) > 1))
+                    owner, colour = (number if len(runs) > 1 else None, key) if key in plain else (None, REFERENCE)
+                    series.append(_series(name, colour, panel.unit, owner, values, dash))
             plots.append({"title": f"{body}: {panel.words}", "unit": panel.unit, "series": series})
     return plots
 
 
-def _series(
-    label: str, quantity: str, unit: str, run: int | None, values: Array, *, dash: list[float], several: bool
-) -> dict[str, Any]:
-    """Series of a plot for the page. run: its number, None if all runs share it. With several runs, colours mark runs and
-    dashes quantities.
-    """
-    own = several and run is not None
+def _series(label: str, quantity: str, unit: str, run: int | None, values: Array, dash: list[float]) -> dict[str, Any]:
+    """Series of a plot for the page. run: number of the run that the colour marks; None: the colour marks the quantity."""
     recorded = quantity == "experiment"
-    colour = style.variant_colour(run or 0) if own else style.EXPERIMENT if recorded else style.colour(quantity)
+    colour = style.EXPERIMENT if recorded else style.colour(quantity)
+    if run is not None:
+        colour = style.variant_colour(run)
+        colour = style.darker(colour) if recorded else colour
     return {
         "label": label,
-        "colour": style.darker(colour) if own and recorded else colour,
+        "colour": colour,
         "dash": dash,
         "width": 3 if quantity.startswith("reference") else 1 if recorded else 1.5,
         "unit": unit,
@@ -114,6 +108,6 @@ def _envelope(grid: Array, time: Array, values: Array) -> Array:
     """Smallest and largest value in every interval of the grid."""
     step = grid[1] - grid[0]
     start = float(grid[0] - 0.5 * step)
-    envelope = Envelope(1, start=start, end=start + step * len(grid), bins=len(grid) // 2)
+    envelope = Envelope(start=start, end=start + step * len(grid), bins=len(grid) // 2)
     envelope.add(time, values[:, None])
     return envelope.pairs(0)

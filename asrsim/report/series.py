@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import LogError
 from asrsim.log import open_log
-from asrsim.plots.curves import CurveSource, RunCurves
+from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, available
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.world import Curve
 from asrsim.samples import Array
@@ -51,29 +51,16 @@ class Grid:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageRun:
-    """Series of a run on the page's grid."""
-
-    curves: RunCurves
-    """Names and descriptions of the run; its curves are the page's series."""
-    series: Mapping[tuple[str, str], Array]
-    """(joint, quantity) -> values (count,)."""
-
-
-def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[PageRun]]:
-    """Common grid as fine as `BUDGET` permits, and the runs' series on it; every extreme is kept. Raises LogError."""
+def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid, list[RunCurves]]:
+    """Common grid as fine as `BUDGET` permits, and the runs' curves on it; every extreme is kept. Raises LogError."""
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
-    columns = 0
-    sources = []
-    for path, reader in zip(paths, readers, strict=True):
-        recorded = {name for joint in reader.info.joints for name in joint.quantities}
-        known = [name for name in quantities if name in recorded or name in _DERIVED]
-        source = CurveSource(path, quantities=known)
-        sources.append(source)
-        columns += len(source.columns)
+    sources = [
+        CurveSource(path, quantities=[name for name in quantities if name in (*available(reader), REFERENCE)])
+        for path, reader in zip(paths, readers, strict=True)
+    ]
+    columns = sum(len(source.columns) for source in sources)
     step = min(steps)
     # Two points per interval, two bytes per point, and four characters for three bytes (base64).
     bins = int(np.clip(BUDGET / (max(columns, 1) * 2 * 2 * 4 / 3), LEAST, MOST))
@@ -87,10 +74,7 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
     return grid, [_read(source, grid, duration) for source in sources]
 
 
-_DERIVED = ("deflection", "equilibrium_position", "position_error", "reference_position")
-
-
-def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
+def _read(source: CurveSource, grid: Grid, duration: float) -> RunCurves:
     envelope: Envelope | None = None
     whole = np.full((grid.count, len(source.columns)), np.nan) if not grid.thinned else np.empty((0, 0))
     count = 0
@@ -101,31 +85,16 @@ def _read(source: CurveSource, grid: Grid, duration: float) -> PageRun:
             whole[rows] = matrix
             continue
         if envelope is None:
-            envelope = Envelope(len(source.columns), start=0.0, end=duration, bins=grid.count // 2)
+            envelope = Envelope(start=0.0, end=duration, bins=grid.count // 2)
         envelope.add(part.time, matrix)
     if not count:
         raise LogError("the log contains no samples", file=source.reader.path, code="empty-log")
-    series: dict[tuple[str, str], Array] = {}
+    curves: dict[tuple[str, str], Curve] = {}
     for index, column in enumerate(source.columns):
         values = whole[:, index] if envelope is None else envelope.pairs(index)
         if np.isfinite(values).any():
-            series[column] = values
-    time = grid.time
-    reader = source.reader
-    return PageRun(
-        series=series,
-        curves=RunCurves(
-            path=reader.path,
-            info=reader.info,
-            label=reader.info.variant or reader.path.stem,
-            joints=source.joints,
-            curves={column: Curve(time=time, values=values) for column, values in series.items()},
-            metadata=reader.metadata,
-            status=reader.status,
-            duration=reader.duration,
-            samples=count,
-        ),
-    )
+            curves[column] = Curve(time=grid.time, values=values)
+    return source.run(curves, count)
 
 
 def pack(values: Array) -> dict[str, Any]:

@@ -94,36 +94,34 @@ class Comparer:
         return self._chunk
 
     def _compare(self, new: Samples, here: slice, old: Samples, there: slice) -> None:
-        time = old.time[there]
-        self._series("time", "time", None, time, time, new.time[here])
-        for name in dict.fromkeys((*old.values, *new.values)):
-            for joint in old.joints:
-                before = old.values[name][there, old.joints.index(joint)] if name in old.values else None
-                after = new.values[name][here, new.joints.index(joint)] if name in new.values and joint in new.joints else None
-                self._series("value", name, joint, time, before, after)
-        for kind, logged, made in (("body", old.bodies, new.bodies), ("contact", old.contacts, new.contacts)):
-            for name in dict.fromkeys((*logged, *made)):
-                table, other = logged.get(name), made.get(name)
-                width = (table if table is not None else made[name]).shape[1]
-                for column in range(width):
-                    before = None if table is None else table[there, column]
-                    after = None if other is None else other[here, column]
-                    self._series(kind, name, None, time, before, after)
+        time, after, before = old.time[there], _series_of(new, here), _series_of(old, there)
+        missing = np.full(len(time), np.nan)
+        for key in dict.fromkeys((*before, *after)):
+            self._series(key[:3], time, before.get(key, missing), after.get(key, missing))
 
-    def _series(self, kind: str, name: str, joint: str | None, time: Array, before: Array | None, after: Array | None) -> None:
-        empty = np.full(len(time), np.nan)
-        before, after = (empty if part is None else np.ascontiguousarray(part, np.float64) for part in (before, after))
+    def _series(self, key: tuple[str, str, str | None], time: Array, before: Array, after: Array) -> None:
+        before, after = (np.ascontiguousarray(part, np.float64) for part in (before, after))
         differs = (before.view(np.uint64) != after.view(np.uint64)) & ~(np.isnan(before) & np.isnan(after))
         count = int(np.count_nonzero(differs))
         if not count:
             return
-        key = (kind, name, joint)
         first = self._found.get(key)
         if first is not None:
             self._found[key] = replace(first, count=first.count + count)
             return
         row = int(np.argmax(differs))
+        kind, name, joint = key
         self._found[key] = Difference(
             kind=kind, name=name, joint=joint, time=float(time[row]), sample=self.samples + row,
             logged=float(before[row]), repeated=float(after[row]), count=count,
         )  # fmt: skip
+
+
+def _series_of(samples: Samples, rows: slice) -> dict[tuple[str, str, str | None, int], Array]:
+    """(kind, name, joint, column) -> series (n,) in these rows."""
+    found: dict[tuple[str, str, str | None, int], Array] = {("time", "time", None, 0): samples.time[rows]}
+    for name, table in samples.values.items():
+        found |= {("value", name, joint, 0): table[rows, j] for j, joint in enumerate(samples.joints)}
+    for kind, tables in (("body", samples.bodies), ("contact", samples.contacts)):
+        found |= {(kind, name, None, k): table[rows, k] for name, table in tables.items() for k in range(table.shape[1])}
+    return found

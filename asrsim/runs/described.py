@@ -22,7 +22,7 @@ from asrsim.robot import Robot, load_robot
 from asrsim.runs.folder import origin_of
 from asrsim.samples import RunInfo
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.joint_keys import EQUILIBRIUM, INVERSE_DYNAMICS
+from asrsim.scenario.joint_keys import EQUILIBRIUM
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
@@ -32,7 +32,7 @@ LIVE = "live"
 """Metadata key: the run was live, and its log contains the commands from outside."""
 _NOT_OF_THE_RUN = {
     "name", "robot", "path", "text", "variant", "xacro_arguments", "package_paths", "expect", "learning", "attachments",
-    "resolved", "lines", "joint_order", "namespace", "desired", "inverse_dynamics",
+    "resolved", "lines", "joint_order", "namespace", "desired",
 }  # fmt: skip
 
 
@@ -65,15 +65,6 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
                         _named(resolved, name, value, files)
                 except TypeError:
                     lost.append(name)
-        tables = ("references", "inverse_dynamics")
-        if any(not _alike(getattr(scenario, name), getattr(as_read, name)) for name in tables):
-            # The key of inverse dynamics is part of `references`, which may be rewritten above.
-            written = {joint: dict(signals) for joint, signals in resolved.get("references", {}).items()}
-            for signals in written.values():
-                signals.pop(INVERSE_DYNAMICS, None)
-            for joint, wanted in scenario.inverse_dynamics.items():
-                written.setdefault(joint, {})[INVERSE_DYNAMICS] = wanted
-            resolved["references"] = written
         if not scenario.expect:
             resolved.pop("expect", None)
     if robot is not None:

@@ -40,8 +40,9 @@ class Executed:
 
     run: Run
     summary: RunSummary
-    folder: Path
-    log: Path
+    folder: Path | None = None
+    log: Path | None = None
+    """Path of the log, if a log was written."""
     certificate: Certificate | None = None
     """Estimated numerical error, if requested and the run is complete."""
     error: DivergenceError | None = None
@@ -50,7 +51,7 @@ class Executed:
 
 def execute(
     scenario: Scenario,
-    folder: Path,
+    folder: Path | None = None,
     *,
     robot: Robot | None = None,
     overwrite: bool = False,
@@ -62,14 +63,14 @@ def execute(
     stop: Callable[[], bool] | None = None,
     certifying: Callable[[str, float], None] | None = None,
 ) -> Executed:
-    """Simulate one variant and write its log into `folder`. `write_summary` writes the summary.
+    """Simulate one variant and write its log into `folder`, if given. `write_summary` writes the summary.
 
     A run that diverges or is stopped also gives a complete log and a summary; its status differs. The log is first written
     under another name, and replaces the files of an earlier run only when it is complete.
 
     Args:
         scenario: The variant.
-        folder: Folder locked by this process (`asrsim.runs.lock.owned`).
+        folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
         robot: Robot in place of the scenario's robot.
         overwrite: Replace the results of another run.
         keep: Keep all samples in memory too, in `.run.samples`.
@@ -86,19 +87,21 @@ def execute(
     """
     if cross_check:
         require_other_engine(scenario)
-    earlier = open_folder(folder, scenario, overwrite=overwrite)
+    earlier = open_folder(folder, scenario, overwrite=overwrite) if folder is not None else ()
     error: DivergenceError | None = None
     certificate: Certificate | None = None
-    made: list[tuple[LogWriter, Collector]] = []
-    with new_log(folder, earlier) as path, ExitStack() as stack:
+    collectors: list[Collector] = []
+    writers: list[LogWriter] = []
+    with ExitStack() as stack:
+        path = stack.enter_context(new_log(folder, earlier)) if folder is not None else None
 
         def open_sinks(info: RunInfo) -> Sequence[Sink]:
-            collector = collector_of(scenario, info)
-            writer = stack.enter_context(LogWriter(path, as_run(info, scenario, robot)))
-            made.append((writer, collector))
+            collectors.append(collector_of(scenario, info))
+            if path is not None:
+                writers.append(stack.enter_context(LogWriter(path, as_run(info, scenario, robot))))
             if started is not None:
                 started(info)
-            return [writer, collector]
+            return [*writers, *collectors]
 
         try:
             run = simulate(scenario, robot, sinks=open_sinks, keep=keep, progress=progress, stop=stop)
@@ -108,13 +111,15 @@ def execute(
             error, run = caught, caught.run
         if certify and run.status == "complete":
             certificate = certify_run(scenario, run, robot, progress=certifying, stop=stop)
-        ((writer, collector),) = made
-        writer.close(result_metadata(run, error, certificate))
-    log = folder / LOG
-    summary = judged(scenario, run, collector, certificate, samples=writer.samples)
-    summary = replace(summary, files={"log": log}, replaced=earlier)
+        for writer in writers:
+            writer.close(result_metadata(run, error, certificate))
+    log = folder / LOG if folder is not None else None
+    samples = writers[0].samples if writers else 0 if run.samples is None else len(run.samples.time)
+    summary = judged(scenario, run, collectors[0], certificate, samples=samples)
+    summary = replace(summary, files={} if log is None else {"log": log}, replaced=earlier)
     if run.status == "complete" and (cross_check or (certify and other_engine(scenario.engine))):
-        logged = open_log(log).iter_samples(quantities=COMPARED)
+        kept = [] if run.samples is None else [run.samples]
+        logged = kept if log is None else open_log(log).iter_samples(quantities=COMPARED)
         found = run_cross_check(scenario, run.info, logged, robot, progress=certifying)
         summary = replace(summary, cross_check=found)
     return Executed(run=run, summary=summary, folder=folder, log=log, certificate=certificate, error=error)
@@ -138,7 +143,9 @@ def judged(scenario: Scenario, run: Run, collector: Collector, certificate: Cert
 
 
 def write_summary(executed: Executed) -> Executed:
-    """Write `summary.json` beside the log, and add it to the summary's files. Raises OutputError."""
+    """Write `summary.json` beside the log, if there is one, and add it to the summary's files. Raises OutputError."""
+    if executed.folder is None:
+        return executed
     path = executed.folder / SUMMARY
     summary = replace(executed.summary, files={**executed.summary.files, "summary": path})
     save_summary(summary, path)

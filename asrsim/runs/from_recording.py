@@ -4,34 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
-from asrsim.outfile import check_output
+from asrsim.outfile import check_output, write_text
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.propose import propose
 from asrsim.recordings.reading import ENDING, is_document, reading_file, resolve_reading
-from asrsim.robot import Robot, with_actuators, with_overrides
+from asrsim.robot import with_actuators, with_overrides
 from asrsim.scenario.schema import schema_text
 from asrsim.scenario.starter import (
     MOUNTED_MODE,
     SCHEMA_FILE,
     moving_robot,
     relative_path,
+    robot_key,
     scenario_of,
-    schema_beside,
     write_new,
-)  # fmt: skip
+    yaml_text,
+)
 from asrsim.scenario.starter_fit import fit_text
 from asrsim.scenario.starter_recording import (
     STEP,
-    Names,
+    Files,
     command_tables,
     command_text,
-    fitting_modes,
     make_plan,
     open_parameters,
-    recording_text,
+    recording_data,
+    recording_heading,
 )
 
 FIT = ".fit.yaml"
@@ -61,7 +61,6 @@ def write_from_recording(
     actuators: Mapping[str, str] | None = None,
     plugins: Sequence[Path] = (),
     force: bool = False,
-    schema: bool = True,
     arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None,
 ) -> Written:
@@ -76,61 +75,46 @@ def write_from_recording(
 
     Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
     """
+    from asrsim.kinematics.sizing import sizing
+
     loaded = moving_robot(robot, arguments, packages)
     joints = [joint.name for joint in loaded.moving_joints]
     recording = read_recording(experiment, mapping=list(mapping) or None, joints=joints, rate=rate)
-    mounted = [joint for joint in joints if joint in (actuators or {}) or "*" in (actuators or {})]
-    loaded, unknown = _mounted(loaded, recording, actuators or {}, mounted, mode)
-    given = mapping
+    given = {} if actuators is None else dict(actuators)
+    mounted = [joint for joint in joints if joint in given or "*" in given]
+    loaded = with_actuators(loaded, {joint: (name, MOUNTED_MODE) for joint, name in given.items()}, {})
+    plan = make_plan(loaded if mode is None else with_overrides(loaded, modes={"*": mode}), recording, step=STEP)
+    folder, called, items = out.parent, relative_path(experiment, out.parent), mapping
     if any(map(is_document, mapping)):  # the document becomes items of `map`, so that the scenario does not need the document
-        mapping = resolve_reading(mapping, experiment).items
-    plan = make_plan(loaded, recording, step=STEP)
-    folder, called = out.parent, relative_path(experiment, out.parent)
-    names = Names(
-        scenario=out.name, robot=relative_path(robot, folder), recording=called, commands=f"{out.stem}_commands.csv",
-        schema=SCHEMA_FILE if schema else None, arguments=arguments or {},
-        packages={name: relative_path(path, folder) for name, path in (packages or {}).items()},
-        plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
+        items = resolve_reading(mapping, experiment).items
+    files = Files(
+        scenario=out.name, robot=robot_key(robot, folder, arguments, packages), recording=called,
+        commands=f"{out.stem}_commands.csv", plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
+        mapping=tuple(items), rate=rate,
     )  # fmt: skip
-    beside = schema_beside(out) if schema else None
-    fit = out.with_suffix(FIT) if plan.compared else None
-    tables = {folder / name: members for name, members in command_tables(plan, names.commands).items()}
-    for path in (out, out.with_suffix(FIT), *tables):
+    fit, schema = out.with_suffix(FIT), folder / SCHEMA_FILE
+    tables = {folder / name: members for name, members in command_tables(plan, files.commands).items()}
+    for path in (out, fit, *tables):
         check_output(path, "schema", inputs=[robot, experiment], replace=True)
+    check_output(schema, "schema")
     for path, members in tables.items():
         write_new(path, command_text(plan, members), force=force)
-    write = partial(recording_text, names=names, mode=mode, mounted=mounted, mapping=tuple(mapping), rate=rate)
-    springs = _springs_that_hold(write(plan, parameters=unknown), plan.robot, folder, mounted)
-    plan = replace(plan, robot=with_overrides(plan.robot, parameters=springs))
-    parameters = {joint: {**unknown.get(joint, {}), **springs.get(joint, {})} for joint in mounted}
-    write_new(out, write(plan, parameters=parameters), force=force)
-    files = [out, *tables]
+    parameters = open_parameters(plan.robot, mounted)
+    plan = replace(plan, robot=with_overrides(plan.robot, parameters=parameters))
+    if mounted:
+        data, _ = recording_data(plan, files, mode=mode, joints=mounted, parameters=parameters)
+        proposal = sizing(scenario_of(data, plan.robot, folder), plan.robot).proposal
+        springs = {joint: values for joint, values in proposal.items() if joint in mounted}
+        plan = replace(plan, robot=with_overrides(plan.robot, parameters=springs))
+        parameters = {joint: {**values, **springs.get(joint, {})} for joint, values in parameters.items()}
+    content = recording_data(plan, files, mode=mode, joints=mounted, parameters=parameters)
+    write_new(out, yaml_text(*content, list(recording_heading(plan, files))), force=force)
+    written = [out, *tables]
     proposed = out.with_name(experiment.name + ENDING)
-    if not (proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *given])):
-        files.append(propose(experiment, proposed, mapping=given, rate=rate, joints=joints, called=called)[0])
-    if fit is not None:
-        text = fit_text(plan, out.name, called, mapping=mapping, rate=rate, plugins=names.plugins)
-        write_new(fit, text, force=force)
-        files.append(fit)
-    if beside is not None:
-        write_new(beside, schema_text(), force=True)
-        files.append(beside)
-    return Written(files=tuple(files), recording=recording, remarks=plan.remarks, fit=fit)
-
-
-def _mounted(
-    robot: Robot, recording: Recording, actuators: Mapping[str, str], joints: Sequence[str], mode: int | None
-) -> tuple[Robot, dict[str, dict[str, float]]]:
-    """Robot with these actuators on `joints`, in the modes of the recorded commands, and estimates of unknown parameters."""
-    robot = with_actuators(robot, {joint: (name, MOUNTED_MODE) for joint, name in actuators.items()}, {})
-    modes = {"*": mode} if mode is not None else fitting_modes(robot, recording, joints)
-    unknown = open_parameters(robot, modes, joints)
-    return with_overrides(robot, modes=modes, parameters=unknown), unknown
-
-
-def _springs_that_hold(text: str, robot: Robot, folder: Path, joints: Sequence[str]) -> dict[str, Mapping[str, float]]:
-    """Parameters of the springs that hold the arm at the first recorded commands: joint -> parameters, for `joints` only."""
-    from asrsim.kinematics.sizing import sizing
-
-    proposal = sizing(scenario_of(text, robot, folder), robot).proposal if joints else {}
-    return {joint: values for joint, values in proposal.items() if joint in joints}
+    if not (proposed.exists() or reading_file(experiment) or any(is_document(one) for one in [str(experiment), *mapping])):
+        written.append(propose(experiment, proposed, mapping=mapping, rate=rate, joints=joints, called=called)[0])
+    if plan.compared:
+        write_new(fit, fit_text(plan, files), force=force)
+        written.append(fit)
+    write_text(schema, schema_text(), "schema")
+    return Written(files=(*written, schema), recording=recording, remarks=plan.remarks, fit=fit if plan.compared else None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,9 @@ from asrsim.document.node import Node
 from asrsim.document.reading import Reading
 from asrsim.plain import mapped
 from asrsim.samples import TIP
-from asrsim.scenario.choices import default_engine, prescribes_motion
 from asrsim.scenario.data import Scenario
-from asrsim.scenario.joint_keys import LOCKED
 from asrsim.scenario.keys import SCENARIO
-from asrsim.signals.pieces import Constant
+from asrsim.scenario.kinds import default_engine, prescribes_motion
 
 MAX_STEPS = 10**10
 """Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
@@ -44,7 +42,6 @@ def build_scenario(
     changes = {
         "name": name,
         "variant": variant,
-        "motion": _motion(keys["motion"], keys.get("initial_positions", {})),
         "expect": tuple(
             claim for claim in keys["expect"] if claim.variant in (None, variant) and claim.engine in (None, keys["engine"])
         ),
@@ -53,7 +50,7 @@ def build_scenario(
     attachments = dict(reading.attachments)
     return Scenario(
         **{**keys, **changes}, path=path, text=text, attachments=attachments, unread=tuple(reading.unread),
-        lines=_lines(root, path),
+        lines=dict(_lines(root, path)),
     )  # fmt: skip
 
 
@@ -64,31 +61,23 @@ def _plain(data: Any) -> Any:
     return data
 
 
-def _lines(root: Node, path: Path | None) -> dict[str, int]:
-    found: dict[str, int] = {}
-
-    def walk(node: Node, key: str) -> None:
-        items: list[tuple[str, Node, int | None]] = []
-        if isinstance(node.value, dict):
-            items = [(name, item, node.key_line(name)) for name, item in node.value.items()]
-        elif isinstance(node.value, list):
-            items = [(str(index), item, item.line) for index, item in enumerate(node.value)]
-        for name, item, line in items:
-            inner = f"{key}.{name}" if key else name
-            if item.file == path and line is not None:
-                found[inner] = line
-            walk(item, inner)
-
-    walk(root, "")
-    return found
+def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
+    """(dotted key, line) of every value in the file."""
+    items: list[tuple[str, Node, int | None]] = []
+    if isinstance(node.value, dict):
+        items = [(f"{key}{name}", item, node.key_line(name)) for name, item in node.value.items()]
+    elif isinstance(node.value, list):
+        items = [(f"{key}{index}", item, item.line) for index, item in enumerate(node.value)]
+    for name, item, line in items:
+        if item.file == path and line is not None:
+            yield name, line
+        yield from _lines(item, path, f"{name}.")
 
 
-def _node(root: Node, *path: str) -> Node:
-    for key in path:
-        if not isinstance(root.value, dict) or key not in root.value:
-            break
-        root = root.value[key]
-    return root
+def _fault(root: Node, reading: Reading, key: str, message: str, *, code: str, show: bool = False) -> None:
+    """Add an error about a key of the scenario."""
+    node = root.value.get(key, root) if isinstance(root.value, dict) else root
+    reading.fault(node, (key,), message, code=code, show=show)
 
 
 def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
@@ -96,39 +85,28 @@ def _check_times(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     count = whole(duration / step)
     if count is None:
         message = f"must be a whole number of steps, but {duration:g} s / {step:g} s = {duration / step:.9g}"
-        reading.fault(_node(root, "duration"), ("duration",), message, code="duration", show=False)
+        _fault(root, reading, "duration", message, code="duration")
     else:
         substeps = count * (keys["substeps"] or 1) * (keys["motor_substeps"] or 1)
         if substeps > MAX_STEPS:
             message = f"makes {float(substeps):.6g} steps, counting substeps; at most {MAX_STEPS:g} are possible"
-            reading.fault(_node(root, "duration"), ("duration",), message, code="range")
+            _fault(root, reading, "duration", message, code="range", show=True)
     if rate is not None and whole(1.0 / (step * rate)) is None:
         message = f"must divide the step rate, but {1.0 / step:.9g} Hz / {rate:.9g} Hz = {1.0 / (step * rate):.9g}"
-        reading.fault(_node(root, "log_rate"), ("log_rate",), message, code="log-rate", show=False)
+        _fault(root, reading, "log_rate", message, code="log-rate")
 
 
 def _check_motion(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     if keys["motion"] and not prescribes_motion(keys["engine"]):
         message = f"prescribed motion needs 'engine: bench', but the engine is {keys['engine']}"
-        reading.fault(_node(root, "motion"), ("motion",), message, code="motion", show=False)
-
-
-def _motion(motion: str | Mapping[str, Any], initial: Mapping[str, float]) -> dict[str, Any]:
-    if isinstance(motion, str):
-        return {}
-    start = initial.get("*", 0.0)
-    return {
-        joint: Constant(value=initial.get(joint, start)) if signal == LOCKED else signal
-        for joint, signal in motion.items()
-        if not (joint == "*" and signal == LOCKED)
-    }
+        _fault(root, reading, "motion", message, code="motion")
 
 
 def _check_objects(root: Node, keys: Mapping[str, Any], reading: Reading) -> None:
     names = (*(item.name for item in keys["world"].objects), *((TIP,) if keys["task"] is not None else ()))
     for index, claim in enumerate(keys["expect"]):
         if claim.body is not None and claim.body not in names:
-            expect = _node(root, "expect")
+            expect = root.value.get("expect", root) if isinstance(root.value, dict) else root
             node = expect.value[index] if isinstance(expect.value, list) else expect
             message = f"the world has no object '{claim.body}'"
             reading.fault(node, ("expect", str(index), "body"), message, choices=names, code="unknown-object", show=False)

@@ -6,19 +6,20 @@ To add an error, write a generator and list it in `CHECKS`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.errors import Problem, RobotError, ScenarioError, did_you_mean
+from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST
 from asrsim.robot.mounting import reference_names
 from asrsim.scenario.apply import laid_on
-from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
+from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 
@@ -169,20 +170,20 @@ def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
 
 
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: references that the joint's mode, or the mode of every joint, does not have."""
-    known = tuple(sorted({name for block in robot.actuators for name in _all_references(block)}))
-    for name in scenario.references.get("*", {}) if not robot.unread else ():
-        if name not in known:
-            message = "no actuator of the robot has a mode with this reference"
-            hint = did_you_mean(name, known)
-            yield Problem(message, key=f"references.*.{name}", choices=known, hint=hint, code="unknown-reference")
-    for block in robot.actuators:
-        mode, names = MODES[block.mode], reference_names(block)
-        for name in scenario.references.get(block.joint, {}):
-            if name not in _all_references(block):
-                message = f"mode {mode.number} ({mode.name}) has no such reference"
-                key, hint = f"references.{block.joint}.{name}", did_you_mean(name, names)
-                yield Problem(message, key=key, choices=names, hint=hint, code="unknown-reference")
+    """Errors: references and ranges that the joint's mode, or the mode of every joint, does not have."""
+    blocks = {block.joint: block for block in robot.actuators}
+    for section, tables in (("references", scenario.references), ("reference_ranges", scenario.reference_ranges)):
+        more = ("external_torque",) if section == "reference_ranges" else ()
+        for joint, table in tables.items():
+            users = list(blocks.values()) if joint == "*" and not robot.unread else [blocks[joint]] if joint in blocks else []
+            # A reference may be without effect on an actuator; a range may not.
+            known = {name for block in users for name in (reference_names(block) if more else _all_references(block))}
+            choices = (*sorted({name for block in users for name in reference_names(block)}), *more)
+            mode = f"mode {users[0].mode} ({MODES[users[0].mode].name})" if len(users) == 1 else "the mode of every joint"
+            for name in table if users or (joint == "*" and not robot.unread) else ():
+                if name not in known and name not in more:
+                    key, message = f"{section}.{joint}.{name}", f"{mode} has no such reference"
+                    yield Problem(message, key=key, choices=choices, meant=name, code="unknown-reference")
 
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -194,40 +195,23 @@ def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
 
 
-def _ranges(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: ranges of references that the joint does not have."""
-    blocks = {block.joint: reference_names(block) for block in robot.actuators}
-    for joint, ranges in scenario.reference_ranges.items():
-        if joint in robot.unread or (joint == "*" and robot.unread):
-            continue
-        known = {name for names in blocks.values() for name in names} if joint == "*" else set(blocks.get(joint, ()))
-        choices = (*sorted(known), "external_torque")
-        for name in ranges:
-            if name not in choices:
-                key, hint = f"reference_ranges.{joint}.{name}", did_you_mean(name, choices)
-                message = "the mode has no such reference"
-                yield Problem(message, key=key, choices=choices, hint=hint, code="unknown-reference")
-
-
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: references of an adjuster (AwAS-II) beyond the end of its lever."""
     for block in robot.actuators:
-        names = MODES[block.mode].references
-        signal = scenario.references_of(block.joint).get(names[-1])
+        name = MODES[block.mode].references[-1]
+        signal = scenario.references_of(block.joint).get(name)
         length = block.values().get("lever_length")
         # In toolbox stepping an adjuster has a motor, and the reference of mode 4 is its torque.
-        torque = block.mode == 4 and released_order(scenario.stepping)
-        if signal is None or length is None or len(names) < 2 or torque or not ACTUATORS.get(block.actuator).adjuster:
+        torque = len(MODES[block.mode].references) < 2 or (block.mode == 4 and released_order(scenario.stepping))
+        if signal is None or length is None or torque or not ACTUATORS.get(block.actuator).adjuster:
             continue
-        try:
+        with suppress(Exception):  # a user's signal may raise any error; signal_faults reports it
             time, sigma = over_run(scenario, signal)
-        except Exception:  # a user's signal may raise any error; signal_faults reports it
-            continue
-        largest = float(sigma.max())
-        if np.isfinite(sigma).all() and largest >= length:
-            message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[np.argmax(sigma)]:g} s"
-            hint, key = "The stiffness is infinite there: choose a reference below L", reference_key(scenario, block, names[1])
-            yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
+            largest = float(sigma.max())
+            if np.isfinite(sigma).all() and largest >= length:
+                message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[sigma.argmax()]:g} s"
+                hint, key = "The stiffness is infinite there: choose a reference below L", reference_key(scenario, block, name)
+                yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
 
 
 CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Problem]]], ...] = (
@@ -236,7 +220,6 @@ CHECKS: tuple[tuple[tuple[str, ...], Callable[[Scenario, Robot], Iterator[Proble
     ((), _motor_starts),
     ((), _too_large),
     (("base", "engine"), _floating),
-    ((), _ranges),
     (("step",), _delays),
     (("task", "duration"), _task),
     (("stepping",), _released),

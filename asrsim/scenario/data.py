@@ -15,15 +15,13 @@ from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File,
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.samples import Array
-from asrsim.scenario.choices import default_engine, engines, steppings
-from asrsim.scenario.claim_keys import CLAIMS, Expectation
+from asrsim.scenario.goal_keys import CLAIMS, LEARNING, TASK, CartesianPose, CartesianTask, Expectation, Learning
 from asrsim.scenario.joint_keys import (
     ACTUATORS_BY_JOINT,
     DAMPING_BY_JOINT,
     EFFECTS_BY_JOINT,
     INITIAL,
     MODE,
-    MOTION,
     PARAMETERS,
     RANGES_BY_JOINT,
     REFERENCES,
@@ -31,10 +29,18 @@ from asrsim.scenario.joint_keys import (
     GivenActuator,
     LinkDamping,
 )
-from asrsim.scenario.kinds import ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, FolderName, Vector
-from asrsim.scenario.learning_keys import LEARNING, Learning
-from asrsim.scenario.manager import ManagerFile
-from asrsim.scenario.task_keys import TASK, CartesianPose, CartesianTask
+from asrsim.scenario.kinds import (
+    ORIGIN,
+    POSITION,
+    RPY,
+    SIGNALS_BY_JOINT,
+    FolderName,
+    ManagerFile,
+    Vector,
+    default_engine,
+    engines,
+    steppings,
+)
 from asrsim.scenario.world_keys import WORLD, WRENCHES, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
 
@@ -166,11 +172,7 @@ class Scenario:
         doc="no torque that drives a joint further beyond its velocity limit, as Gazebo has it; `auto`: in toolbox stepping",
     )
     motion: Mapping[str, Signal] = declare(
-        MOTION,
-        default={},
-        unit="rad",
-        shown="locked",
-        doc="bench: `locked`, or a signal (or `locked`) a joint; a CSV by `playback`",
+        SIGNALS_BY_JOINT, default={}, unit="rad", shown="locked", doc="bench: link positions; a CSV by `playback`"
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
@@ -186,13 +188,14 @@ class Scenario:
     """Namespace from the manager file, which replaces that of the actuator blocks."""
     references: Mapping[str, Mapping[str, Signal]] = declare(
         REFERENCES,
-        spread=True,
         default={},
-        doc="the actuators' references, by the names of their mode; absent ones rest at their start; beside them "
-        "`inverse_dynamics: true` makes the first a desired motion of the link, whose input is computed",
+        doc="the actuators' references, by the names of their mode; a missing reference stays at its start",
     )
-    inverse_dynamics: Mapping[str, bool] = field(default_factory=dict)
-    """Joint or `"*"` -> whether its first reference is a desired link motion, for which the input is computed."""
+    inverse_dynamics: Mapping[str, bool] = declare(
+        MapOf(of=Boolean(), bare=True),
+        default={},
+        doc="true: the joint's first reference is a desired motion of the link, for which the input is computed",
+    )
     desired: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,
         default={},

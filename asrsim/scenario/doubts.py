@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 
@@ -16,14 +17,13 @@ from asrsim.robot import Robot
 from asrsim.robot.doubts import block_doubts
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
-from asrsim.robot.poses import rotation_matrix
-from asrsim.scenario.choices import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
-from asrsim.scenario.world_keys import WorldObject
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Sum
+from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
@@ -31,8 +31,6 @@ LATEST = 1.0
 """Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
-SUNK = 0.1
-"""Largest fraction of an object's height that may start below the ground."""
 ROUNDING = 1e-9
 """Relative rounding error by which a value may exceed a limit."""
 
@@ -86,28 +84,6 @@ def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                 yield Problem(f"is {late} (in s)", key=key, value=effects.delay, code="long-delay")
 
 
-def _objects_in_the_ground(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    world = scenario.world
-    for one in world.objects if world.ground else ():
-        if one.mass and one.shape != "mesh":
-            reach = _reach_down(one)
-            below = world.ground_height - (one.position[2] - reach)
-            if below > SUNK * 2.0 * reach:
-                message = f"starts {below:.3g} m below the ground, which will throw it out"
-                yield Problem(message, key=f"world.objects.{one.name}.position", value=_shown(one.position), code="in-ground")
-
-
-def _reach_down(one: WorldObject) -> float:
-    """Distance from the centre to the lowest point, m."""
-    down = np.abs(rotation_matrix(one.rpy)[2])
-    if one.shape == "box":
-        return float(0.5 * down @ np.array(one.size))
-    radius, length = (*one.size, 0.0)[:2]
-    if one.shape == "sphere":
-        return radius
-    return float(radius * math.sqrt(max(1.0 - down[2] ** 2, 0.0)) + 0.5 * length * down[2])
-
-
 def _shown(numbers: tuple[float, ...]) -> str:
     return ", ".join(f"{number:g}" for number in numbers)
 
@@ -131,21 +107,32 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Warnings: signals, or terms of a sum, that are constant during the run and change only after its end."""
+    """Warnings: signals that are constant during the run and change only after its end."""
     end = scenario.duration
-    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
+    # A change later than a hundred times the run is intended, not a typing error.
+    later = np.linspace(end, 100.0 * end, 2001)
+    for key, signal in signals_of(scenario):
         least, largest = extremes(scenario, signal)
-        if largest > least or signal.jumps(0.0, end).size:
-            continue
-        try:
-            # A change later than a hundred times the run is intended, not a typing error.
-            later = np.sort(np.concatenate([signal.jumps(end, 100.0 * end), np.linspace(end, 100.0 * end, 2001)]))
-            changed = np.flatnonzero(signal.values(later) != least)
-        except Exception:
-            continue  # errors after the end of the run do not concern the run
-        if changed.size:
-            message = f"is constant during the whole run of {end:g} s and changes only after its end"
-            yield Problem(message, key=key, value=f"{later[changed[0]]:.4g} s", code="late-reference")
+        with suppress(Exception):  # errors after the end of the run do not concern the run
+            if least == largest and not signal.jumps(0.0, end).size and (signal.values(later) != least).any():
+                message = f"is constant during the whole run of {end:g} s and changes only after its end"
+                yield Problem(message, key=key, code="late-reference")
+
+
+def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: sines above half the rate of the steps, which the steps sample as a slower motion."""
+    most = 0.5 / scenario.step
+    for key, signal in (term for whole in signals_of(scenario) for term in _terms(*whole)):
+        frequency = 0.0
+        if isinstance(signal, Sinusoid):
+            frequency = signal.omega / (2.0 * math.pi)
+        elif isinstance(signal, Chirp):
+            frequency = max(signal.start_frequency, signal.end_frequency)
+        elif isinstance(signal, Multisine):
+            frequency = max(signal.frequencies)
+        if frequency > most:
+            message = f"has {frequency:g} Hz, more than half the rate of the steps ({most:g} Hz): they sample a slower motion"
+            yield Problem(message, key=key, hint="Lower the frequency or the step", code="undersampled-sine")
 
 
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
@@ -162,48 +149,46 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for block in robot.actuators:
         mode, actuator, joint = MODES[block.mode], ACTUATORS.get(block.actuator), robot.joint(block.joint)
         given, values = scenario.references_of(block.joint), block.values()
-        names = mode.references_of(actuator.motors)
-        if mode.units[0] == "rad" and (names[0] != "reference_1" or actuator.motors < 2) and names[0] in given:
-            yield from _leaves(scenario, robot, reference_key(scenario, block, names[0]), block.joint, given[names[0]])
-        elif mode.units[0] == "rad" and all(name in given for name in names):
+        names = [name for name in mode.references_of(actuator.motors) if name in given]
+        key = {name: reference_key(scenario, block, name) for name in names}
+        motors = "reference_1" in mode.references and actuator.motors > 1
+        if mode.units[0] == "rad" and motors and len(names) == actuator.motors:
             time = np.linspace(0.0, scenario.duration, 501)
-            motors = zip(*(given[name].values(time) for name in names), strict=True)
-            places = [actuator.equilibrium_position(*positions) for positions in motors]
-            key = reference_key(scenario, block, names[0])
-            yield from _outside(robot, key, block.joint, min(places), max(places))
-        for motor, name in enumerate(names if mode.units[0] == "N m" else (), start=1):
-            what, limit = "the joint's effort limit", joint.effort
+            positions = zip(*(given[name].values(time) for name in names), strict=True)
+            equilibria = [actuator.equilibrium_position(*position) for position in positions]
+            yield from _outside(robot, key[names[0]], block.joint, (min(equilibria), max(equilibria)))
+        elif mode.units[0] == "rad" and not motors and mode.references[0] in key:
+            first = mode.references[0]
+            yield from _outside(robot, key[first], block.joint, extremes(scenario, given[first]))
+        for motor, name in enumerate(mode.references_of(actuator.motors) if mode.units[0] == "N m" else (), start=1):
+            if name not in given:
+                continue
+            limited, limit = "the joint's effort limit", joint.effort
             if mode.motor:
-                what, limit = f"motor {motor}'s largest torque", values.get(f"motor_{motor}_max_torque")
-            bounds = extremes(scenario, given[name]) if name in given else (0.0, 0.0)
-            if limit and max(map(abs, bounds)) > limit * (1.0 + ROUNDING):
-                shown = " to ".join(dict.fromkeys(f"{bound:g}" for bound in bounds))
-                message, key = f"is clipped to {what}, {limit:g} N m", reference_key(scenario, block, name)
-                yield Problem(message, key=key, value=f"{shown} N m", code="reference-limits")
-        preset, limit = given.get("stiffness_preset"), values.get("max_deflection", math.inf)
-        if preset is not None and actuator.motors > 1 and not actuator.adjuster:
-            largest = max(map(abs, extremes(scenario, preset)))
+                limited, limit = f"motor {motor}'s largest torque", values.get(f"motor_{motor}_max_torque")
+            low, high = extremes(scenario, given[name])
+            if limit and max(-low, high) > limit * (1.0 + ROUNDING):
+                message = f"is clipped to {limited}, {limit:g} N m"
+                yield Problem(message, key=key[name], value=f"{low:g} to {high:g} N m", code="reference-limits")
+        limit = values.get("max_deflection", math.inf)
+        if "stiffness_preset" in key and actuator.motors > 1 and not actuator.adjuster:
+            largest = max(map(abs, extremes(scenario, given["stiffness_preset"])))
             if largest > limit:
                 message = f"is beyond the deflection limit of the springs, {limit:g} rad: they are clipped there"
-                key = reference_key(scenario, block, "stiffness_preset")
-                yield Problem(message, key=key, value=largest, code="large-preset")
+                yield Problem(message, key=key["stiffness_preset"], value=largest, code="large-preset")
     for section, table in wanted_positions(scenario).items():
         for joint in robot.moving_joints:
             signal = for_joint(table, joint.name)
             if signal is not None:
-                key = f"{section}.{joint.name if joint.name in table else '*'}"
-                yield from _leaves(scenario, robot, key, joint.name, signal)
+                where = f"{section}.{joint.name if joint.name in table else '*'}"
+                yield from _outside(robot, where, joint.name, extremes(scenario, signal))
 
 
-def _leaves(scenario: Scenario, robot: Robot, key: str, name: str, signal: Signal) -> Iterator[Problem]:
-    yield from _outside(robot, key, name, *extremes(scenario, signal))
-
-
-def _outside(robot: Robot, key: str, name: str, least: float, largest: float) -> Iterator[Problem]:
+def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> Iterator[Problem]:
     low, high = robot.joint(name).stops
-    if math.isfinite(low) and math.isfinite(high) and (least < low or largest > high):
+    if math.isfinite(low) and math.isfinite(high) and (ends[0] < low or ends[1] > high):
         message = f"leaves the limits of '{name}', {low:g} to {high:g}"
-        yield Problem(message, key=key, value=f"{least:g} to {largest:g}", code="reference-limits")
+        yield Problem(message, key=key, value=f"{ends[0]:g} to {ends[1]:g}", code="reference-limits")
 
 
 def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -260,6 +245,6 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _objects_in_the_ground, _late, _beyond_limits,
+    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _too_fast, _beyond_limits,
     _missing_references,
 )  # fmt: skip

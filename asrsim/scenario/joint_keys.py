@@ -8,23 +8,18 @@ from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.document.block import Block, Key, block_of, declare
-from asrsim.document.composite import Either, ListOf, MapOf, is_mapping
+from asrsim.document.composite import Either, ListOf, MapOf
 from asrsim.document.kinds import (
     NOT_NEGATIVE,
     NUMBER,
-    Boolean,
     Choice,
     Integer,
-    Kind,
     Number,
     Optional,
-    Schema,
-    attempt,
 )
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading
 from asrsim.scenario.kinds import Keys
-from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 
 MODE = Integer(minimum=0, maximum=max(MODES))
@@ -61,7 +56,7 @@ class LinkDamping:
 
     constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="damping in addition to the URDF's")
     ratio: float = declare(NOT_NEGATIVE, default=0.0, unit="1", doc="damping ratio at `inertia` and the present stiffness")
-    inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia at which `ratio` is meant")
+    inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia for which `ratio` is defined")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +64,7 @@ class GivenActuator:
     """Actuator that the scenario puts on a joint, in place of the actuator in the robot file, if any."""
 
     type: str = declare(
-        Choice(lambda: ACTUATORS, "name of an actuator", missing="One of your own is in a file that --plugin FILE names"),
+        Choice(lambda: ACTUATORS, "name of an actuator", missing="Your own actuators need --plugin FILE"),
         doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")
@@ -132,43 +127,4 @@ class StartTables(Either):
 
 INITIAL = StartTables(((lambda node: node.value == EQUILIBRIUM, Choice((EQUILIBRIUM,))), (lambda _: True, MapOf(of=START))))
 
-INVERSE_DYNAMICS = "inverse_dynamics"
-"""Key under a joint's references that makes the first reference a desired motion of the link."""
-
-
-class JointReferences(MapOf[Any]):
-    """Kind of value: a joint's references by name, and a bool under `INVERSE_DYNAMICS`."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
-        if not isinstance(node.value, dict) or INVERSE_DYNAMICS not in node.value:
-            return super().read(node, path, reading)
-        rest = {name: item for name, item in node.value.items() if name != INVERSE_DYNAMICS}
-        wanted = attempt(Boolean(), node.value[INVERSE_DYNAMICS], (*path, INVERSE_DYNAMICS), reading)
-        signals = super().read(Node(rest, node.line, node.key_lines, node.file), path, reading)
-        return signals if wanted is None else {**signals, INVERSE_DYNAMICS: wanted[0]}
-
-    def schema(self) -> Schema:
-        return {**super().schema(), "properties": {INVERSE_DYNAMICS: Boolean().schema()}}
-
-
-class ReferenceTables(MapOf[Any]):
-    """Kind of value: references of all joints, read into two tables of the scenario: signals, and flags of inverse dynamics."""
-
-    def read(self, node: Node, path: KeyPath, reading: Reading) -> dict[str, Any]:
-        given = super().read(node, path, reading)
-        return {
-            "references": {
-                joint: {name: signal for name, signal in items.items() if name != INVERSE_DYNAMICS}
-                for joint, items in given.items()
-            },
-            "inverse_dynamics": {joint: items[INVERSE_DYNAMICS] for joint, items in given.items() if INVERSE_DYNAMICS in items},
-        }
-
-
-REFERENCES = ReferenceTables(of=JointReferences(of=SIGNAL, noun="reference", star=False))
-
-LOCKED = "locked"
-_LOCKED = (lambda node: node.value == LOCKED, Choice((LOCKED,)))
-MOTION: Kind[str | Mapping[str, str | Signal]] = Either(
-    (_LOCKED, (is_mapping, MapOf(of=Either((_LOCKED, (lambda _: True, SIGNAL))))))
-)
+REFERENCES = MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False))

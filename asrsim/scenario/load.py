@@ -14,7 +14,7 @@ from asrsim.scenario.build import build_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.keys import SCENARIO
 from asrsim.scenario.kinds import names_a_folder
-from asrsim.scenario.overrides import Overrides, apply_override, apply_overrides
+from asrsim.scenario.overrides import Overrides, apply_overrides
 
 DEFAULT = "default"
 """Name of the variant of a scenario without variants."""
@@ -70,18 +70,19 @@ def read_scenarios(
         message = f"there is no variant '{variant}'"
         faults.append(Problem(message, file=path, choices=tuple(variants), meant=str(variant), code="unknown-variant"))
         raise ScenarioError(faults)
-    chosen = variants if variant is None else {variant: variants[variant]}
-    readings, scenarios = [], []
-    for name, merged in chosen.items():
-        merged = apply_overrides(merged, overrides)
-        if robot is not None:
-            merged = apply_override(merged, "robot=")
-            assert isinstance(merged.value, dict)
-            merged.value["robot"] = Node(str(Path(robot).absolute()))
-        reading = Reading(base=path.parent)
-        readings.append(reading)
-        scenarios.append(build_scenario(merged, reading, name=path.stem, variant=name, path=path, text=text))
-    return tuple(scenarios), _distinct([*faults, *(problem for reading in readings for problem in reading.problems)])
+    found: list[Scenario] = []
+    for name, merged in variants.items():
+        if variant in (None, name):
+            changed = _with_robot(apply_overrides(merged, overrides), robot)
+            reading = Reading(base=path.parent)
+            found.append(build_scenario(changed, reading, name=path.stem, variant=name, path=path, text=text))
+            faults += reading.problems
+    return tuple(found), distinct(faults)
+
+
+def _with_robot(root: Node, robot: str | Path | None) -> Node:
+    """Document whose robot is replaced by this file, if one is given."""
+    return root if robot is None else apply_overrides(root, {"robot": str(Path(robot).absolute())})
 
 
 def scenario_from_data(
@@ -99,15 +100,11 @@ def scenario_from_data(
     Files are found in `files` (name in the data -> path, as in `Scenario.attachments`), or else in `base_dir` (default: the
     working folder). `robot` replaces the robot of the data. Raises ScenarioError with every problem.
     """
-    items = dict(data)
-    if robot is not None:
-        items["robot"] = str(Path(robot).absolute())
-    root = node_from_data(items)
-    root = apply_overrides(root, overrides)
+    root = _with_robot(apply_overrides(node_from_data(dict(data)), overrides), robot)
     reading = Reading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
-        raise ScenarioError(_distinct(reading.problems))
+        raise ScenarioError(distinct(reading.problems))
     return scenario
 
 
@@ -123,43 +120,39 @@ def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:
     """Variants merged with the common keys, and problems of the variants and of the claims about variants."""
     assert isinstance(root.value, dict)
     items = dict(root.value)
-    node = items.pop("variants", None)
+    node = items.pop("variants", Node(None))
     common = Node(items, root.line, root.key_lines, root.file)
     problems: list[Problem] = []
     merged: dict[str, Node] = {}
-    if node is None or node.value is None:
+
+    def fault(message: str, at: Node, key: str, choices: tuple[str, ...] = ()) -> None:
+        problems.append(Problem(message, file=at.file, line=at.line, key=key, choices=choices, code="variants"))
+
+    if not isinstance(node.value, dict) or not node.value:
+        if node.value is not None:
+            fault("must be a mapping from names to the keys that differ", node, "variants")
         only = items.get("variant")
         merged[str(only.value) if only is not None and only.value is not None else DEFAULT] = common
-    elif not isinstance(node.value, dict) or not node.value:
-        problems.append(_problem("must be a mapping from names to the keys that differ", node, "variants"))
-        merged[DEFAULT] = common
     elif "variant" in items:
-        problems.append(_problem("is not allowed in a file with the key 'variants'", items["variant"], "variant"))
-    for name, over in node.value.items() if node is not None and isinstance(node.value, dict) else ():
-        keys = over.value if isinstance(over.value, dict) else {}
-        problems += [
-            _problem("is not allowed in a variant", keys[key], f"variants.{name}.{key}")
-            for key in ("variants", "variant", "name")
-            if key in keys
-        ]
+        fault("is not allowed in a file with the key 'variants'", items["variant"], "variant")
+    for name, changes in node.value.items() if isinstance(node.value, dict) else ():
+        keys = changes.value if isinstance(changes.value, dict) else {}
+        for key in ("variants", "variant", "name"):
+            if key in keys:
+                fault("is not allowed in a variant", keys[key], f"variants.{name}.{key}")
         if not names_a_folder(name):
-            problems.append(_problem("must be valid as the name of a folder", over, f"variants.{name}"))
-        if over.value is not None and not isinstance(over.value, dict):
-            problems.append(_problem("must be a mapping of the keys that differ", over, f"variants.{name}"))
-        merged[name] = SCENARIO.merge(common, over) if keys else common
+            fault("must be valid as the name of a folder", changes, f"variants.{name}")
+        if changes.value is not None and not isinstance(changes.value, dict):
+            fault("must be a mapping of the keys that differ", changes, f"variants.{name}")
+        merged[name] = SCENARIO.merge(common, changes) if keys else common
     claims = items.get("expect")
     for index, claim in enumerate(claims.value if claims is not None and isinstance(claims.value, list) else ()):
         named = claim.value.get("variant") if isinstance(claim.value, dict) else None
         if named is not None and named.value is not None and str(named.value) not in merged:
-            message, key = f"there is no variant '{named.value}'", f"expect.{index}.variant"
-            problems.append(_problem(message, named, key, tuple(merged)))
+            fault(f"there is no variant '{named.value}'", named, f"expect.{index}.variant", tuple(merged))
     return merged, problems
 
 
-def _problem(message: str, node: Node, key: str, choices: tuple[str, ...] = ()) -> Problem:
-    return Problem(message, file=node.file, line=node.line, key=key, choices=choices, code="variants")
-
-
-def _distinct(problems: Iterable[Problem]) -> list[Problem]:
+def distinct(problems: Iterable[Problem]) -> list[Problem]:
     """Problems without repetitions, as variants share most problems."""
     return list({str(problem): problem for problem in problems}.values())

@@ -34,15 +34,14 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 
 
 def apply_overrides(root: Node, overrides: Overrides) -> Node:
-    """Document with all overrides set in order. A null value removes the key. Raises ScenarioError."""
+    """Document with all overrides set in order. A null value, or an empty text, removes the key. Raises ScenarioError."""
     if isinstance(overrides, Mapping):
-        for name, value in overrides.items():
-            key = str(name).strip()
-            _check_key(key)
-            root = _set(root, split_path(key), node_from_data(value), key)
-        return root
-    for text in override_texts(overrides):
-        root = apply_override(root, text)
+        values = [(str(key).strip(), node_from_data(value)) for key, value in overrides.items()]
+    else:
+        values = [_parsed(text) for text in override_texts(overrides)]
+    for key, value in values:
+        _check_key(key)
+        root = _set(root, split_path(key), value, key)
     return root
 
 
@@ -57,19 +56,16 @@ def override_texts(overrides: Overrides) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def apply_override(root: Node, override: str) -> Node:
-    """Document with `a.b.0.c=value` set. An empty value removes the key. Raises ScenarioError."""
+def _parsed(override: str) -> tuple[str, Node]:
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         hint = "Write key=value, such as duration=2 or references.joint1.equilibrium_position=0.5"
         raise ScenarioError("is not key=value", value=override, hint=hint, code="override")
-    _check_key(key.strip())
     try:
-        value = parse_yaml(text, error=ScenarioError)
+        return key.strip(), node_from_data(parse_yaml(text, error=ScenarioError).plain())
     except InputError as error:
         message = f"its value {error.problems[0].message}"
         raise ScenarioError(message, key=key, value=text, code="override") from None
-    return _set(root, split_path(key.strip()), node_from_data(value.plain()), key.strip())
 
 
 def _check_key(key: str) -> None:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
-import shlex
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.electric import electric_of
-from asrsim.document.yaml_reader import parse_yaml, plain_scalar
-from asrsim.errors import OutputError, Problem, RobotError, ScenarioError
+from asrsim.document.yaml_reader import plain_scalar
+from asrsim.errors import OutputError, Problem, RobotError
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
@@ -22,381 +18,310 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.schema import schema_text
 
-if TYPE_CHECKING:
-    from asrsim.kinematics.sizing import Sizing
-
 STEP = 0.3
-"""rad, the step of the starter's references."""
+"""Step of the starter's position references, rad."""
 PRISMATIC_STEP = 0.05
-"""m."""
+"""Step of the position references of prismatic joints, m."""
 TORQUE = 0.1
-"""N m, for references that are torques."""
+"""Step of torque references, N m, and of voltages and currents, V and A."""
+SOFT = 1.5
+"""Preset of the soft variant, as a multiple of the typical preset: softer springs let most arms sag."""
 STEP_TIME = 0.1
-"""s."""
+"""Time of the step, s."""
+LARGEST_SHARE = 0.4
+"""Largest step of a joint, as a fraction of its way to the stop."""
+MOUNTED_MODE = 6
+"""Mode of actuators that the scenario puts on joints, unless another mode is chosen."""
+ROUNDS = 6
+"""Number of rounds in which presets and parameters are found that hold the arm."""
+VISIBLE = 1e-3
+"""Smallest sag of a joint, rad or m, for which the scenario starts at equilibrium."""
+SCHEMA_FILE = "asrsim.schema.json"
 
-_ROOM = 0.4
-"""Share of the way to a stop that a step takes at most."""
+Comments = dict[tuple[str, ...], str]
+"""Path of a key -> comment at the end of its line."""
+
+
+class Lines(dict[str, Any]):
+    """Mapping of plain values that is written with a line for each key, as comments and editing need it."""
+
+
+def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], heading: Collection[str]) -> str:
+    """YAML of plain data, with lines of comments above and comments at the ends of lines. Innermost mappings fill one line."""
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        def ignore_aliases(self, data: object) -> bool:
+            return True
+
+    tag = "tag:yaml.org,2002:"
+    Dumper.add_representer(Lines, lambda dumper, items: dumper.represent_mapping(f"{tag}map", items.items(), flow_style=False))
+    # Text that our reader (YAML 1.2) would take for a number needs quotes.
+    Dumper.add_representer(
+        str, lambda dumper, text: dumper.represent_scalar(f"{tag}str", text, style=None if plain_scalar(text) == text else '"')
+    )
+    text = yaml.dump(data, Dumper=Dumper, sort_keys=False, default_flow_style=None, allow_unicode=True, width=120)
+    lines = text.splitlines()
+    for path, comment in comments.items():
+        node: Any = yaml.compose(text)
+        for part in path:
+            key, node = next(item for item in node.value if item[0].value == part)
+        lines[key.start_mark.line] += f"  # {comment}"
+    for number in range(len(lines) - 1, 0, -1):
+        if lines[number].partition("#")[0].rstrip().endswith(":") and not lines[number].startswith((" ", "-")):
+            lines.insert(number, "")
+    return "\n".join([*(f"# {line}" for line in heading), "", *lines]) + "\n"
 
 
 @dataclass(frozen=True, kw_only=True)
 class StarterJoint:
-    """One joint of the starter."""
+    """Motion of a joint in the starter."""
 
     block: ActuatorBlock
     joint: Joint
     start: float
-    """Initial link position, rad or m: 0, or the nearest that is away from the stops."""
+    """Initial link position, rad or m: 0, or the nearest position that is away from the stops."""
     target: float
     """Link position after the step."""
-    firmer: float = 1.0
-    """Factor on the usual soft preset, if its springs are too soft to hold the arm."""
 
     @property
     def actuator(self) -> type[Actuator]:
         """Class of the actuator."""
         return ACTUATORS.get(self.block.actuator)
 
-    def presets(self) -> tuple[float, float] | None:
-        """A soft and a stiff second reference, or None where there is no choice."""
-        soft = self.actuator.typical_preset
-        if not soft or not MODES[self.block.mode].spring or MODES[self.block.mode].direct:
-            return None
+    @property
+    def presets(self) -> tuple[float, ...]:
+        """A soft and a stiff second reference, or only the typical one if the mode has no choice of stiffness."""
+        soft, mode = self.actuator.typical_preset, MODES[self.block.mode]
+        if not soft or not mode.spring or mode.direct:
+            return (soft,)
         values = self.block.values()
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
         stiff = min(3.0 * soft, highest)
-        # Springs pull on their motors also at rest; half of the motors' torque is left to move with.
-        while MODES[self.block.mode].motor and self._pull(stiff) > 0.5:
+        # Antagonistic springs load their motors at rest too; half of the motors' torque remains for motion.
+        while mode.motor and self._load(stiff) > 0.5:
             stiff *= 0.9
-        return float(f"{min(soft * self.firmer, (0.5 if self.firmer == 1.0 else 0.9) * stiff):.2g}"), float(f"{stiff:.2g}")
+        return _rounded(min(SOFT * soft, 0.7 * stiff), 2), _rounded(stiff, 2)
 
-    def _pull(self, preset: float) -> float:
-        """What the springs ask of the motors at rest, as a share of their largest torque."""
-        values = self.block.values()
-        law = self.actuator.law_values(values)
-        torques = self.actuator.elastic_torques(0.0, *self.actuator.motor_references(0.0, preset), law)
-        limits = (values[f"motor_{i}_max_torque"] for i in range(1, self.actuator.motors + 1))
+    def _load(self, preset: float) -> float:
+        """Torque of the springs on the motors at rest, as a fraction of the largest motor torque."""
+        values, actuator = self.block.values(), self.actuator
+        torques = actuator.elastic_torques(0.0, *actuator.motor_references(0.0, preset), actuator.law_values(values))
+        limits = (values[f"motor_{i}_max_torque"] for i in range(1, actuator.motors + 1))
         return max(abs(torque) / limit if limit > 0.0 else 0.0 for torque, limit in zip(torques, limits, strict=False))
 
-    def levels(self, position: float, torque: float, preset: float) -> Iterator[tuple[str, str, float]]:
-        """(reference, unit, value) that hold the joint at a position, or its motors at a torque.
+    def levels(self, position: float, torque: float, preset: float) -> list[tuple[str, str, float]]:
+        """(reference, unit, value) that hold the joint at a position, or give its motors a torque.
 
-        preset: a second reference in the sense of preset or adjuster.
+        preset: value of a second reference that is a preset or the position of an adjuster.
         """
-        mode = MODES[self.block.mode]
-        second = self.actuator.motors > 1 or self.actuator.adjuster
+        mode, actuator = MODES[self.block.mode], self.actuator
+        tuned = (actuator.reference_2_unit, preset)
         if not mode.spring:
-            yield mode.references[0], mode.units[0], torque if mode.number == 0 else position
+            levels = [(mode.units[0], torque if mode.number == 0 else position)]
         elif mode.direct:
-            gains = [electric_of(self.block.values(), i, mode).gain or 1.0 for i in range(1, self.actuator.motors + 1)]
-            yield mode.references[0], mode.units[0], torque / gains[0]
-            if self.actuator.adjuster:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
-            elif second:
-                yield mode.references[1], mode.units[1], torque / gains[1]
-        elif mode.mapped or self.actuator.adjuster or not second:
-            yield mode.references[0], "rad", position
-            if second:
-                yield mode.references[1], self.actuator.reference_2_unit, preset
+            levels = [(mode.units[0], torque), tuned if actuator.adjuster else (mode.units[-1], torque)]
+        elif mode.mapped or actuator.adjuster:
+            levels = [("rad", position), tuned]
         else:
-            motors = self.actuator.motor_references(position, preset)
-            yield from zip(mode.references, ("rad", "rad"), motors, strict=True)
+            levels = [("rad", motor) for motor in actuator.motor_references(position, preset)]
+        count = 2 if actuator.motors > 1 or actuator.adjuster else 1
+        return [(name, *level) for name, level in zip(mode.references, levels[:count], strict=False)]
 
-    def references(self, preset: float) -> Iterator[tuple[str, str, str]]:
-        """(reference, unit, signal as YAML) of the starter's step."""
-        before, after = self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset)
-        for (name, unit, low), (_, _, high) in zip(before, after, strict=True):
-            if self.joint.kind == "prismatic":
-                unit = linear_unit(unit)
-            yield name, unit, number(low) if low == high else _step(low, high)
+    def references(self, preset: float) -> dict[str, Any]:
+        """Reference -> signal of the starter's step, as plain data."""
+        levels = zip(self.levels(self.start, 0.0, preset), self.levels(self.target, TORQUE, preset), strict=True)
+        pairs = {name: (_rounded(low), _rounded(high)) for (name, _, low), (_, _, high) in levels}
+        return {
+            name: low if low == high else {"step": {"at": STEP_TIME, "from": low, "to": high}}
+            for name, (low, high) in pairs.items()
+        }
+
+    def comments(self) -> Comments:
+        """Comments on the joint's references: actuator and mode, and units."""
+        mode = MODES[self.block.mode]
+        path, unit_of = ("references", self.block.joint), linear_unit if self.joint.kind == "prismatic" else str
+        units: Comments = {(*path, name): unit_of(unit) for name, unit, _ in self.levels(0.0, 0.0, 0.0)}
+        return {path: f"{self.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})", **units}
 
 
 def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
-    """The starter's motion of an actuated joint: a small step from 0, or from the position nearest to 0 that is clear of the
-    stops. A joint with `<mimic>` follows the motion of its leader.
+    """Motion of an actuated joint in the starter: a small step from 0, or from the position nearest to 0 that is clear of the
+    stops.
     """
     joint = robot.joint(block.joint)
-    leader = next((one for one in robot.actuators if joint.mimic is not None and one.joint == joint.mimic.joint), None)
-    if joint.mimic is not None and leader is not None and robot.joint(leader.joint).mimic is None:
-        led = starter_joint(robot, leader)
-        start, target = (joint.mimic.multiplier * place + joint.mimic.offset for place in (led.start, led.target))
-        return StarterJoint(block=block, joint=joint, start=start, target=target)
     size = PRISMATIC_STEP if joint.kind == "prismatic" else STEP
     bounded = joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
     low, high = (joint.lower or 0.0, joint.upper or 0.0) if bounded else (-10.0, 10.0)
-    start = _start(low, high, size)
-    # A soft joint without damping swings to twice its step: that is no stop.
+    margin = min(size, 0.25 * (high - low))
+    start = min(max(0.0, low + margin), high - margin)
+    start = _rounded(start, 3) if low < _rounded(start, 3) < high else start
+    # A soft joint without damping swings to twice its step, which must not reach a stop.
     up, down = high - start, start - low
-    upward = up > 2.0 * size or up >= down
-    step = min(size, _ROOM * max(up, down))
-    target = float(f"{start + (step if upward else -step):.6g}")
+    step = min(size, LARGEST_SHARE * max(up, down))
+    target = _rounded(start + (step if up > 2.0 * size or up >= down else -step))
     return StarterJoint(block=block, joint=joint, start=start, target=target)
 
 
-def _start(low: float, high: float, size: float) -> float:
-    """0, or the nearest that is a step away from both stops; of a short travel, a quarter of it."""
-    margin = min(size, 0.25 * (high - low))
-    start = min(max(0.0, low + margin), high - margin)
-    rounded = float(f"{start:.3g}")
-    return rounded if low < rounded < high else start
-
-
-def _step(before: float, after: float) -> str:
-    return f"{{step: {{at: {STEP_TIME:g}, from: {number(before)}, to: {number(after)}}}}}"
-
-
-def number(value: float) -> str:
-    """A number as YAML, to six digits."""
-    return f"{value + 0.0:.6g}"
-
-
-HOLDING = "Parameters that stand here hold the arm: under their defaults it sags, falls, or is thrown about by its own steps."
-_SIMPLE = re.compile(r"[A-Za-z_./][\w./-]*")
+def _rounded(value: float, digits: int = 6) -> float:
+    return float(f"{value + 0.0:.{digits}g}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Starter:
-    """What a starter scenario is written from."""
+    """Content of a starter scenario."""
 
     robot: Robot
-    """With its modes and actuators as the scenario shall have them."""
-    file: str
-    """Path of the robot as the scenario shall name it."""
-    schema: str | None = None
-    """Path of the JSON Schema for editors, if any."""
+    """Robot with the modes and actuators of the scenario."""
+    file: Any
+    """Value of the key `robot`."""
     mode: int | None = None
-    """A mode given on the command line, to be written down; the robot has it already."""
+    """Mode that the scenario gives all joints."""
     given: tuple[str, ...] = ()
     """Joints whose actuator the scenario gives."""
     sized: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameters of given actuators that the robot has already, so that they hold the arm's own weight."""
-    proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """The same for actuators of the robot file, to be written as a comment."""
+    """Joint -> parameters of given actuators with which they hold the arm's own weight."""
     damped: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> keys of its link damping, with which swings end that last in the robot file's own; a comment where the file has
-    actuators of its own."""
-    firmer: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> times the usual soft preset."""
-    hangs: bool = False
-    """It starts where its springs hold its weight, which takes no fall."""
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    """xacro arguments that the robot was read with."""
-    packages: Mapping[str, str] = field(default_factory=dict)
-    """Folders of ROS packages that it was read with."""
+    """Joint -> keys of its link damping."""
+    at_rest: bool = False
+    """Whether the scenario starts at equilibrium."""
+
+    def data(self) -> tuple[dict[str, Any], Comments]:
+        """Scenario as plain data, and its comments."""
+        data: dict[str, Any] = {"robot": self.file, "duration": 3, "step": 0.001}
+        comments: Comments = {("duration",): "s", ("step",): "s; joints with stiff springs get substeps automatically"}
+        if self.mode is not None:
+            data["modes"] = {"*": self.mode}
+            comments["modes",] = f"{MODES[self.mode].name}, instead of the modes in the robot's file"
+        if self.given:
+            data["actuators"] = mounted(self.robot, self.given, self.sized)
+            comments["actuators",] = "on joints of the robot's file; parameters that hold the arm replace the defaults"
+        if self.damped:
+            data["link_damping"] = self.damped
+            comments["link_damping",] = "without it, the arm oscillates for a long time after a step"
+        joints = [starter_joint(self.robot, block) for block in self.robot.actuators]
+        moved = Lines({one.joint.name: one.start for one in joints if one.start})
+        if self.at_rest:
+            data["initial"] = "equilibrium"
+            comments["initial",] = "at rest under the arm's own weight; without this line the arm first falls into its springs"
+        elif moved:
+            data["initial"] = moved
+            comments["initial",] = "rad, m; 0 is at or near the stops of these joints"
+        data["references"] = {one.joint.name: Lines(one.references(one.presets[0])) for one in joints}
+        for one in joints:
+            comments |= one.comments()
+        stiff = {one.joint.name: _changed(one) for one in joints if len(one.presets) > 1}
+        if stiff:
+            data["variants"] = {"soft": {}, "stiff": {"references": stiff}}
+            comments["variants",] = (
+                "each has all keys above, and changes the keys that it names; `asrsim run` runs all variants"
+            )
+        return data, comments
+
+    def text(self) -> str:
+        """YAML of the scenario."""
+        heading = [
+            f"yaml-language-server: $schema={SCHEMA_FILE}",
+            f"Starter scenario for {self.robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
+            "docs/scenario.md explains every key, `asrsim actuators` every parameter; `asrsim check` finds mistakes.",
+        ]
+        if not self.robot.actuators:
+            heading.append(
+                "The robot has no actuators. `actuators: qbmove` puts one on every joint; `asrsim actuators` lists all."
+            )
+        return yaml_text(*self.data(), heading)
+
+    def scenario(self, folder: Path) -> Scenario:
+        """Scenario without its variants, for a file in `folder`."""
+        return scenario_of(self.data()[0], self.robot, folder)
 
 
-def starter_text(starter: Starter) -> str:
-    """The starter's YAML."""
-    robot, mode = starter.robot, starter.mode
-    drives = tuple(
-        replace(starter_joint(robot, block), firmer=starter.firmer.get(block.joint, 1.0)) for block in robot.actuators
-    )
-    lines = [f"# yaml-language-server: $schema={starter.schema}"] if starter.schema else []
-    lines += [
-        f"# Starter scenario for {robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-        "# Every key is explained in docs/scenario.md, every parameter by `asrsim actuators`; `asrsim check` finds mistakes.",
-        "",
-        *robot_lines(starter.file, starter.arguments, starter.packages),
-        "duration: 3          # s",
-        "step: 0.001          # s; springs that are too stiff for it get substeps by themselves",
-        "# log_rate: 500      # Hz; without it every step is logged",
-        "# gravity: [0, 0, 0] # m/s^2; default [0, 0, -9.81]",
-    ]
-    if mode is not None:
-        lines.append(f'modes: {{"*": {mode}}}       # {MODES[mode].name}, in the place of the modes in the robot\'s file')
-    lines += _actuators(starter)
-    moved = [drive for drive in drives if drive.start]
-    if starter.hangs:
-        lines += ["", "initial: equilibrium # at rest under its own weight; without this line it falls into its springs"]
-    elif moved:
-        lines += ["", "initial:             # rad, m; 0 lies on or near the stops of these joints"]
-        lines += [f"  {word(drive.joint.name)}: {drive.start!r}" for drive in moved]  # rounded, a limit may be passed
-    lines += ["", *_references(drives), *_variants(drives)]
-    return "\n".join(lines) + "\n"
+def _changed(one: StarterJoint) -> dict[str, Any]:
+    """References of the stiff variant that differ from those of the soft variant."""
+    soft, stiff = (one.references(preset) for preset in one.presets)
+    return {name: signal for name, signal in stiff.items() if signal != soft[name]}
 
 
-def _actuators(starter: Starter) -> Iterator[str]:
-    """The key `actuators`, or a comment on parameters that would hold the arm."""
-    if starter.given:
-        yield ""
-        yield from mounted_lines(starter.robot, starter.given, starter.sized, why=HOLDING)
-    if starter.proposal:
-        yield ""
-        yield "# As they are, springs or motors do not hold the arm's own weight: joints sag or fall. These hold it:"
-        yield "# parameters:"
-        yield from (f"#   {word(joint)}: {_table(given)}" for joint, given in starter.proposal.items())
-
-    if starter.damped:
-        mark = "" if starter.given else "# "
-        yield ""
-        yield "# Damping of the links beside the robot file's, which has too little: without it the arm swings on after a step."
-        yield f"{mark}link_damping:"
-        yield from (f"{mark}  {word(joint)}: {_table(keys)}" for joint, keys in starter.damped.items())
+def mounted(robot: Robot, joints: Collection[str], parameters: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """Value of the key `actuators` for these joints, with parameters that replace defaults."""
+    return {
+        block.joint: {"type": block.actuator, "mode": block.mode}
+        | ({"parameters": dict(parameters[block.joint])} if parameters.get(block.joint) else {})
+        for block in robot.actuators
+        if block.joint in joints
+    }
 
 
-def mounted_lines(
-    robot: Robot, given: Collection[str], parameters_of: Mapping[str, Mapping[str, float]], *, why: str
-) -> Iterator[str]:
-    """The key `actuators` with those of the joints `given`, their parameters that are no defaults, and why these are not."""
-    yield "actuators:           # instead of plugin blocks in the robot's file"
-    if any(parameters_of.values()):
-        yield f"  # {why}"
-    for block in robot.actuators:
-        if block.joint in given:
-            own = parameters_of.get(block.joint)
-            parameters = f", parameters: {_table(own)}" if own else ""
-            yield f"  {word(block.joint)}: {{type: {block.actuator}, mode: {block.mode}{parameters}}}"
-
-
-def _table(values: Mapping[str, float]) -> str:
-    return f"{{{', '.join(f'{name}: {number(value)}' for name, value in values.items())}}}"
-
-
-def robot_lines(file: str, arguments: Mapping[str, str], packages: Mapping[str, str]) -> Iterator[str]:
-    """The key `robot`."""
+def robot_key(robot: Path, folder: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Any:
+    """Value of the key `robot` of a scenario file in `folder`."""
+    file = relative_path(robot, folder)
     if not arguments and not packages:
-        yield f"robot: {word(file)}"
-        return
-    yield "robot:"
-    yield f"  file: {word(file)}"
-    for key, items in (("arguments", arguments), ("packages", packages)):
-        if items:
-            yield f"  {key}: {{{', '.join(f'{word(name)}: {word(text)}' for name, text in items.items())}}}"
-
-
-def _references(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
-    if not drives:
-        yield "# The robot has no actuators: it moves freely under gravity. This key puts one on every joint:"
-        yield "# actuators: qbmove  # `asrsim actuators` lists them; `asrsim init ROBOT --actuator qbmove` sizes them, too"
-        return
-    yield "references:"
-    for drive in drives:
-        mode = MODES[drive.block.mode]
-        yield f"  {word(drive.joint.name)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
-        presets = drive.presets()
-        for name, unit, signal in drive.references(presets[0] if presets else drive.actuator.typical_preset):
-            yield f"    {name}: {signal}  # {unit}"
-
-
-def _variants(drives: tuple[StarterJoint, ...]) -> Iterator[str]:
-    soft_and_stiff = [(drive, presets) for drive in drives if (presets := drive.presets()) is not None]
-    if not soft_and_stiff:
-        return
-    yield ""
-    yield "# Variants share everything above and change what they name; `asrsim run` runs them all."
-    yield "variants:"
-    for index, name in enumerate(("soft", "stiff")):
-        yield f"  {name}:"
-        yield "    references:"
-        for drive, presets in soft_and_stiff:
-            changed = drive.references(presets[index])
-            items = ", ".join(f"{key}: {signal}" for key, _, signal in changed if _differs(drive, key))
-            yield f"      {word(drive.joint.name)}: {{{items}}}"
-
-
-def _differs(drive: StarterJoint, reference: str) -> bool:
-    """Whether a reference changes with the preset."""
-    first = MODES[drive.block.mode].references[0]
-    return reference != first or not (MODES[drive.block.mode].mapped or drive.actuator.adjuster)
-
-
-def word(text: str) -> str:
-    """Text as YAML, quoted where it must be."""
-    plain = _SIMPLE.fullmatch(text) and isinstance(plain_scalar(text), str)
-    return text if plain else json.dumps(text, ensure_ascii=False)
-
-
-MOUNTED_MODE = 6
-"""Mode of actuators that the scenario gives, unless another is chosen."""
-ROUNDS = 6
-"""Largest number of repetitions of sizing and presets."""
-
-VISIBLE = 1e-3
-"""rad or m by which a joint sags that is worth a start at equilibrium."""
-
-SCHEMA_FILE = "asrsim.schema.json"
+        return file
+    paths = {name: relative_path(path, folder) for name, path in (packages or {}).items()}
+    parts = {"arguments": dict(arguments or {}), "packages": paths}
+    return {"file": file, **{key: part for key, part in parts.items() if part}}
 
 
 def write_starter(
-    robot: Path,
-    out: Path,
-    *,
-    mode: int | None = None,
-    actuators: Mapping[str, str] | None = None,
-    force: bool = False,
-    schema: bool = True,
-    arguments: Mapping[str, str] | None = None,
-    packages: Mapping[str, Path] | None = None,
-) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:
-    """Write a starter scenario for the robot to `out`, and the schema beside it.
+    robot: Path, out: Path, *, mode: int | None = None, actuators: Mapping[str, str] | None = None, force: bool = False,
+    arguments: Mapping[str, str] | None = None, packages: Mapping[str, Path] | None = None,
+) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:  # fmt: skip
+    """Write a starter scenario for the robot to `out`, and the JSON Schema beside it.
 
     mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with
     parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
 
-    Gives the files written, and what to know of joints that sag, fall or are not driven.
+    Returns the files written, and warnings about joints that sag, fall, oscillate or have no actuator.
     Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
-    file is in the way or cannot be written.
+    file exists or cannot be written.
     """
-    from asrsim.kinematics.sizing import calming, problems_of_weight, sizing, steadying
+    from asrsim.kinematics.sizing import ENOUGH, calming, problems_of_weight, sizing, steadying
 
     loaded = moving_robot(robot, arguments, packages)
     given = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
-    mounted = with_actuators(loaded, given, {})
+    changed = with_actuators(loaded, given, {})
     starter = Starter(
-        robot=mounted if mode is None else with_overrides(mounted, modes={"*": mode}),
-        file=relative_path(robot, out.parent),
-        schema=SCHEMA_FILE if schema else None,
+        robot=changed if mode is None else with_overrides(changed, modes={"*": mode}),
+        file=robot_key(robot, out.parent, arguments, packages),
         mode=None if given else mode,
-        given=tuple(one.name for one in loaded.moving_joints if one.name in given or "*" in given),
-        arguments=arguments or {},
-        packages={name: relative_path(folder, out.parent) for name, folder in (packages or {}).items()},
+        given=tuple(joint.name for joint in loaded.moving_joints if joint.name in given or "*" in given),
     )
-    found = sizing(_first(starter, loaded, out.parent), starter.robot)
-    if found.proposal and given:
-        starter, found = _held(starter, found, loaded, out.parent)
-    else:
-        firm, held = starter, found
-        for _ in range(ROUNDS):
-            firm = replace(
-                firm, firmer={**firm.firmer, **{joint: 1.3 * firm.firmer.get(joint, 1.0) for joint in held.proposal}}
-            )
-            held = sizing(_first(firm, loaded, out.parent), firm.robot) if held.proposal else held
-        starter, found = (starter, found) if held.proposal else (firm, held)
-        starter = replace(starter, proposal=found.proposal)
-    mount = shlex.join(["asrsim", "init", str(robot), "--actuator", "qbmove", "--out", str(out), "--overwrite"])
-    idle = (
-        replace(one, hint=f"Put some on: {mount}")
-        for one in loaded.warnings
-        if one.key == loaded.name and not (loaded.actuators or given)
-    )
+    found = sizing(starter.scenario(out.parent), starter.robot)
+    for _ in range(ROUNDS if given else 0):
+        # Presets depend on the parameters, so both are repeated until they agree.
+        starter = _sized(starter, found.proposal)
+        found = sizing(starter.scenario(out.parent), starter.robot, sag=ENOUGH)
+    notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]
     if given:
-        starter = _sized(starter, steadying(_first(starter, loaded, out.parent), starter.robot))
-    lasts, damped = calming(_first(starter, loaded, out.parent), starter.robot)
-    damped = {joint: keys for joint, keys in damped.items() if not given or joint in starter.given}
-    starter = replace(starter, damped=damped, hangs=_hangs(starter, found))
-    text = starter_text(starter)
-    still = {joint.name for joint in loaded.joints if not joint.moves}
-    locked = (one for one in loaded.warnings if one.key in still)
-    notes = (*idle, *locked, *problems_of_weight(found, starter.robot), *_swinging(starter, robot, lasts))
-    beside = schema_beside(out) if schema else None
+        notes = [problem for problem in notes if problem.key != loaded.name]
+        starter = _sized(starter, steadying(starter.scenario(out.parent), starter.robot))
+    lasts, damped = calming(starter.scenario(out.parent), starter.robot)
+    if damped:
+        message = f"its joints have too little damping, so the arm would oscillate for {lasts:.2g} s after a step"
+        hint = "`link_damping` in the scenario damps it" if given else f"`link_damping: {damped}` would damp it"
+        notes.append(Problem(message, file=robot, hint=hint, code="swings-on"))
+    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
+    starter = replace(
+        starter,
+        damped={joint: keys for joint, keys in damped.items() if joint in starter.given},
+        at_rest=bool(given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints),
+    )
+    schema = out.parent / SCHEMA_FILE
     check_output(out, "schema", inputs=[robot], replace=True)
-    write_new(out, text, force=force)
-    if beside is None:
-        return (out,), notes
-    write_new(beside, schema_text(), force=True)
-    return (out, beside), notes
+    check_output(schema, "schema")
+    write_new(out, starter.text(), force=force)
+    write_text(schema, schema_text(), "schema")
+    return (out, schema), tuple(notes)
 
 
-def _swinging(starter: Starter, file: Path, lasts: float) -> Iterator[Problem]:
-    """A warning that an arm swings on, with the damping that the scenario proposes; lasts: s."""
-    if starter.damped:
-        how_long = f"for {lasts:.2g} s" if lasts < 100.0 else "without end"
-        message = f"its joints have too little damping, so that the arm would swing on {how_long} after a step"
-        where = "in the scenario" if starter.given else "that stands in the scenario as a comment"
-        yield Problem(message, file=file, hint=f"`link_damping` {where} ends that", code="swings-on")
+def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
+    """Starter with these parameters in addition."""
+    sized = {name: {**starter.sized.get(name, {}), **values} for name, values in proposal.items()}
+    return replace(starter, robot=with_overrides(starter.robot, parameters=proposal), sized={**starter.sized, **sized})
 
 
 def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None) -> Robot:
-    """The robot in a file. Raises RobotError where it cannot be read, or no joint of it moves."""
+    """Robot in a file. Raises RobotError if it cannot be read, or has no moving joint."""
     from asrsim.scenario.check import nothing_moves
 
     robot = load_robot(path, xacro_arguments=arguments or {}, package_paths=packages or {})
@@ -405,67 +330,24 @@ def moving_robot(path: Path, arguments: Mapping[str, str] | None, packages: Mapp
     return robot
 
 
-def _held(starter: Starter, found: Sizing, robot: Robot, folder: Path) -> tuple[Starter, Sizing]:
-    """The starter with parameters that hold the arm, and the sizing with them. Presets depend on the parameters, so both are
-    repeated until they agree.
-    """
-    from asrsim.kinematics.sizing import ENOUGH, sizing
-
-    for _ in range(ROUNDS):
-        if not found.proposal:
-            break
-        starter = _sized(starter, found.proposal)
-        found = sizing(_first(starter, robot, folder), starter.robot, sag=ENOUGH)
-    return starter, found
-
-
-def _sized(starter: Starter, proposal: Mapping[str, Mapping[str, float]]) -> Starter:
-    """The starter with these parameters, too."""
-    sized = {name: {**starter.sized.get(name, {}), **values} for name, values in proposal.items()}
-    return replace(starter, robot=with_overrides(starter.robot, parameters=proposal), sized={**starter.sized, **sized})
-
-
-def _hangs(starter: Starter, found: Sizing) -> bool:
-    """Whether actuators that the scenario gives hold the whole arm, and give way a little."""
-    held = {one.joint for one in found.joints} == {joint.name for joint in starter.robot.moving_joints}
-    return bool(starter.given) and held and not found.weak and any(one.sag > VISIBLE for one in found.joints)
-
-
-def _first(starter: Starter, robot: Robot, folder: Path) -> Scenario:
-    """The starter's own scenario, without its variants."""
-    return scenario_of(starter_text(starter), robot, folder)
-
-
-def scenario_of(text: str, robot: Robot, folder: Path) -> Scenario:
-    """The scenario of a text for a file in `folder`, without its variants."""
-    data = parse_yaml(text, error=ScenarioError).plain()
-    data.pop("variants", None)
-    return scenario_from_data(data, base_dir=folder, robot=robot.path)
+def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path) -> Scenario:
+    """Scenario from the data of a file in `folder`, without its variants."""
+    return scenario_from_data(
+        {key: value for key, value in data.items() if key != "variants"}, base_dir=folder, robot=robot.path
+    )
 
 
 def write_new(path: Path, text: str, *, force: bool) -> None:
-    """Write a text file with the folders above it; OutputError if it is there (unless `force`) or cannot be written."""
+    """Write a text file and create its folder. Raises OutputError if the file exists (unless `force`) or cannot be written."""
     if path.exists() and not force:
-        raise OutputError(f"{path} is there already; use --overwrite to replace it, or --out for another file")
+        raise OutputError(f"{path} exists: use --overwrite to replace it, or --out to choose another file")
     make_folder(path.parent)
     write_text(path, text, "schema", replace=force)
 
 
 def relative_path(target: Path, folder: Path) -> str:
-    """`target` as seen from `folder`, with forward slashes; absolute if no way leads there."""
+    """Path of `target` relative to `folder`, with forward slashes; absolute where no relative path exists."""
     try:
         return Path(os.path.relpath(target, folder)).as_posix()
     except ValueError:
         return target.absolute().as_posix()
-
-
-def schema_beside(out: Path) -> Path:
-    """Where the schema of a scenario file goes. Raises OutputError where a file that is no schema of ours has its name."""
-    path = out.parent / SCHEMA_FILE
-    try:
-        foreign = path.exists() and '"asrsim scenario"' not in path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        foreign = True
-    if foreign:
-        raise OutputError(f"{path} is there and is no schema of asrsim; use --no-schema")
-    return path

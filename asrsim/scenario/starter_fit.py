@@ -2,45 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.user import command_line
 from asrsim.robot.model import ActuatorBlock, Robot
-from asrsim.scenario.starter import word
-from asrsim.scenario.starter_recording import Plan
+from asrsim.scenario.starter import Lines, yaml_text
+from asrsim.scenario.starter_recording import Files, Plan
 
 NOT_FITTED = ("max_deflection", "spring_rest_length")
-"""Spring parameters that are not freed: limits that a recording seldom reaches, and numbers without effect."""
+"""Spring parameters that are not freed: limits that recordings seldom reach, and parameters without effect."""
 INERTIA = ("ixx", "iyy", "izz")
 
 
-def fit_text(
-    plan: Plan, scenario: str, recording: str, *, mapping: Sequence[str] = (), rate: float | None = None,
-    plugins: Sequence[str] = (),
-) -> str:  # fmt: skip
-    """YAML for `asrsim identify`; scenario, recording, plugins: as the file names them from its folder."""
-    keys = [f"file: {word(recording)}"]
-    keys += [f"map: [{', '.join(word(text) for text in mapping)}]"] if mapping else []
-    keys += [f"rate: {rate:g}"] if rate else []
-    command = command_line("identify", f"{scenario.rpartition('.')[0]}.fit.yaml", plugins)
-    ties = sorted(_ties(plan))
-    lines = [
-        "# Fit for `asrsim identify`: the robot's parameters from the recording. docs/identify.md has more that may be free.",
-        f"#   {command} --check    # what can be identified, within seconds",
-        f"#   {command}",
-        f"scenario: {word(scenario)}",
-        "experiments:",
-        f"  - {{{', '.join(keys)}}}" if len(keys) > 1 else f"  - {word(recording)}",
-        *([f"plugins: [{', '.join(map(word, plugins))}]"] if plugins else []),
-        "# validate: [another.csv]     # without one, the last quarter of each recording is held out",
-        "free:                         # key: start, or {start: 1, low: 0.5, high: 2}; nothing: the robot's",
-        *(f"  {word(key)}:" for block in plan.robot.actuators for key in _free(plan, block)),
-        *(f"  {word(key)}:    # s, of commands on their way to the motors" for key in _delays(plan)[:1]),
-        *(["ties:                         # key: other key, or 0.5 * other key; parts of one make are equal"] if ties else []),
-        *ties,
+def fit_text(plan: Plan, files: Files) -> str:
+    """YAML for `asrsim identify`."""
+    command = command_line("identify", f"{files.scenario.rpartition('.')[0]}.fit.yaml", files.plugins)
+    heading = [
+        "Fit for `asrsim identify`: the robot's parameters from the recording. docs/identify.md lists further parameters.",
+        f"  {command} --check    # which parameters can be identified, within seconds",
+        f"  {command}",
+        "The last quarter of each recording is held out; `validate: [another.csv]` names a recording instead.",
     ]
-    return "\n".join(lines) + "\n"
+    delays = _delays(plan)
+    data: dict[str, Any] = {
+        "scenario": files.scenario,
+        "experiments": [{"file": files.recording, **files.reading}],
+        **({"plugins": list(files.plugins)} if files.plugins else {}),
+        "free": Lines.fromkeys([*(key for block in plan.robot.actuators for key in _free(plan, block)), *delays[:1]]),
+    }
+    ties = sorted(_ties(plan))
+    if ties:
+        data["ties"] = Lines(ties)
+    comments = {
+        ("free",): "key: start, or {start: 1, low: 0.5, high: 2}; null: the robot's value",
+        ("ties",): "key: other key, or 0.5 * other key; equal springs, motors and delays",
+    }
+    return yaml_text(data, {path: text for path, text in comments.items() if path[0] in data}, heading)
 
 
 def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
@@ -50,7 +49,7 @@ def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
             yield f"{block.joint}.{parameter.name}"
     if mode.motor and block.joint not in _twins(plan.robot):
         yield from (f"{block.joint}.motor_1_{name}" for name in ("inertia", "damping", "friction_torque"))
-    # The gains of a rigid servo are seldom known, those of motors are where the robot's file states them.
+    # The gains of a rigid servo are seldom known; those of motors are known if the robot's file states them.
     if mode.controller and not (mode.motor and any(value.origin == "tag" for value in block.parameters.values())):
         yield f"{block.joint}.controller_1_proportional"
     if not plan.on_bench:
@@ -61,7 +60,7 @@ def _free(plan: Plan, block: ActuatorBlock) -> Iterator[str]:
 
 
 def _delays(plan: Plan) -> list[str]:
-    """Keys of commands to controllers and motors; torques on links, and motors that are played, are measured."""
+    """Keys for the delays of commands to controllers and motors. Torques on links and positions of motors are measured."""
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     return [
         f"{one.joint}.{one.column.quantity}.delay"
@@ -71,7 +70,7 @@ def _delays(plan: Plan) -> list[str]:
 
 
 def _twins(robot: Robot) -> dict[str, str]:
-    """Joint -> an earlier one whose motors have the same numbers in the robot's file: of the same make."""
+    """Joint -> an earlier joint whose motors have the same parameters in the robot's file, so they are of the same type."""
     first: dict[object, str] = {}
     twins = {}
     for block in robot.actuators:
@@ -82,18 +81,18 @@ def _twins(robot: Robot) -> dict[str, str]:
     return twins
 
 
-def _ties(plan: Plan) -> Iterator[str]:
-    """Both springs of an antagonistic actuator are equal, motors of one make are, and so are the delays of all commands."""
+def _ties(plan: Plan) -> Iterator[tuple[str, str]]:
+    """(key, equal key) for both springs of an antagonistic actuator, motors of one type, and the delays of all commands."""
     twins = _twins(plan.robot)
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
         names = {parameter.name for parameter in actuator.parameters} if mode.spring else set()
         for name in names:
             if name.endswith("_2") and f"{name[:-2]}_1" in names:
-                yield f"  {word(f'{block.joint}.{name}')}: {block.joint}.{name[:-2]}_1"
+                yield f"{block.joint}.{name}", f"{block.joint}.{name[:-2]}_1"
         twin = twins.get(block.joint, block.joint)
         for i in range(1, actuator.motors + 1) if mode.motor else ():
             if (block.joint, i) != (twin, 1):
-                yield f"  {word(f'{block.joint}.motor_{i}_*')}: {twin}.motor_1_*"
+                yield f"{block.joint}.motor_{i}_*", f"{twin}.motor_1_*"
     first, *others = _delays(plan) or [""]
-    yield from (f"  {word(key)}: {first}" for key in others)
+    yield from ((key, first) for key in others)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,94 +19,66 @@ from asrsim.quantities import is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import beyond_stops, condense
-from asrsim.robot import ActuatorBlock, Robot, with_overrides
-from asrsim.robot.mounting import reference_names
-from asrsim.scenario.starter import mounted_lines, number, robot_lines, starter_joint, word
+from asrsim.robot import ActuatorBlock, Robot
+from asrsim.robot.mounting import overridden, reference_names
+from asrsim.scenario.starter import SCHEMA_FILE, Comments, Lines, mounted, starter_joint
 from asrsim.signals.playback import since
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
-"""Unit of a command that is no position -> mode that takes it."""
+"""Unit of a command that is not a position -> mode that takes it."""
 WIDE = 1e4
-"""N m, rad/s: limits of motors whose real limits are unknown; a thousand times those of robots."""
-
-
-def fitting_modes(robot: Robot, recording: Recording, joints: Sequence[str]) -> dict[str, int]:
-    """Joint -> mode that takes what was recorded of its command, where that is no position."""
-    pairing, _ = match_joints([joint.name for joint in robot.moving_joints], recording)
-    units = {(pairing.get(str(c.joint)), str(c.quantity)): c.unit for c in recording.channels.values() if c.quantity}
-    commands = ("reference_1", *(f"motor_1_{what}" for what in ("voltage", "current", "torque")))
-    found = {joint: [units[joint, one] for one in commands if (joint, one) in units] for joint in joints}
-    return {joint: UNIT_MODES[stated[0]] for joint, stated in found.items() if stated and stated[0] in UNIT_MODES}
-
-
-def open_parameters(robot: Robot, modes: Mapping[str, int], joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Joint -> parameters of motors and controllers of which nothing is known: limits that nothing reaches, constants that are
-    needed, and no derivative gain, since that brakes as damping does, which is fitted and may be less than a guess of both.
-    """
-    found: dict[str, dict[str, float]] = {}
-    for block in robot.actuators:
-        motors, mode = ACTUATORS.get(block.actuator).motors, MODES[modes.get(block.joint, modes.get("*", block.mode))]
-        if block.joint in joints and (mode.motor or mode.controller):
-            limits = [f"motor_{i}_max_{what}" for i in range(1, motors + 1) for what in ("torque", "velocity") if mode.motor]
-            constants = missing_constants(block.values(), motors, mode) if mode.motor else ()
-            gains = [f"controller_{i}_derivative" for i in range(1, motors + 1) if mode.controller]
-            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
-    return found
-
-
+"""Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
 LATEST = 1.0
-"""s: a recording that begins later, or before 0, is played from 0."""
+"""Latest start of a recording on its own clock, s; recordings that start later, or before 0, are played from 0."""
 STAIRS = 0.5
 """Fraction of changes that follow directly on a change. A command with less is piecewise constant; others are smooth."""
-TORQUES = {4: ("motor_1_torque",), 0: ("link_torque",), 7: ("motor_1_voltage",), 8: ("motor_1_current",)}
-"""Mode -> recorded quantities that are its command where none is called so."""
-FALLBACKS = ("equilibrium_position", "motor_1_position")
+TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
+"""Mode -> recorded quantity that is its command if no column is called a command."""
+FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "motor_1_current", "motor_1_torque")
 """Recorded quantities that replace a command that was not recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Played:
-    """One column that drives one input of the simulation."""
+    """Column of a recording that drives an input of the simulation."""
 
     joint: str
     slot: int | None
-    """Of the mode's references: 0 or 1; None: the external torque."""
+    """Index of the reference in the joint's mode, 0 or 1; None: the external torque."""
     column: Column
     hold: bool
-    """Each value holds until the next sample; else a smooth curve leads there."""
+    """True: each value holds until the next sample; False: values are interpolated smoothly."""
 
     @property
     def label(self) -> str:
-        """Column of the file of commands."""
+        """Heading of the column in the file of commands."""
         what = "external_torque" if self.slot is None else f"reference_{self.slot + 1}"
         return f"{self.joint}.{what}" + (f" [{self.column.unit}]" if self.column.unit else "")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is played and compared."""
+    """Columns of a recording that are played into a robot, and columns that are compared with its simulation."""
 
     robot: Robot
-    """With the modes that the commands need."""
+    """Robot in the modes that the commands need."""
     modes: Mapping[str, int]
-    """Joint -> mode that replaces the robot file's, because of its command."""
+    """Joint -> mode that replaces the robot file's, because of the recorded command."""
     recording: Recording
-    pairing: Mapping[str, str]
-    """Joint of the recording -> joint of the robot."""
     played: tuple[Played, ...]
     compared: tuple[tuple[str, Column], ...]
-    """(joint of the robot, column) of what is recorded and simulated, commands left out."""
+    """(joint of the robot, column) of the recorded quantities that are not commands."""
     lag: float
-    """s that the recording's clock is ahead of the simulation's."""
+    """Time by which the recording's clock is ahead of the simulation's, s."""
     duration: float
-    """s."""
+    """Duration of the simulation, s."""
     initial: Mapping[str, float]
-    """Joint -> its first recorded position, where that is not 0."""
+    """Joint -> first recorded position, if it is not 0."""
     remarks: tuple[str, ...] = ()
 
     @property
     def on_bench(self) -> bool:
-        """Whether springs alone were recorded: motors' places and torques, and no motion of a link."""
+        """Whether only springs were recorded: positions of motors and torques, without motion of a link."""
         played = {one.joint for one in self.played if one.column.quantity == "motor_1_position"}
         others = ("elastic_torque", "link_torque", "motor_2_position")
         return bool(self.compared) and all(
@@ -114,13 +87,12 @@ class Plan:
 
 
 def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool = False) -> Plan:
-    """What of the recording is played into the robot, and what is compared.
+    """Columns of the recording that are played into the robot, and columns that are compared.
 
-    strict: only what is a command is played as one, and a recording without commands is fine. Raises RecordingError where no
-    joint is common, or no column is a command, with what there is.
+    strict: play only columns that are commands, and accept a recording without commands. Raises RecordingError, with the
+    columns of the recording, where it has no joint of the robot or no command.
     """
-    names = [joint.name for joint in robot.moving_joints]
-    pairing, found = match_joints(names, recording)
+    pairing, found = match_joints([joint.name for joint in robot.moving_joints], recording)
     remarks = [problem.message for problem in found]
     columns = {
         (pairing[str(c.joint)], str(c.quantity)): c for c in recording.channels.values() if c.quantity and c.joint in pairing
@@ -131,12 +103,12 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
     modes: dict[str, int] = {}
     played: list[Played] = []
     for block in robot.actuators:
-        command = _command(columns, block, remarks, () if strict else FALLBACKS)
+        command = _command(columns, block, remarks, strict=strict)
         if command is not None:
             second = columns.get((block.joint, "reference_2"))
             if command.quantity == "motor_1_position":
                 second = columns.get((block.joint, "motor_2_position"))
-            if second is None and MODES[block.mode].direct and command.quantity in TORQUES[block.mode]:
+            if second is None and MODES[block.mode].direct and command.quantity == TORQUES[block.mode]:
                 second = columns.get((block.joint, command.quantity.replace("_1_", "_2_")))
             mode = _mode(block, command, second)
             if mode != block.mode:
@@ -151,29 +123,30 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
     if not strict and not any(one.slot == 0 for one in played):
         if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
             raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
-        remarks.append("no joint has an actuator, and no command was recorded: the robot swings from where it begins")
-    changed = with_overrides(robot, modes=modes) if modes else robot
+        remarks.append(
+            "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
+        )
     commands = {one.column.source for one in played}
     return Plan(
-        robot=changed, modes=modes, recording=recording, pairing=pairing, played=tuple(played),
+        robot=overridden(robot, modes, {})[0], modes=modes, recording=recording, played=tuple(played),
         compared=tuple(
             (joint, column) for (joint, quantity), column in columns.items()
             if not quantity.startswith("reference") and column.source not in commands and np.isfinite(column.values).sum() > 1
         ),
         lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
-        initial=_initial(changed, columns, played, remarks), remarks=tuple(remarks),
+        initial=_initial(robot, columns, played, remarks), remarks=tuple(remarks),
     )  # fmt: skip
 
 
 def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
-    """Recorded time that becomes 0, and the recorded end; of the columns that are used."""
+    """Recorded time that becomes 0, and recorded end, of the columns that are used."""
     start = min(float(column.time[0]) for column in columns.values())
     end = max(float(column.time[-1]) for column in columns.values())
     return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
 
 
 def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[str, str], Column]) -> None:
-    """Raises RecordingError for columns whose unit cannot be one of their joint."""
+    """Raise RecordingError for columns whose unit does not fit their joint."""
     prismatic = {joint.name: joint.kind == "prismatic" for joint in robot.moving_joints}
     wrong = [wrong_unit(column, joint, prismatic=prismatic[joint]) for (joint, _), column in columns.items()]
     if any(wrong):
@@ -181,51 +154,48 @@ def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[st
 
 
 def _command(
-    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], fallbacks: Sequence[str]
+    columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, remarks: list[str], *, strict: bool
 ) -> Column | None:
-    torques = TORQUES.get(block.mode, ())
+    mode, own = MODES[block.mode], [TORQUES[block.mode]] if block.mode in TORQUES else []
     reference = columns.get((block.joint, "reference_1"))
-    order = ["reference_1", *torques, *fallbacks]
-    if MODES[block.mode].direct and reference is not None and reference.unit not in (*MODES[block.mode].units, "N"):
+    order = ["reference_1", *own, *(() if strict else FALLBACKS)]
+    if mode.direct and reference is not None and reference.unit not in (*mode.units, "N"):
         # A torque-controlled motor takes its recorded torque rather than a position.
-        order = [*torques, *order]
+        order = [*own, *order]
     for quantity in order:
         column = columns.get((block.joint, quantity))
         if column is None or not np.isfinite(column.values).any():
             continue
-        if column.unit in ("V", "A") and column.unit != MODES[block.mode].units[0]:
+        if strict and column.unit in ("V", "A") and column.unit != mode.units[0]:
             remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
             continue
         if quantity != "reference_1":
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
         return column
-    recorded = [quantity for joint, quantity in columns if joint == block.joint]
-    if recorded and fallbacks:
+    if not strict and any(joint == block.joint for joint, _ in columns):
         remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
     return None
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
-    """The block's mode if it accepts the command, else the nearest mode that does."""
+    """Mode of the block if it accepts the command, else the nearest mode that does."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
-    alone = actuator.motors == 1 and not actuator.adjuster
-    if command.quantity == "motor_1_position" and mode.spring and (alone or second is not None):
+    single = actuator.motors == 1 and not actuator.adjuster
+    if command.quantity == "motor_1_position" and mode.spring and (single or second is not None):
         # Motors whose positions are known need no controller: the positions are prescribed.
         return 2
-    if command.quantity in TORQUES.get(block.mode, ()):
+    if command.quantity == TORQUES.get(block.mode) or (
+        not command.unit and command.quantity == "reference_1" and command.given
+    ):
+        # A mapped command without a unit has the unit of the mode.
         return mode.number
     if command.unit in ("V", "A"):
-        return mode.number
-    if command.unit in ("N m", "N"):
+        return UNIT_MODES[command.unit]
+    if command.unit in UNIT_MODES:
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
-    if not command.unit and command.quantity == "reference_1" and command.given:
-        # The user says that it is what the mode takes, and in no other unit.
-        return mode.number
     if mode.direct or mode.number == 0:
         return 6 if mode.direct else 1
-    if mode.number in (2, 5) and actuator.motors > 1 and second is None:
-        return mode.number + 1
-    return mode.number
+    return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and second is None)
 
 
 def _played(joint: str, slot: int | None, column: Column) -> Played:
@@ -235,70 +205,51 @@ def _played(joint: str, slot: int | None, column: Column) -> Played:
 
 
 def _initial(
-    robot: Robot, columns: Mapping[tuple[str, str], Column], played: list[Played], remarks: list[str]
+    robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[Played], remarks: list[str]
 ) -> dict[str, float]:
-    starts = dict(_starts(columns, played))
+    """Joint -> first recorded position: of the link, or else of its springs, a motor, or the command."""
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
-        start = starts.get(joint.name, 0.0)
-        low, high = joint.stops
-        inside = min(max(start, low), high)
+        names = ("link_position", "equilibrium_position", "motor_1_position")
+        sources = [columns[joint.name, name] for name in names if (joint.name, name) in columns]
+        sources += [
+            one.column for one in played if (one.joint, one.slot) == (joint.name, 0) and one.column.unit not in UNIT_MODES
+        ]
+        recorded = [values[0] for column in sources if (values := column.values[np.isfinite(column.values)]).size]
+        start = float(recorded[0]) if recorded else 0.0
+        inside = min(max(start, joint.stops[0]), joint.stops[1])
         if inside != start:
-            remarks.append(f"{joint.name}: it begins at {start:.6g}, outside of its limits, and is put to {inside:.6g}")
+            remarks.append(f"{joint.name}: its first position {start:.6g} is outside of its limits; it starts at {inside:.6g}")
         if abs(inside) > 1e-9:
-            # A limit stays to the last digit: rounded, it may be passed.
-            initial[joint.name] = float(inside) if inside != start else float(f"{inside:.9g}")
+            # A limit keeps all digits: a rounded start could exceed it.
+            initial[joint.name] = inside if inside != start else float(f"{inside:.9g}")
     return initial
 
 
-def _starts(columns: Mapping[tuple[str, str], Column], played: list[Played]) -> Iterator[tuple[str, float]]:
-    """First recorded position of each joint: of its link, else of what else is an angle at its link."""
-    for one in played:
-        if one.slot == 0 and one.column.unit not in ("N m", "N"):
-            yield one.joint, _first(one.column)
-    for quantity in ("motor_1_position", "equilibrium_position", "link_position"):
-        for (joint, name), column in columns.items():
-            if name == quantity and np.isfinite(column.values).any():
-                yield joint, _first(column)
-
-
-def _first(column: Column) -> float:
-    return float(column.values[np.isfinite(column.values)][0])
-
-
 def _no_command(recording: Recording, robot: Robot, idle: Sequence[str]) -> RecordingError:
-    """idle: joints that have a command in the recording."""
-    found = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
-                      for c in list(recording.channels.values())[:30])  # fmt: skip
-    joint = robot.actuators[0].joint if robot.actuators else "JOINT"
+    """Error for a recording without a command. idle: joints without actuator whose command was recorded."""
     if idle:
         return RecordingError(
             f"it has a command of {', '.join(idle)}, which has no actuator in the robot", file=recording.path,
             hint=f"Put one there: --actuator {idle[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
-    quantities = " ".join(str(c.quantity) for c in recording.channels.values())
-    bench = f"; of a spring on a bench, turned against its locked end: --map ANGLE={joint}.motor_1_position --map TORQUE="
-    bench += f"{joint}.elastic_torque_1"
-    hint = (
-        f"Name the command's column: --map COLUMN={joint}.reference_1{bench if 'torque' in quantities else ''}. Without one, "
-    )
-    hint += "a run of a scenario is compared by `asrsim plot LOG --experiment FILE`"
-    problem = f"no column is a command that could be played; its columns: {found}"
-    return RecordingError(problem, file=recording.path, hint=hint, code="no-command")
+    columns = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
+                        for c in list(recording.channels.values())[:30])  # fmt: skip
+    return RecordingError(
+        f"no column is a command that could be played; its columns: {columns}", file=recording.path, code="no-command",
+        hint=f"Name the command's column: --map COLUMN={robot.actuators[0].joint}.reference_1, or .motor_1_position for "
+        "springs on a bench. `asrsim plot LOG --experiment FILE` compares a recording without commands with a run",
+    )  # fmt: skip
 
 
 STEP = 0.001
-"""s."""
+"""Time step of the scenario, s."""
 SHARE = 0.1
-"""Of the recorded range: largest RMSE that a claim allows."""
-UNKNOWN = (
-    "Limits of motors are wide open, their constants, if any, 1, controllers' derivative gains 0, since they brake as damping "
-    "does; springs that stand here hold the arm's own weight, which the defaults do not: write what is known."
-)
+"""Largest RMSE that a claim allows, as a fraction of the recorded range."""
 
 
 def command_tables(plan: Plan, name: str) -> dict[str, list[Played]]:
-    """File name -> the commands that it holds: one file for each time base, the first of them called `name`."""
+    """File name -> commands in that file: one file for each time base; the first is called `name`."""
     groups: dict[int, list[Played]] = {}
     for one in plan.played:
         groups.setdefault(id(one.column.time), []).append(one)
@@ -307,7 +258,7 @@ def command_tables(plan: Plan, name: str) -> dict[str, list[Played]]:
 
 
 def command_text(plan: Plan, members: Sequence[Played]) -> str:
-    """CSV of commands in SI, on the simulation's clock. Missing samples are bridged by the samples around them."""
+    """CSV of commands in SI units, on the simulation's clock. Missing samples are interpolated."""
     time = members[0].column.time
     values = np.column_stack([since(time, plan.lag) if plan.lag else time, *(one.column.values for one in members)])
     for i in range(1, values.shape[1]):
@@ -319,109 +270,117 @@ def command_text(plan: Plan, members: Sequence[Played]) -> str:
     return text.getvalue()
 
 
+def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Joint -> parameters of motors and controllers with unknown values: limits that nothing reaches, constants of 1 where the
+    mode needs them, and derivative gains of 0, since these act like damping, which is fitted.
+    """
+    found: dict[str, dict[str, float]] = {}
+    for block in robot.actuators:
+        motors, mode = range(1, ACTUATORS.get(block.actuator).motors + 1), MODES[block.mode]
+        if block.joint in joints:
+            limits = [f"motor_{i}_max_{what}" for i in motors for what in ("torque", "velocity") if mode.motor]
+            constants = missing_constants(block.values(), len(motors), mode) if mode.motor else ()
+            gains = [f"controller_{i}_derivative" for i in motors if mode.controller and (mode.motor or i == 1)]
+            found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
-class Names:
-    """Files as the scenario names them, from its own folder."""
+class Files:
+    """Files of a scenario from a recording, as the scenario names them, and the options with which the recording is read."""
 
     scenario: str
-    robot: str
+    robot: Any
+    """Value of the key `robot`."""
     recording: str
     commands: str
-    schema: str | None = None
-    arguments: Mapping[str, str] = field(default_factory=dict)
-    """Of xacro."""
-    packages: Mapping[str, str] = field(default_factory=dict)
-    """Of ROS, with their folders."""
     plugins: tuple[str, ...] = ()
-    """Files of users' actuators."""
+    mapping: tuple[str, ...] = ()
+    rate: float | None = None
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """Options with which the recording is read: `map` and `rate`."""
+        mapping = {"map": list(self.mapping)} if self.mapping else {}
+        return mapping | ({"rate": self.rate} if self.rate else {})
 
 
-def recording_text(
-    plan: Plan, names: Names, *, mode: int | None = None, mounted: Sequence[str] = (),
-    parameters: Mapping[str, Mapping[str, float]] | None = None, mapping: Sequence[str] = (), rate: float | None = None,
-) -> str:  # fmt: skip
-    """The scenario's YAML. mode, mapping, rate: as given on the command line, and written down; mounted: joints whose actuator
-    the scenario gives; parameters: those of these that are no defaults.
+def recording_data(
+    plan: Plan, files: Files, *, mode: int | None, joints: Sequence[str], parameters: Mapping[str, Mapping[str, float]]
+) -> tuple[dict[str, Any], Comments]:
+    """Scenario as plain data, and its comments.
+
+    mode: from the command line. joints: joints whose actuator the scenario gives, with `parameters` that replace defaults.
     """
-    lines = [f"# yaml-language-server: $schema={names.schema}"] if names.schema else []
-    lines += [*_head(plan, names, mapping, rate), "", *robot_lines(names.robot, names.arguments, names.packages)]
-    lines += [
-        f"duration: {exact(plan.duration)}".ljust(21) + "# s, of the recording",
-        f"step: {number(STEP)}".ljust(21) + "# s",
-        *(["engine: bench".ljust(21) + "# no motion of a link was recorded: they are locked"] if plan.on_bench else []),
-    ]
-    if mounted:
-        lines += mounted_lines(plan.robot, mounted, parameters or {}, why=UNKNOWN)
-    others = any(block.joint not in plan.modes for block in plan.robot.actuators)
-    modes = {**({"*": mode} if mode is not None and others else {}), **plan.modes}
-    modes = {joint: number for joint, number in modes.items() if joint not in mounted}
-    if modes and len(mounted) < len(plan.robot.actuators):
-        lines.append("modes: {" + ", ".join(f"{word(joint)}: {value}" for joint, value in modes.items()) + "}")
+    data: dict[str, Any] = {"robot": files.robot, "duration": _exact(plan.duration), "step": STEP}
+    comments: Comments = {("duration",): "s, of the recording", ("step",): "s"}
+    if plan.on_bench:
+        data["engine"] = "bench"
+        comments["engine",] = "no motion of a link was recorded: links are locked"
+    if joints:
+        data["actuators"] = mounted(plan.robot, joints, parameters)
+        comments["actuators",] = (
+            "wide limits, constants of 1 and derivative gains of 0 stand for unknown values; springs hold the arm"
+        )
+    modes = {block.joint: block.mode for block in plan.robot.actuators if mode is not None or block.joint in plan.modes}
+    if modes := {joint: number for joint, number in modes.items() if joint not in joints}:
+        data["modes"] = modes
     if plan.initial:
-        lines += ["initial:".ljust(21) + "# rad, m; where the recording begins"]
-        lines += [f"  {word(joint)}: {value!r}" for joint, value in plan.initial.items()]
-    playbacks = {
-        (one.joint, one.slot): f"{{playback: {{file: {word(file)}, column: {word(one.label)}, interpolation: "
-        f"{'hold' if one.hold else 'smooth'}}}}}  # {one.column.source}"
-        for file, members in command_tables(plan, names.commands).items()
-        for one in members
-    }
-    if plan.robot.actuators:
-        lines += ["", "references:", *_references(plan, playbacks)]
-    torques = [f"  {word(joint)}: {playback}" for (joint, slot), playback in playbacks.items() if slot is None]
-    lines += ["", "external_torques:", *torques] if torques else []
-    lines += ["", *_expect(plan, names, mapping, rate)]
-    return "\n".join(lines) + "\n"
-
-
-def _head(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
-    log = shlex.quote(f"out/{names.scenario.rpartition('.')[0]}/default/log.mcap")
-    options = [
-        f"--lag {exact(plan.lag)}",
-        *(f"--map {shlex.quote(text)}" for text in mapping),
-        *([f"--rate {rate:g}"] if rate else []),
-    ]
-    yield f"# Scenario from the recording {names.recording}, written by `asrsim init --experiment`. Units are SI."
-    yield f"# It plays the recorded commands ({names.commands}) and compares the motion with the recorded one."
-    yield f"#   {command_line('run', names.scenario, names.plugins)}"
-    yield f"#   asrsim plot {log} --experiment {shlex.quote(names.recording)} {' '.join(options)}"
-    if plan.remarks:
-        yield "# Assumed, or odd about the file:"
-    yield from (f"#   - {' '.join(text.split())}" for text in plan.remarks)
-    if plan.lag:
-        yield f"# The recording begins at {exact(plan.lag)} s of its own clock, which is 0 here."
-
-
-def _references(plan: Plan, playbacks: Mapping[tuple[str, int | None], str]) -> Iterator[str]:
+        data["initial"] = Lines(plan.initial)
+        comments["initial",] = "rad, m; first recorded positions"
+    references: dict[str, dict[str, Any]] = {}
     for block in plan.robot.actuators:
-        mode, drive = MODES[block.mode], starter_joint(plan.robot, block)
-        yield f"  {word(block.joint)}:  # {drive.actuator.title}, mode {mode.number} ({mode.name}: {mode.doc})"
-        presets = drive.presets()
-        preset = presets[0] if presets else drive.actuator.typical_preset
-        for slot, (name, unit, rest) in enumerate(drive.levels(plan.initial.get(block.joint, 0.0), 0.0, preset)):
-            yield f"    {name}: {playbacks.get((block.joint, slot), f'{number(rest)}  # {unit}, not recorded')}"
+        drive = starter_joint(plan.robot, block)
+        levels = drive.levels(plan.initial.get(block.joint, 0.0), 0.0, drive.presets[0])
+        references[block.joint] = {name: value for name, _, value in levels}
+        comments |= {path: f"{text}, not recorded" for path, text in drive.comments().items() if len(path) > 2}
+    data["references"] = references
+    torques: dict[str, Any] = {}
+    for file, members in command_tables(plan, files.commands).items():
+        for one in members:
+            kind = "hold" if one.hold else "smooth"
+            playback = {"playback": {"file": file, "column": one.label, "interpolation": kind}}
+            if one.slot is None:
+                torques[one.joint] = playback
+                continue
+            name = list(references[one.joint])[one.slot]
+            references[one.joint][name] = playback
+            comments["references", one.joint, name] = one.column.source
+    if torques:
+        data["external_torques"] = torques
+    against = {"against": files.recording, "options": {"lag": _exact(plan.lag), **files.reading}}
+    data["expect"] = [
+        {"joint": joint, "quantity": column.quantity, "measure": "rmse", "comparison": "<", "value": limit, **against}
+        for joint, column in plan.compared
+        if (limit := _limit(plan, joint, column))
+    ]
+    comments["expect",] = f"{100 * SHARE:g} % of the recorded range: state how accurate the model should be"
+    return data, comments
 
 
-def _expect(plan: Plan, names: Names, mapping: Sequence[str], rate: float | None) -> Iterator[str]:
-    """A claim for each quantity that is compared: an RMSE of at most a tenth of the recorded range."""
-    options = [f"lag: {exact(plan.lag)}"]
-    options += [f"map: [{', '.join(word(text) for text in mapping)}]"] if mapping else []
-    options += [f"rate: {rate:g}"] if rate else []
-    against = f"against: {word(names.recording)}, options: {{{', '.join(options)}}}"
-    claims = []
+def _limit(plan: Plan, joint: str, column: Column) -> float:
+    """Largest RMSE that a claim about the column allows; 0: nothing to compare."""
+    quantity = str(column.quantity)
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
-    for joint, column in plan.compared:
-        if not _is_simulated(str(column.quantity), modes.get(joint)):
-            continue
-        extent = float(np.ptp(column.values[np.isfinite(column.values)]))
-        if extent > 0.0 and is_comparable(str(column.quantity)):
-            limit = f"measure: rmse, comparison: <, value: {SHARE * extent:.2g}"
-            claims.append(f"  - {{joint: {word(joint)}, quantity: {column.quantity}, {limit}, {against}}}")
-    if not claims:
-        yield "# Nothing that the simulation has was recorded beside the commands: there is nothing to compare."
-        return
-    yield f"expect:              # {100 * SHARE:g} % of the recorded range: write how near the model should be"
-    yield from claims
+    simulated = is_comparable(quantity) and _is_simulated(quantity, modes.get(joint))
+    return float(f"{SHARE * np.ptp(column.values[np.isfinite(column.values)]):.2g}") if simulated else 0.0
+
+
+def recording_heading(plan: Plan, files: Files) -> Iterator[str]:
+    """Comment lines above the scenario."""
+    log = shlex.quote(f"out/{files.scenario.rpartition('.')[0]}/default/log.mcap")
+    options = [f"--map {shlex.quote(text)}" for text in files.mapping] + ([f"--rate {files.rate:g}"] if files.rate else [])
+    yield f"yaml-language-server: $schema={SCHEMA_FILE}"
+    yield f"Scenario from the recording {files.recording}, written by `asrsim init --experiment`. Units are SI."
+    yield f"It plays the recorded commands ({files.commands}) and compares the simulated with the recorded motion."
+    yield f"  {command_line('run', files.scenario, files.plugins)}"
+    lag = f"--lag {_exact(plan.lag)!r}"
+    yield f"  asrsim plot {log} --experiment {shlex.quote(files.recording)} {' '.join([lag, *options])}"
+    if plan.remarks:
+        yield "Assumptions, and peculiarities of the file:"
+    yield from (f"  - {' '.join(text.split())}" for text in plan.remarks)
+    if plan.lag:
+        yield f"The recording starts at {_exact(plan.lag)!r} s of its own clock, which is 0 here."
 
 
 def _is_simulated(quantity: str, mode: Mode | None) -> bool:
@@ -432,6 +391,6 @@ def _is_simulated(quantity: str, mode: Mode | None) -> bool:
     return not elastic or (mode is not None and mode.spring)
 
 
-def exact(value: float) -> str:
-    """A number as YAML, to twelve digits: times of long recordings need them."""
-    return f"{value + 0.0:.12g}"
+def _exact(value: float) -> float:
+    """Number with twelve digits: times of long recordings need them."""
+    return float(f"{value + 0.0:.12g}")

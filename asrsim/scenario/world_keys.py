@@ -70,12 +70,6 @@ class WorldObject:
 
 def _object(**arguments: Any) -> WorldObject:
     """World object, after checking that shape and size agree. The world sets its name later."""
-    if arguments.pop("restitution"):
-        raise ScenarioError(
-            "no engine bounces objects as it asks: PyBullet's bounce depends on the step (restitution 1, dropped from 0.5 m: "
-            "up to 0.26 m at 1 ms, not at all at 0.25 ms), and MuJoCo's contacts have none",
-            key="restitution", hint="Leave it out: contacts are inelastic", code="restitution",
-        )  # fmt: skip
     shape, size, mesh = arguments["shape"], arguments["size"], arguments["mesh"]
     if isinstance(size, float):
         size = (size,)
@@ -92,8 +86,7 @@ def _object(**arguments: Any) -> WorldObject:
     return WorldObject(**{**arguments, "size": size, "name": ""})
 
 
-_BOUNCE = Key(name="restitution", kind=SHARE, default=0.0, unit="1", doc="only 0: contacts do not bounce")
-_OBJECTS = MapOf(of=Block(keys=(*declared_keys(WorldObject), _BOUNCE), build=_object, noun="object"), noun="name", star=False)
+_OBJECTS = MapOf(of=Block(keys=declared_keys(WorldObject), build=_object, noun="object"), noun="name", star=False)
 _GROUND: Block[Keys] = Block(
     keys=(
         Key(name="friction", kind=NOT_NEGATIVE, default=1.0, unit="1", doc="Coulomb coefficient"),

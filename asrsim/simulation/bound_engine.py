@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from math import prod
 from typing import Any
 from weakref import ref
 
@@ -14,6 +15,8 @@ from asrsim.samples import Array
 from asrsim.simulation.layout import E_VELOCITY
 
 NO_RECORD = Record(0, None)
+NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
+"""Wrenches of a kick without wrenches, and the length of a kick of one piece."""
 
 
 class BoundEngine:
@@ -21,7 +24,9 @@ class BoundEngine:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self._exchange = np.zeros((1, len(engine.joints), 5))
+        self._exchange = np.zeros((0, len(engine.joints), 5))
+        self._parts: list[Array] = []
+        """The exchange for kicks of 0, 1, ... pieces."""
         self._world: int | None = None
         """Number of the world whose state the engine contains; None if it is no world's."""
         self.watch: Callable[[], None] | None = None
@@ -37,6 +42,7 @@ class BoundEngine:
         kick; wrenches: number of wrenches."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
+            self._parts = [self._exchange[:count] for count in range(pieces + 1)]
         return self._exchange, NO_RECORD
 
     def give_back(self, record: Any) -> None:
@@ -45,7 +51,7 @@ class BoundEngine:
     def _step(self, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
         if self.watch is not None:
             self.watch()
-        self.engine.step(self._exchange[:pieces], wrenches, lengths)
+        self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
 
     def leave(self, states: Any, world: int | None) -> None:
         """Save the engine's state, which is about to be replaced by the state of another world or by a new one."""
@@ -98,8 +104,8 @@ class CalledEngine(BoundEngine):
         # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
-                forces = _numbers_at(wrenches, pieces * self._wrenches * 6).reshape(pieces, self._wrenches, 6)
-                self._step(None, None, forces, _numbers_at(lengths, pieces), pieces)
+                forces = _numbers_at(wrenches, (pieces, self._wrenches, 6)) if self._wrenches else NO_WRENCHES
+                self._step(None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:
             self._raised = error
@@ -112,9 +118,9 @@ class CalledEngine(BoundEngine):
             raise error
 
 
-def _numbers_at(address: int, count: int) -> Array:
-    """Copy of (count,) numbers at an address."""
-    return np.array((ctypes.c_double * count).from_address(address)) if count else np.zeros(0)
+def _numbers_at(address: int, shape: tuple[int, ...]) -> Array:
+    """Copy of the array at an address."""
+    return np.array((ctypes.c_double * prod(shape)).from_address(address)).reshape(shape)
 
 
 class NativeEngine(BoundEngine):

@@ -15,7 +15,7 @@ from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.certify import COMPARED, differences, motion
+from asrsim.simulation.certify import COMPARED, Comparison
 from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -72,9 +72,14 @@ def cross_check(
     found = np.full((2, 2, len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
+    logged = Comparison(same, [], keep=True)
+    for chunk in chunks:
+        logged.write(chunk)
     try:
-        again = _run(replace(same, engine=other), robot, progress and partial(progress, other))
-        version, found = again.info.metadata["engine_version"], _differences(motion(chunks), again)
+        comparison = Comparison(same, [logged.motion], keep=False)
+        again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
+        version = again.info.metadata["engine_version"]
+        found = (*comparison.differences, found)[0]
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -86,7 +91,17 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        finding, note = _verdict(same, robot, other, worst, difference, progress)
+        sensitivity = _sensitivity(same, logged.motion, robot, progress and partial(progress, "sensitivity"))
+        if difference <= SENSITIVE * sensitivity:
+            note = (
+                f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
+                f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
+            )
+        else:
+            finding = (
+                f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
+                f"(at most {LIMIT:g} is rounding): one of them is wrong"
+            )
     keys = ("position_max", "position_rms", "torque_max", "torque_rms")
     values = {name: map(finite_or_none, found[:, :, j].T.ravel().tolist()) for j, name in enumerate(names)}
     return {
@@ -96,31 +111,9 @@ def cross_check(
     }  # fmt: skip
 
 
-def _verdict(
-    scenario: Scenario,
-    robot: Robot | None,
-    other: str,
-    worst: str,
-    difference: float,
-    progress: Callable[[str, float], None] | None,
-) -> tuple[str, str]:
-    """Finding and note on a difference. The difference is a fault, unless the motion amplifies small changes as much."""
-    sensitivity = _sensitivity(scenario, robot, progress)
-    if difference <= SENSITIVE * sensitivity:
-        return "", (
-            f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from itself by "
-            f"{sensitivity:.2g} rad; what {other} differs by says nothing of either engine"
-        )
-    finding = (
-        f"joint '{worst}': {scenario.engine} and {other} differ by {difference:.2g} rad though nothing touches "
-        f"(at most {LIMIT:g} is rounding): one of them is wrong"
-    )
-    return finding, ""
-
-
-def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[str, float], None] | None) -> float:
-    """Difference in rad between the run and a run whose joints start with an offset of `NUDGE`; infinite if only one of them
-    reaches the end."""
+def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progress: Callable[[float], None] | None) -> float:
+    """Difference in rad of the logged motion from a run whose joints start with an offset of `NUDGE`; infinite if that run
+    diverges."""
     from asrsim.scenario import checked_robot
 
     known = robot if robot is not None else checked_robot(scenario)[0]
@@ -131,23 +124,21 @@ def _sensitivity(scenario: Scenario, robot: Robot | None, progress: Callable[[st
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    tell = progress and partial(progress, "sensitivity")
-    first, second = (_run(one, known, tell) for one in (scenario, replace(scenario, initial_positions=nudged)))
-    if "diverged" in (first.status, second.status) or first.samples is None:
+    comparison = Comparison(scenario, [logged], keep=False)
+    moved = _run(replace(scenario, initial_positions=nudged), known, comparison, progress)
+    if moved.status == "diverged" or not comparison.differences:
         return math.inf
-    return float(_differences(motion([first.samples]), second)[0, 0].max())
+    return float(comparison.differences[0][0, 0].max())
 
 
-def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:
+def _run(
+    scenario: Scenario, robot: Robot | None, comparison: Comparison, progress: Callable[[float], None] | None
+) -> Run:  # fmt: skip
     """A further run of the scenario; if it diverges, the part before the divergence."""
     try:
-        return simulate(scenario, robot, names=COMPARED, progress=progress)
+        return simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:
         return error.run  # type: ignore[return-value]
-
-
-def _differences(given: Array, again: Run) -> Array:
-    return differences(given, given[:0] if again.samples is None else motion([again.samples]))
 
 
 def _size(value: float) -> float:

@@ -39,7 +39,8 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Mo
     gravity and its passive spring put it. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and
     8) stay where they are. Raises ScenarioError naming the joint that finds no balance.
     """
-    sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(np.zeros(1))
+    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    sampled = np.ascontiguousarray(inputs.sample(np.zeros(1)).T)
     goals: list[tuple[float, ...]] = []
     for j, drive in enumerate(drives):
         goals.append(tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()))

@@ -118,19 +118,19 @@ class Inputs:
         return REST
 
     def sample(self, time: Array) -> Array:
-        """External torques and references (columns, joints, n) at `time` (n,)."""
-        tables = np.empty((len(self._signals), len(self._signals[0]), len(time)))
+        """External torques and references (n, joints, columns) at `time` (n,)."""
+        rows = np.empty((len(time), len(self._signals[0]), len(self._signals)))
         # Joints share the signals that are given for all.
         known: dict[int, Array] = {}
-        for table, signals in zip(tables, self._signals, strict=True):
-            for row, signal in zip(table, signals, strict=True):
+        for column, signals in enumerate(self._signals):
+            for joint, signal in enumerate(signals):
                 if type(signal) is Constant:
-                    row[:] = signal.value
+                    rows[:, joint, column] = signal.value
                     continue
                 if id(signal) not in known:
                     known[id(signal)] = signal.values(time)
-                row[:] = known[id(signal)]
-        return tables
+                rows[:, joint, column] = known[id(signal)]
+        return rows
 
     def _forces(self, time: Array) -> Array:
         """Forces and torques of the wrenches (n, w, 6) in N and N m at `time` (n,)."""
@@ -141,15 +141,16 @@ class Inputs:
                     values[:, index, column] = signal.values(time)
         return values
 
-    def _goals(self, references: Array) -> Array:
-        """References (..., joints, columns) mapped to motors."""
-        goals = references.copy()
-        tables = goals.T
-        for rows, law in self._maps:
-            mapped = law(*np.ascontiguousarray(tables[GOALS : GOALS + 2, rows]))
-            for slot, values in enumerate(mapped):
-                tables[GOALS + slot, rows] = values
-        return goals
+    def _input_rows(self, references: Array, sensors: Array) -> Array:
+        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
+        inputs = np.empty((*references.shape[:3], references.shape[3] + self._sensed))
+        inputs[..., : references.shape[3]] = references
+        inputs[..., references.shape[3] :] = sensors
+        for joints, law in self._maps:
+            first, second = (np.ascontiguousarray(references[:, :, joints, GOALS + slot].T) for slot in (0, 1))
+            for slot, values in enumerate(law(first, second)):
+                inputs[:, :, joints, GOALS + slot] = values.T
+        return inputs
 
     def chunk(self, first: int, count: int) -> Chunk:
         """Inputs of the scenario for substeps `first` .. `first + count - 1`. The first chunk and the latest ones are
@@ -172,7 +173,8 @@ class Inputs:
         for joint, sensor in enumerate(self._sensors):
             if sensor is not None:
                 sensor.fill(sensors[:count, joint], first, self.substep)
-        references = np.ascontiguousarray(np.concatenate([self.sample(time) for time in times], axis=2).T)[None]
+        parts = [self.sample(time) for time in times]
+        references = (np.concatenate(parts) if cuts else parts[0])[None]
         wrenches = np.concatenate([self._forces(time) for time in times])
         inputs, split = self._input_rows(references, sensors), np.array(table, dtype=np.int64).reshape(-1, 4)
         return Chunk(count, sensors, Given(inputs, references, wrenches[None], np.array(lengths)[None], split[None]))
@@ -196,14 +198,6 @@ class Inputs:
             return given
         references = np.where(np.isnan(held[:, None]), given.references, held[:, None])
         return given._replace(references=references, inputs=self._input_rows(references, sensors))
-
-    def _input_rows(self, references: Array, sensors: Array) -> Array:
-        """(sets, n, joints, columns) of references (sets, n, joints, columns) and sensors (n, joints, columns)."""
-        sets, count, joints, columns = references.shape
-        inputs = np.empty((sets, count, joints, columns + self._sensed))
-        inputs[..., :columns] = self._goals(references)
-        inputs[..., columns:] = sensors
-        return inputs
 
     def _cuts(self, first: int, count: int) -> list[Cut]:
         if not self.staggered:

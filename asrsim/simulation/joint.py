@@ -27,10 +27,10 @@ from asrsim.simulation.layout import (
     DEFLECTION,
     DIRECT,
     DRIVE_TORQUE,
-    DRIVES,
     DYNAMIC,
     ENGINE_VELOCITY,
     FIRST_DRIFT,
+    FIRST_DRIVE,
     FIRST_MOTOR,
     GOALS,
     HYSTERESIS,
@@ -109,7 +109,7 @@ def read_sensors(s: Any, p: Any, k: Any, z: Any, u: Any) -> None:
             ahead = z[FIRST_DRIFT]
             lagging = s[m + MOTOR_VELOCITY]
             x = s[m + MOTOR_POSITION] + ahead * z[STEP] * lagging
-            gain = p[k[DRIVES] + i * PER_DRIVE + 2]
+            gain = p[FIRST_DRIVE + i * PER_DRIVE + 2]
         newest = int(s[ring + 2 * size])
         speed = (1.0 + ahead) * lagging - ahead * s[ring + 2 * ((newest + size - 1) % size) + 1]
         s[ring + 2 * newest], s[ring + 2 * newest + 1] = x, lagging
@@ -166,7 +166,7 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
     for turn in range(turns):
         for i in range(motors):
             if i < dynamic:
-                m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+                m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
                 s[thetas + i] = _between(s[m + MOTOR_POSITION] + before * s[m + MOTOR_VELOCITY], p[d + D_LOW], p[d + D_HIGH])
             else:
                 s[thetas + i] = u[GOALS + i]
@@ -194,7 +194,7 @@ def _between(value: float, low: float, high: float) -> float:
 
 def _kick(s: Any, p: Any, k: Any, z: Any, goal: float, i: int, step: float, before: float, note: int) -> None:
     """Compute the kick of motor i and the drift that follows it."""
-    m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+    m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
     x, pushed = s[k[THETAS] + i], s[m + READ_PUSH]
     slowest, fastest = velocity_bounds(x, p[d + D_LOW], p[d + D_HIGH], p[d + D_MOST], step)
     velocity, mean, anchor, integral, drive, friction = motor_kick(

@@ -87,7 +87,7 @@ def run(
     """
     for chosen in range(len(which)):
         w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]
-        row = recorded = cut = 0
+        kept = recorded = cut = 0
         s_all, p_all, x, u_all = states[w], constants[w], engine_states[w], inputs[own_set]
         pushes, own_lengths, own_cuts = wrenches[timing], lengths[timing], cuts[timing]
         while cut < len(own_cuts) and 0 <= own_cuts[cut][0] < first:
@@ -103,16 +103,42 @@ def run(
                 begin, end, on_time = own_cuts[cut][1], own_cuts[cut][2], own_cuts[cut][3]
                 cut += 1
             for j in range(len(kinds)):
-                s, p, k, u = s_all[j], p_all[j], kinds[j], u_all[step][j]
-                whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
+                s, p, k = s_all[j], p_all[j], kinds[j]
                 v = z[WEIGHT_NOW] * s[ENGINE_VELOCITY] + z[WEIGHT_LAST] * s[LAST_ENGINE_VELOCITY]
                 if k[CONTROLLERS]:
-                    read_sensors(s, p, k, z, u)
+                    read_sensors(s, p, k, z, u_all[step][j])
                 if jumped:
-                    torque = _in_pieces(s, p, k, z, v, u_all, own_lengths, begin, end, on_time, j, whole, exchange)
-                else:
-                    torque = _load(s, p, k, z, v, u, z[STEP], DRIVE_TORQUE, whole, exchange, 0, j)
-                if not abs(torque) < ENDLESS:
+                    _clear_means(s, k)
+                total = torque = applied = push = drag = stiffness = energy = 0.0
+                # A split kick has one more turn at the time of the substep: h = 0 stores values to record, and nothing moves.
+                for turn in range(begin, end + 1 if jumped else end):
+                    row, h, note = turn, z[STEP], DRIVE_TORQUE
+                    whole = (watched and asked) or p[P_DAMPING_RATIO] != 0.0 or k[DYNAMIC] < k[PLACED]
+                    if jumped and turn == on_time:
+                        h = 0.0
+                    elif jumped:
+                        row = turn - 1 if turn > on_time else turn
+                        h, note, whole = float(own_lengths[row]) * z[STEP], DRIVE_PIECE, p[P_DAMPING_RATIO] != 0.0
+                    u = u_all[row][j]
+                    advance(s, p, k, z, u, h, note, whole)
+                    s[BRAKE] = limit(s, p, v)
+                    s[PUSH] = push_of(s, p, u[EXTERNAL])
+                    s[DRAG] = damping_of(s, p)
+                    load = s[APPLIED] + s[PUSH]
+                    total += load
+                    exchange[row - begin, j, E_TORQUE] = load
+                    exchange[row - begin, j, E_DAMPING] = s[DRAG] + s[BRAKE]
+                    exchange[row - begin, j, E_FRICTION] = friction_of(s, p, v)
+                    if jumped and turn == on_time:
+                        s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
+                        torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
+                        stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
+                    elif jumped:
+                        _add_piece(s, p, k, 2.0 * float(own_lengths[row]), turn > on_time)
+                if jumped:
+                    s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
+                    s[STIFFNESS], s[LAW_ENERGY], s[BRAKE] = stiffness, energy, p[P_BRAKE]
+                if not abs(total) < ENDLESS:
                     fault[w, 0], fault[w, 1] = NO_VALUE, j
                     break
             if fault[w, 0] != HEALTHY:
@@ -129,7 +155,7 @@ def run(
                     count_limits(s, p, k)
                 if asked:
                     for c in range(len(columns)):
-                        out[place, row, j, c] = s[columns[c]]
+                        out[place, kept, j, c] = s[columns[c]]
                 # The first kick of a staggered run is half a kick: the velocity before it is extrapolated to a full kick.
                 s[LAST_ENGINE_VELOCITY] = (
                     2.0 * s[ENGINE_VELOCITY] - velocity if substep == 0 and z[STAGGERED] != 0.0 else s[ENGINE_VELOCITY]
@@ -138,42 +164,18 @@ def run(
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = RAN_AWAY, j
             if asked:
-                row += 1
+                kept += 1
                 recorded = step
             done[w] = substep + 1
-        for j in range(len(kinds) if row else 0):
+        for j in range(len(kinds) if kept else 0):
             for c in range(len(columns)):
-                rows[w, j, c] = out[place, row - 1, j, c]
+                rows[w, j, c] = out[place, kept - 1, j, c]
             for c in range(len(references[own_set][recorded][j])):
                 given[w, j, c] = references[own_set][recorded][j][c]
 
 
-def _load(
-    s: Any, p: Any, k: Any, z: Any, v: float, u: Any, h: float, note: int, whole: bool, exchange: Any, piece: int, j: int
-) -> float:  # fmt: skip
-    """Torque on the link in N m in a kick of h s, or in a piece of it; also advances the joint, and writes torque, damping and
-    friction to the exchange. note, whole: see `asrsim.simulation.joint.advance`."""
-    advance(s, p, k, z, u, h, note, whole)
-    s[BRAKE] = limit(s, p, v)
-    s[PUSH] = push_of(s, p, u[EXTERNAL])
-    s[DRAG] = damping_of(s, p)
-    torque: float = s[APPLIED] + s[PUSH]
-    exchange[piece, j, E_TORQUE] = torque
-    exchange[piece, j, E_DAMPING] = s[DRAG] + s[BRAKE]
-    exchange[piece, j, E_FRICTION] = friction_of(s, p, v)
-    return torque
-
-
-def _in_pieces(
-    s: Any, p: Any, k: Any, z: Any, v: float, u_all: Any, lengths: Any, first: int, last: int, on_time: int, j: int,
-    whole: bool, exchange: Any,
-) -> float:  # fmt: skip
-    """Sum of the torques on the link in N m in the pieces of a kick; also advances the joint, and writes the loads of each
-    piece to the exchange.
-
-    The mean torques over the half kicks before and after the time of the whole substep are stored in s. first, last, on_time:
-    rows of the inputs; the first substep of a run has no piece before its time.
-    """
+def _clear_means(s: Any, k: Any) -> None:
+    """Set the mean torques over the half kicks before and after the time of the substep to 0."""
     for c in range(PUSHES):
         s[APPLIED_BEFORE + c] = s[APPLIED_NEXT + c] = 0.0
     for i in range(k[MOTORS]):
@@ -181,33 +183,21 @@ def _in_pieces(
         for c in range(MOTOR_PUSHES):
             s[m + DRIVE_BEFORE + c] = s[m + DRIVE_NEXT + c] = 0.0
     s[FREE_BEFORE] = s[FREE_AFTER] = 0.0
-    side, motor_side, free_side = APPLIED_BEFORE, DRIVE_BEFORE, FREE_BEFORE
-    total = torque = applied = push = drag = stiffness = energy = 0.0
-    for row in range(first, last):
-        u = u_all[row][j]
-        if row == on_time:
-            # The time of the whole substep: h = 0 stores the values to record, and nothing moves.
-            _load(s, p, k, z, v, u, 0.0, DRIVE_TORQUE, whole, exchange, row - first, j)
-            s[FREE] = 1.0 if s[BRAKE] != 0.0 else 0.0
-            torque, applied, push, drag = s[TORQUE], s[APPLIED], s[PUSH], s[DRAG]
-            stiffness, energy = s[STIFFNESS], s[LAW_ENERGY]
-            side, motor_side, free_side = APPLIED_NEXT, DRIVE_NEXT, FREE_AFTER
-        length = float(lengths[row])
-        total += _load(s, p, k, z, v, u, length * z[STEP], DRIVE_PIECE, p[P_DAMPING_RATIO] != 0.0, exchange, row - first, j)
-        share = 2.0 * length
-        s[side] += share * s[APPLIED]
-        s[side + 1] += share * s[TORQUE]
-        s[side + 3] += share * s[PUSH]
-        for i in range(k[MOTORS]):
-            m = FIRST_MOTOR + i * PER_MOTOR
-            for c in range(MOTOR_PUSHES):
-                s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
-        if s[BRAKE] == p[P_BRAKE]:
-            s[free_side] += share
-    s[TORQUE], s[APPLIED], s[PUSH], s[DRAG] = torque, applied, push, drag
-    s[STIFFNESS], s[LAW_ENERGY] = stiffness, energy
-    s[BRAKE] = p[P_BRAKE]
-    return total
+
+
+def _add_piece(s: Any, p: Any, k: Any, share: float, late: bool) -> None:
+    """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece, as a share of a half kick;
+    late: whether the piece follows the time of the substep."""
+    side, motor_side = (APPLIED_NEXT, DRIVE_NEXT) if late else (APPLIED_BEFORE, DRIVE_BEFORE)
+    s[side] += share * s[APPLIED]
+    s[side + 1] += share * s[TORQUE]
+    s[side + 3] += share * s[PUSH]
+    for i in range(k[MOTORS]):
+        m = FIRST_MOTOR + i * PER_MOTOR
+        for c in range(MOTOR_PUSHES):
+            s[m + motor_side + c] += share * s[m + DRIVE_PIECE + c]
+    if s[BRAKE] == p[P_BRAKE]:
+        s[FREE_AFTER if late else FREE_BEFORE] += share
 
 
 def _read_engine(s: Any, p: Any, z: Any, velocity: float, jumped: bool, first: bool) -> None:

@@ -164,7 +164,7 @@ LOGGED_OF_MOTORS = {
     P_LENGTH,  # rad; deflection over which the hysteresis torque reverses
     P_DELAY,  # 1; delay of the sensors in substeps
     P_QUANTUM,  # rad; resolution of the sensors
-    LINK_CONSTANTS,  # number of columns of the link
+    FIRST_DRIVE,  # column at which the block of the first motor begins
 ) = range(25)
 
 # P: columns of a motor, beginning with the parameters of asrsim.actuators.motor.motor_kick in the order of that function.
@@ -196,15 +196,15 @@ LOGGED_OF_MOTORS = {
 
 (
     KIND, MOTORS, DYNAMIC, SPRINGS, PLACED, SPRING_LAW, JOINT_STEP, CONTROLLERS, ON_LINK,
-    THETAS, TORQUES, RINGS, RING, DRIVES, LAW,
-) = range(15)  # fmt: skip
+    THETAS, TORQUES, RINGS, RING, LAW,
+) = range(14)  # fmt: skip
 """Columns of K. KIND: kind of the joint. MOTORS: number of positions that the spring's law takes. DYNAMIC: number of positions
 with motor dynamics; the others equal their references. SPRINGS: number of torques that the law gives. PLACED: number of
 positions that change the springs' energy. SPRING_LAW, JOINT_STEP: addresses of the actuator's laws and of the stepping's
 function for a joint, 0 if there is none. CONTROLLERS: number of controllers with sensors. ON_LINK: 1 if the sensors measure the
 link. THETAS, TORQUES, RINGS: first columns in S of the law's positions, of its torques and of the sensors' memory. RING: number
-of columns of one sensor's memory. DRIVES, LAW: first columns in P of the motors and of the law's parameters."""
-KINDS = 15
+of columns of one sensor's memory. LAW: first column in P of the law's parameters."""
+KINDS = 14
 """Number of columns of K."""
 
 PASSIVE, DIRECT, CONTROLLED, SPRUNG = range(4)

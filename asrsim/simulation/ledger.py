@@ -31,10 +31,10 @@ from asrsim.simulation.layout import (
     DRIVE_LAST,
     DRIVE_NEXT,
     DRIVE_TORQUE,
-    DRIVES,
     DYNAMIC,
     EFFORT_COUNT,
     EXCESS,
+    FIRST_DRIVE,
     FIRST_MOTOR,
     FRICTION_LOSS,
     HYSTERESIS,
@@ -110,23 +110,32 @@ def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, r
     """
     before, motor_before = (APPLIED_BEFORE, DRIVE_BEFORE) if jumped else (APPLIED, DRIVE_TORQUE)
     following, motor_following = (APPLIED_NEXT, DRIVE_NEXT) if jumped else (APPLIED, DRIVE_TORQUE)
-    jump = jumped or s[JUMPED] != 0.0
-    kinematic = k[KIND] == SPRUNG and k[DYNAMIC] < k[PLACED]
+    sprung, dynamic = k[KIND] == SPRUNG, k[DYNAMIC]
+    kinematic = sprung and dynamic < k[PLACED]
     energy_before = s[SPRING_ENERGY]
-    if k[KIND] == SPRUNG and (recorded or first or kinematic):
+    if sprung and (recorded or first or kinematic):
         s[SPRING_ENERGY] = s[LAW_ENERGY] + _hysteresis_energy(s, p, k)
         s[STIFFEST] = max(s[STIFFEST], abs(s[STIFFNESS]))
     if not first:
-        _link(s, k, before)
-        if k[KIND] == SPRUNG:
+        half = 0.5 * (s[POSITION] - s[LAST_POSITION])
+        link = (s[APPLIED_LAST] + s[before]) * half
+        damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
+        push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
+        work = link
+        if sprung:
             lost = _hysteresis_loss(s, p, k)
-            s[HYSTERESIS_LOSS] += lost
-            work = _motors(s, p, k, z, motor_before)
+            work = _motors(s, p, dynamic, motor_before, z[STEP])
             if kinematic:
+                jump = jumped or s[JUMPED] != 0.0
                 work += _kinematic(s, p, k, before, motor_before, s[SPRING_ENERGY] - energy_before + lost, jump)
-            s[MOTOR_WORK] += work
-            s[TURNOVER] += abs(work)
-    if k[KIND] == SPRUNG and (recorded or first):
+            s[HYSTERESIS_LOSS] += lost
+            s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
+        s[LINK_WORK] += link
+        s[DAMPING_LOSS] += damped
+        s[NET_LINK_WORK] += link + push - damped
+        s[MOTOR_WORK] += work
+        s[TURNOVER] += abs(link) + abs(push) + abs(work)
+    if sprung and (recorded or first):
         _balance(s, p, k, first)
     s[LAST_POSITION] = s[POSITION]
     s[JUMPED] = 1.0 if jumped else 0.0
@@ -134,35 +143,20 @@ def update_energies(s: Any, p: Any, k: Any, z: Any, first: bool, jumped: bool, r
         m = FIRST_MOTOR + i * PER_MOTOR
         s[m + LAST_KICK_POSITION], s[m + LAST_MEAN_VELOCITY] = s[m + KICK_POSITION], s[m + MEAN_VELOCITY]
         s[m + LAST_AT_LIMIT], s[m + AT_LIMIT] = s[m + AT_LIMIT], 0.0
-        if i < k[DYNAMIC]:
-            s[m + LAST_POWER] = _power(s, p, k, i)
+        resistance = p[FIRST_DRIVE + i * PER_DRIVE + D_RESISTANCE]
+        if resistance != 0.0:
+            s[m + LAST_POWER] = resistance * s[m + CURRENT] * s[m + CURRENT]
         for c in range(MOTOR_PUSHES):
             s[m + DRIVE_LAST + c] = s[m + motor_following + c]
     for c in range(PUSHES):
         s[APPLIED_LAST + c] = s[following + c]
 
 
-def _link(s: Any, k: Any, before: int) -> None:
-    half = 0.5 * (s[POSITION] - s[LAST_POSITION])
-    link = (s[APPLIED_LAST] + s[before]) * half
-    damped = -(s[APPLIED_LAST + 2] + s[before + 2]) * half
-    push = (s[APPLIED_LAST + 3] + s[before + 3]) * half
-    s[LINK_WORK] += link
-    s[DAMPING_LOSS] += damped
-    s[NET_LINK_WORK] += link + push - damped
-    s[TURNOVER] += abs(link) + abs(push)
-    if k[KIND] == SPRUNG:
-        s[LIMIT_LOSS] += (s[APPLIED_LAST + 1] + s[before + 1]) * half - link
-    else:
-        s[MOTOR_WORK] += link
-        s[TURNOVER] += abs(link)
-
-
-def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
+def _motors(s: Any, p: Any, dynamic: int, before: int, step: float) -> float:
     """Work in J of the motors with dynamics since the last substep; adds their losses to the losses of the joint."""
-    total = 0.0
-    for i in range(k[DYNAMIC]):
-        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+    total = lost = 0.0
+    for i in range(dynamic):
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
         b, a = m + before, m + DRIVE_LAST
         way = s[m + KICK_POSITION] - s[m + LAST_KICK_POSITION]
         half = 0.5 * way
@@ -171,17 +165,14 @@ def _motors(s: Any, p: Any, k: Any, z: Any, before: int) -> float:
         if s[m + AT_LIMIT] != 0.0 or s[m + LAST_AT_LIMIT] != 0.0:
             # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
             now, last = s[m + MEAN_VELOCITY], s[m + LAST_MEAN_VELOCITY]
-            s[FRICTION_LOSS] += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
+            lost += work - (s[a + 2] + s[b + 2]) * half - 0.5 * p[d + D_INERTIA] * (now * now - last * last)
         else:
-            s[FRICTION_LOSS] += (s[a + 1] + s[b + 1]) * half + p[d + D_DAMPING] * way * way / z[STEP]
-        s[WINDING_LOSS] += 0.5 * z[STEP] * (_power(s, p, k, i) + s[m + LAST_POWER])
+            lost += (s[a + 1] + s[b + 1]) * half + p[d + D_DAMPING] * way * way / step
+        if p[d + D_RESISTANCE] != 0.0:
+            power = p[d + D_RESISTANCE] * s[m + CURRENT] * s[m + CURRENT]
+            s[WINDING_LOSS] += 0.5 * step * (power + s[m + LAST_POWER])
+    s[FRICTION_LOSS] += lost
     return total
-
-
-def _power(s: Any, p: Any, k: Any, i: int) -> float:
-    """Heat loss in W of the winding of motor i."""
-    current = s[FIRST_MOTOR + i * PER_MOTOR + CURRENT]
-    return p[k[DRIVES] + i * PER_DRIVE + D_RESISTANCE] * current * current  # type: ignore[no-any-return]
 
 
 def _kinematic(s: Any, p: Any, k: Any, before: int, motor_before: int, absorbed: float, jump: bool) -> float:
@@ -248,7 +239,7 @@ def _balance(s: Any, p: Any, k: Any, first: bool) -> None:
     """Compute the energy stored in springs and motors, and the residual of the energy balance since the start."""
     kinetic = 0.0
     for i in range(k[DYNAMIC]):
-        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
         kinetic += 0.5 * p[d + D_INERTIA] * s[m + MEAN_VELOCITY] * s[m + MEAN_VELOCITY]
     s[MOTOR_ENERGY] = kinetic
     stored = s[SPRING_ENERGY] + kinetic
@@ -270,13 +261,14 @@ def count_limits(s: Any, p: Any, k: Any) -> None:
         s[STOP_COUNT] += 1.0
     if k[KIND] != SPRUNG:
         return
+    dynamic, springs = k[DYNAMIC], k[SPRINGS]
     saturated = bent = False
     for i in range(k[MOTORS]):
-        m, d = FIRST_MOTOR + i * PER_MOTOR, k[DRIVES] + i * PER_DRIVE
+        m, d = FIRST_MOTOR + i * PER_MOTOR, FIRST_DRIVE + i * PER_DRIVE
         theta = s[m + KICK_POSITION]
-        if i < k[SPRINGS] and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
+        if i < springs and abs(theta - s[POSITION]) > p[P_MAX_DEFLECTION]:
             bent = True
-        if i >= k[DYNAMIC]:
+        if i >= dynamic:
             continue
         if abs(s[m + DRIVE_TORQUE]) >= p[d + D_MAX_TORQUE]:
             saturated = True
@@ -284,5 +276,7 @@ def count_limits(s: Any, p: Any, k: Any) -> None:
             s[MOTOR_STOP_COUNT] += 1.0
         if abs(s[m + MEAN_VELOCITY]) >= FULL * p[d + D_MOST]:
             s[MOTOR_SPEED_COUNT] += 1.0
-    s[SATURATION_COUNT] += 1.0 if saturated else 0.0
-    s[DEFLECTION_COUNT] += 1.0 if bent else 0.0
+    if saturated:
+        s[SATURATION_COUNT] += 1.0
+    if bent:
+        s[DEFLECTION_COUNT] += 1.0

@@ -13,7 +13,10 @@ from asrsim.simulation import kernel
 from asrsim.simulation.laws import MOTOR_NUMBERS
 from asrsim.simulation.layout import LAW_ENERGY, STIFFNESS
 
-INLINE = ("asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.ledger")
+INLINE = (
+    "asrsim.actuators.motor", "asrsim.actuators.hysteresis", "asrsim.simulation.joint", "asrsim.simulation.kernel",
+    "asrsim.simulation.ledger",
+)  # fmt: skip
 """Modules whose functions are inlined into their callers."""
 
 

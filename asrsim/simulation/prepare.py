@@ -21,7 +21,8 @@ from asrsim.simulation.drives import SteppedJoint, make_drives, references_of
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.inputs import Inputs
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared, make_engine
+from asrsim.simulation.prepared import Prepared, make_engine
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.sensors import sensor_of
 from asrsim.simulation.steppings import STEPPINGS
 from asrsim.simulation.substeps import Resolution, reachable_stiffness, resolve
@@ -123,7 +124,8 @@ def _resolve(
     scenario: Scenario, drives: Sequence[SteppedJoint], engine: Engine, ranges: Mapping[str, Mapping[str, tuple[float, float]]]
 ) -> Resolution:
     points = np.linspace(0.0, scenario.duration, 2001)
-    sampled = Inputs(scenario, drives, substep=scenario.step, staggered=False).sample(points)
+    inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
+    sampled = np.ascontiguousarray(inputs.sample(points).T)
     sampled = _with_ranges(sampled, drives, ranges)
     configurations = _configurations(drives)
     model, still = engine.model, [0.0] * len(drives)

@@ -18,12 +18,10 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.sensors import Sensor
 from asrsim.simulation.steppings import Stepping
 from asrsim.simulation.substeps import Resolution
-
-EXTERNAL_TORQUE = "external_torque"
-"""Name under which callers set the external torque on a link, like a reference."""
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
@@ -131,13 +129,19 @@ class Prepared:
         placed = [[float(given.get(name, own)) for name, own in zip(joints, owns, strict=True)] for given, owns in ours]
         return placed[0], placed[1]
 
-    def with_references(self, references: Mapping[str, Mapping[str, Signal]]) -> Prepared:
-        """A copy with other references: joint -> name -> signal. No file is read again; substeps and start are unchanged.
+    def with_references(self, signals: Mapping[str, Mapping[str, Signal]]) -> Prepared:
+        """A copy with other signals: joint -> reference, or `external_torque` -> signal. No file is read again; substeps and
+        start are unchanged.
 
         An unused engine of this object is passed on to the copy.
         """
-        changed = {joint: {**self.scenario.references_of(joint), **signals} for joint, signals in references.items()}
-        return replace(self, scenario=replace(self.scenario, references={**self.scenario.references, **changed}))
+        references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
+        for joint, table in signals.items():
+            own = {**self.scenario.references_of(joint), **table}
+            if EXTERNAL_TORQUE in own:
+                torques[joint] = own.pop(EXTERNAL_TORQUE)
+            references[joint] = own
+        return replace(self, scenario=replace(self.scenario, references=references, external_torques=torques))
 
     def vary(self, parameters: Mapping[str, Mapping[str, float]]) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.

@@ -14,6 +14,7 @@ from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.layout import EXTERNAL, FIRST_MOTOR, GOALS, LINK_WORK, LOGGED, LOGGED_OF_MOTORS, PER_MOTOR
 
 EXTERNAL_TORQUE = "external_torque"
+"""Name under which callers set the external torque on a link, like a reference."""
 WATCHED = frozenset(name for column, name in LOGGED.items() if column >= LINK_WORK)
 """Quantities that are computed only for watched worlds: energies, and the stiffness of springs."""
 
@@ -40,7 +41,8 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
         names.append("damping_torque")
     if mode is None or actuator is None:
         return tuple(names)
-    references = len(references_of(drive)) if has_second_reference(drive) else 1
+    # A series elastic actuator has one reference in every mode.
+    references = len(references_of(drive)) if actuator.motors + actuator.adjuster > 1 else 1
     names += [f"reference_{i}" for i in range(1, references + 1)]
     if mode.spring:
         names += [f"elastic_torque_{i}" for i in range(1, actuator.motors + 1)] + ["stiffness"]
@@ -57,11 +59,6 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     names += ["hysteresis_loss"] if drive.hysteresis is not None else []
     names += ["damping_loss"] if damped else []
     return tuple(names)
-
-
-def has_second_reference(drive: SteppedJoint) -> bool:
-    """Whether the joint has a second reference in its mode; a series elastic actuator has one reference in every mode."""
-    return bool(drive.actuator and drive.actuator.motors + drive.actuator.adjuster > 1)
 
 
 class Selection:

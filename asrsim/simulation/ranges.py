@@ -11,7 +11,8 @@ from asrsim.errors import UnresolvedSpringError
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, references_of
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 
 TURN = math.pi
 """rad: range in both directions of a joint without limits."""

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 
 class Sink(Protocol):
-    """Receiver of samples: of the logged steps, or of every step if it has `full_rate = True`. With `bodies = True` as well,
-    the samples of every step contain poses and contacts of objects."""
+    """Receiver of samples: of the logged steps, or of every step if it has `full_rate = True`."""
 
     def write(self, samples: Samples) -> None:
         """Receive the next chunk of samples."""
@@ -44,12 +43,10 @@ class Recording:
         """Number of substeps between rows."""
         self._whole = any(getattr(sink, "full_rate", False) for sink in self._sinks)
         self._tip = _tip_of(prepared) if self.active else None
-        closely = any(getattr(sink, "bodies", False) for sink in self._sinks) or (self._tip and not scenario.fixed_base)
-        self._look_every = 1 if self._whole and closely else scenario.log_every
         self._bodies: dict[str, list[Any]] = {}
         """Poses and contact forces that have not yet been added to the samples of their rows."""
         self._contacts: dict[str, list[Any]] = {}
-        self.look_every = self.every * self._look_every
+        self.look_every = self.every * (1 if self._whole else scenario.log_every)
         """Number of substeps between readings of poses and contacts."""
         # The energy balance of the links ignores the work of contacts and wrenches. It is not checked in the released order,
         # which is not passive and runs springs that the step does not resolve.
@@ -110,22 +107,17 @@ class Recording:
     def _hand_on(self, first: int, samples: Samples) -> None:
         """Pass samples to the sinks; `first`: number of the first sample."""
         every = self._prepared.scenario.log_every
-        if self._look_every == 1:
-            samples = self._with_world(samples)
-        if self._whole and self._tip is not None:
+        rows = slice((-first) % every, None, every)
+        samples = self._with_world(samples if self._whole else _thinned(samples, rows))
+        if self._tip is not None:
             samples = self._tip.added(samples)
-        logged = samples if every == 1 else _thinned(samples, slice((-first) % every, None, every))
-        if self._look_every != 1:
-            logged = self._with_world(logged)
-        if self._tip is not None and not self._whole:
-            logged = self._tip.added(logged)
+        logged = _thinned(samples, rows) if self._whole else samples
         if self.kept is not None and len(logged.time):
             self.kept.append(logged)
         for sink in self._sinks:
-            if getattr(sink, "full_rate", False):
-                sink.write(samples)
-            elif len(logged.time):
-                sink.write(logged)
+            taken = samples if getattr(sink, "full_rate", False) else logged
+            if len(taken.time):
+                sink.write(taken)
 
     @property
     def samples(self) -> Samples:
@@ -173,6 +165,9 @@ def _joined(parts: Sequence[Array], axis: int) -> Array:
 
 
 def _thinned(samples: Samples, rows: slice) -> Samples:
+    if rows.step == 1:
+        return samples
+
     def thin(table: Mapping[str, Array]) -> dict[str, Array]:
         return {name: values[rows] for name, values in table.items()}
 

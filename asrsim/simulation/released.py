@@ -32,9 +32,9 @@ from asrsim.simulation.layout import (
     D_PROPORTIONAL,
     DIRECT,
     DRIVE_TORQUE,
-    DRIVES,
     DYNAMIC,
     ENGINE_VELOCITY,
+    FIRST_DRIVE,
     FIRST_MOTOR,
     FRICTION,
     GOALS,
@@ -86,7 +86,7 @@ def released_step(s: Any, p: Any, k: Any, u: Any, h: float, note: int) -> None:
 
 def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     moving = k[DYNAMIC] > 0
-    controlled = moving and p[k[DRIVES] + D_HOLD] != 0.0
+    controlled = moving and p[FIRST_DRIVE + D_HOLD] != 0.0
     thetas, torques = k[THETAS], k[TORQUES]
     for i in range(MOTORS):
         s[thetas + i] = s[FIRST_MOTOR + i * PER_MOTOR + MOTOR_POSITION] if moving else u[GOALS + i]
@@ -94,7 +94,7 @@ def _springs(s: Any, p: Any, k: Any, u: Any, h: float) -> None:
     for i in range(MOTORS):
         m = FIRST_MOTOR + i * PER_MOTOR
         if moving:
-            _move(s, p, m, k[DRIVES] + i * PER_DRIVE, u[GOALS + i], s[torques + i], controlled, h)
+            _move(s, p, m, FIRST_DRIVE + i * PER_DRIVE, u[GOALS + i], s[torques + i], controlled, h)
             s[thetas + i] = s[m + MOTOR_POSITION]
         s[m + KICK_POSITION] = s[thetas + i]
     if controlled:

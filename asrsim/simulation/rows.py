@@ -16,9 +16,9 @@ from asrsim.simulation.layout import (
     CONTROLLERS,
     DEFLECTION,
     DIRECT,
-    DRIVES,
     DYNAMIC,
     ENGINE_VELOCITY,
+    FIRST_DRIVE,
     FIRST_MOTOR,
     GOALS,
     INTEGRAL,
@@ -27,7 +27,6 @@ from asrsim.simulation.layout import (
     LAST_DEFLECTION,
     LAST_ENGINE_VELOCITY,
     LAW,
-    LINK_CONSTANTS,
     MOTOR_INTEGRAL,
     MOTOR_POSITION,
     MOTOR_VELOCITY,
@@ -77,7 +76,7 @@ class Shape:
     @property
     def drives(self) -> int:
         """Number of columns of P before the parameters of the spring's law."""
-        return LINK_CONSTANTS + self.motors * PER_DRIVE
+        return FIRST_DRIVE + self.motors * PER_DRIVE
 
     @property
     def constants(self) -> int:
@@ -120,7 +119,7 @@ def kind_of(drive: SteppedJoint, sensor: Sensor | None, shape: Shape) -> list[in
         k[CONTROLLERS], k[ON_LINK] = sensor.count, int(sensor.on_link)
     k[THETAS], k[TORQUES] = shape.thetas, shape.thetas + shape.motors
     k[RINGS], k[RING] = shape.thetas + 2 * shape.motors, shape.ring
-    k[DRIVES], k[LAW] = LINK_CONSTANTS, shape.drives
+    k[LAW] = shape.drives
     return k
 
 

@@ -16,7 +16,7 @@ from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.counts import Counts
+from asrsim.simulation.observation import Counts
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Sink
@@ -32,7 +32,7 @@ class Run:
     robot: Robot
     info: RunInfo
     status: str
-    """`complete`, `interrupted` or `diverged`."""
+    """How the run ended: `complete`, `interrupted` (stopped by the caller) or `diverged`."""
     resolution: Resolution
     counts: Counts
     wall_time: float
@@ -62,13 +62,21 @@ def simulate(
 ) -> Run:
     """Result of a run of one scenario.
 
-    sinks: take chunks of samples, or a function that makes them from the run's description; keep: collect all samples in
-    the result; names: quantities that are recorded, None: all; progress: told the simulated time; stop: asked every some
-    thousand substeps, True ends the run cleanly;
-    commands: values to be set from outside, in the order of time; duration: s that are run, instead of the scenario's;
-    alike: runs of this kind that there will be, this one included: the compiled loop may pay for all of them together.
-    Raises InputError (ActuatorError if a user's law raises) and SimulationError; DivergenceError carries the run so far as
-    `.run`.
+    Args:
+        scenario: The scenario, or a prepared scenario.
+        robot: Robot in place of the scenario's robot.
+        sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
+        keep: Collect all samples in the result.
+        names: Quantities that are recorded; None: all.
+        progress: Called with the simulated time, s.
+        stop: Called every few thousand substeps; the run ends when it returns True.
+        commands: References that are set during the run, in the order of time.
+        duration: Duration in s, instead of the scenario's.
+        alike: Number of similar runs, this one included, for which compiling the loop must be worth its time.
+
+    Raises:
+        InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.
+        DivergenceError: The motion diverged; the run up to then is in `.run`.
     """
     with blame_laws():
         prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
@@ -176,10 +184,10 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
     resolution = prepared.resolution
     if prepared.stepping.released and resolution.omega_h >= UNSTABLE:
         message = (
-            f"the released order of a step runs a spring that the step does not resolve (omega h = {resolution.omega_h:.2g}, "
-            f"unstable from {UNSTABLE:g} on): what it does there is no physics"
+            f"toolbox stepping does not resolve the stiffest spring (omega h = {resolution.omega_h:.2g}, unstable from "
+            f"{UNSTABLE:g} on): the motion is not physical"
         )
-        hint = "Lower step, or take stepping leapfrog, which chooses substeps."
+        hint = "Lower the step, or use stepping leapfrog, which chooses substeps."
         warnings.append(Problem(message, key="stepping", hint=hint, code="unresolved-spring"))
     for drive, foreseen, seen in zip(prepared.drives, resolution.stiffness, counts.stiffest.tolist(), strict=True):
         if foreseen <= 0.0 or seen <= foreseen:
@@ -188,8 +196,8 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> list[Problem]:
         if omega_h > COARSE:
             warnings.append(
                 Problem(
-                    f"the spring reached {seen:.4g} N m/rad where {foreseen:.4g} were foreseen: omega h may have been "
-                    f"{omega_h:.2g}, which is coarse",
+                    f"the spring reached a stiffness of {seen:.4g} N m/rad, more than the expected {foreseen:.4g}: omega h may "
+                    f"have been {omega_h:.2g}, which is coarse",
                     key=drive.name,
                     hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",
                     code="spring-stiffer-than-foreseen",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from operator import index
 from pathlib import Path
 from types import TracebackType
@@ -16,10 +15,9 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.chunks import LONGEST, chunk_at
-from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
-from asrsim.simulation.observation import Observation, Snapshot, observe
+from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink
@@ -30,16 +28,16 @@ ONE = np.zeros(1, dtype=np.int64)
 
 
 class Simulation:
-    """A scenario, stepped from outside; a context manager that releases the engine.
+    """Simulation of a scenario that the caller steps; a context manager that releases the engine.
 
         with asrsim.Simulation("arm.yaml", variant="soft") as simulation:
             simulation.set_reference("joint_1", "equilibrium_position", 0.3)
             simulation.advance(20)
             simulation.observe().link_position
 
-    Steps are the scenario's; however they are grouped into calls, the bits are the same. References follow the scenario's
-    signals until they are set, then hold; a value set takes effect at the next step. Raises what `prepare` raises, and
-    DivergenceError where the motion is no longer sane.
+    The results do not depend on how the steps are grouped into calls. References follow the scenario's signals until the
+    caller sets them; a value that is set acts from the next step on. Raises the errors of `prepare`, and DivergenceError if
+    the motion is not finite or the energy balance is violated.
     """
 
     def __init__(
@@ -57,16 +55,25 @@ class Simulation:
         duration: float | None = None,
         chunk: int | None = None,
     ) -> None:
-        """variant, overrides, ranges: as `prepare` takes them; of what is prepared already they are not asked. sinks:
-        take chunks of samples, or a function that makes them; record: keep what is logged, as `samples`; names: quantities that
-        are recorded, None: all. compiled: whether the loop is compiled; None: the scenario's choice, else where Numba is
-        installed and `expected_substeps` are many. duration: s that
-        are recorded, instead of the scenario's; chunk: substeps, at most, between samples handed on."""
+        """Prepare the simulation.
+
+        Args:
+            scenario: Scenario file, loaded scenario, or prepared scenario.
+            variant: As in `prepare`; also overrides and ranges. Ignored for a prepared scenario.
+            sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
+            record: Keep the logged samples, as `samples`.
+            names: Quantities that are recorded; None: all.
+            compiled: Whether the loop is compiled; None: the scenario's choice, else whether Numba is installed and
+                `expected_substeps` is large.
+            expected_substeps: Number of substeps that the caller will take.
+            duration: Recorded duration in s, instead of the scenario's.
+            chunk: Largest number of substeps between chunks of samples.
+        """
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
         self.prepared, self.scenario = scenario, scenario.scenario
         self.substeps = scenario.resolution.substeps
-        """Of a step."""
+        """Number of substeps per step."""
         sinks = list(sinks(scenario.info) if callable(sinks) else sinks)
         self.last = scenario.last_substep(duration)
         """Substep at which the scenario's duration ends, and of the last sample."""
@@ -101,7 +108,7 @@ class Simulation:
     def advance(self, steps: int = 1) -> None:
         """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to then."""
         if index(steps) < 0:
-            raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
+            raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
         self.advance_to(self.substep + steps * self.substeps)
 
     def advance_to(self, end: int) -> None:
@@ -160,10 +167,10 @@ class Simulation:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
-        """Hold a reference (by its mode's name), or `external_torque`, at `value` from now on, or None: follow the scenario.
+        """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the value set.
 
-        Returns what is held: values beyond the declared range are clamped to it. Raises InputError for unknown names and
-        values that are not finite.
+        value: is clamped to the declared range. None: the scenario's signal acts again. Raises InputError for unknown names
+        and values that are not finite.
         """
         held = self._world.set_reference(joint, reference, value)
         return None if value is None else float(held[0])
@@ -174,9 +181,11 @@ class Simulation:
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities as they were at the last whole step that is done, by name, (n,) each in the order of the joints; at the
-        start, as they will be in the first step. NaN where a joint does not record a quantity. Raises InputError for a name
-        that no joint records."""
+        """Quantities at the last completed step by name, (n,) each in the order of the joints.
+
+        At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
+        InputError for a name that no joint records.
+        """
         self._check_open()
         self._peeking = True
         try:
@@ -186,7 +195,7 @@ class Simulation:
 
     @property
     def engine(self) -> Engine:
-        """The engine that moves the links; its state need not be the present one."""
+        """The engine that moves the links; see `look` for its present state."""
         return self._world.engine_of(0)
 
     @property
@@ -196,8 +205,7 @@ class Simulation:
 
     def look(self) -> Engine:
         """The engine in the present state, to read its model and its scene."""
-        self._check_open()
-        return self._core.look(0)
+        return self._world.look(0)
 
     def snapshot(self) -> Snapshot:
         """Snapshot of the state and of the recording, for `restore`."""
@@ -205,9 +213,9 @@ class Simulation:
         return Snapshot(self._owner, self._world.snapshot(), self.recording.state())
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Continue from a snapshot of this simulation, to the bit. What went to sinks stays there.
+        """Continue from a snapshot of this simulation. Samples that the sinks have received stay there.
 
-        Raises InputError for a snapshot of another one, or from before a reset with other parameters.
+        Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
         """
         self._check_open()
         if snapshot.owner is not self._owner:
@@ -223,28 +231,25 @@ class Simulation:
         velocities: Mapping[str, float] | None = None,
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
-        signals: Scenario | None = None,
     ) -> None:
-        """Back to the start, with the bits of a fresh one; references follow the scenario again.
+        """Reset to the start. The simulation gives the same bits as a new one, and follows the scenario's references again.
 
-        initial: positions (rad, m) by joint that differ from the scenario's; velocities: likewise (rad/s, m/s); motors: of each
-        joint's motors (rad), others begin where their link is; parameters: joint or link -> name -> value, as
-        `Prepared.vary` takes them; signals: a scenario whose references and external torques replace those of this
-        simulation. Substeps stay; a recording starts anew. Raises InputError and RobotError for
-        what is unknown, not finite or beyond limits.
+        Args:
+            initial: Joint -> start position (rad, m), instead of the scenario's.
+            velocities: Joint -> start velocity (rad/s, m/s).
+            motors: Joint -> start positions of its motors (rad); other motors start at their link's position.
+            parameters: Joint or link -> name -> value, as in `Prepared.vary`.
+
+        The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
+        and for values that are not finite or beyond limits.
         """
         self._check_open()
-        if signals is not None:
-            own = replace(self.scenario, references=signals.references, external_torques=signals.external_torques)
-            self.scenario, self.prepared = own, replace(self.prepared, scenario=own)
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
         self.prepared.start(start.positions, start.velocities)
         if parameters is not None:
-            self.prepared = self.prepared.with_numbers(parameters)
-        if signals is not None or parameters is not None:
             # Earlier snapshots belong to other parameters and can no longer be restored.
             self._owner = object()
-            self.prepared = self._world.take_over(0, self.prepared, signals=signals is not None)
+            self.prepared = self._world.take_over(0, self.prepared.with_numbers(parameters))
             self.recording.take_over(self.prepared, self.engine, self._world.select(self.prepared))
         positions, speeds = self._world.place(0, start)
         self.recording.renew(positions, speeds)

@@ -24,15 +24,14 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import chunk_at, longest_chunk
 from asrsim.simulation.core import make_core
-from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given, Inputs, joined
 from asrsim.simulation.layout import GOALS, HEALTHY
-from asrsim.simulation.observation import Observation, observe
+from asrsim.simulation.observation import Counts, Observation, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.quantities import EXTERNAL_TORQUE, WATCHED, Selection
+from asrsim.simulation.quantities import WATCHED, Selection
 
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
@@ -53,7 +52,7 @@ class Start:
     velocities: Mapping[str, float] = field(default_factory=dict)
     """Joint -> velocity of its link, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    """Joint -> positions of its motors, rad; others begin where their link is."""
+    """Joint -> positions of its motors, rad; other motors start at their link's position."""
 
 
 @dataclass(frozen=True)
@@ -76,29 +75,30 @@ class Block:
 
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
-    """(m, 4) worlds, and for each its set of inputs, its place and its set of wrenches, lengths and cuts."""
+    """(m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths and
+    cuts."""
     given: Given
     end: int
-    """Rows."""
+    """Number of rows."""
     row: int = 0
-    """Rows that are used up."""
+    """Number of rows that have been simulated."""
 
     def references(self, place: int, count: int) -> Any:
-        """(count, joints, columns) of one of its worlds, in the rows that were used last."""
+        """References (count, joints, columns) of the world at `place`, in the last `count` simulated rows."""
         return self.given.references[self.which[place, 1]][self.row - count : self.row]
 
 
 class Worlds:
-    """N worlds of a scenario, stepped from outside; a context manager that releases the engines.
+    """N simulated worlds of one scenario, which the caller steps; a context manager that releases the engines.
 
         with asrsim.Worlds("arm.yaml", 64) as worlds:
             worlds.set_reference("joint_1", "equilibrium_position", targets)
             worlds.advance(20)
             worlds.observe().link_position
 
-    Each world is equal to a `asrsim.Simulation` of its own to the bit, in any order and on any number of threads. A
-    world whose motion is no longer sane stops, which `healthy` tells; it goes on after a reset. Substeps are the scenario's:
-    other numbers do not change them. Raises what `asrsim.prepare` raises.
+    Each world gives the same bits as a separate `asrsim.Simulation`, in any order and on any number of threads. A world
+    that diverges stops until its next reset; see `healthy`. The number of substeps is that of the scenario, whatever the
+    parameters of the worlds. Raises the errors of `asrsim.prepare`.
     """
 
     def __init__(
@@ -115,13 +115,19 @@ class Worlds:
         expected_substeps: int | None = None,
         threads: int = 1,
     ) -> None:
-        """count: number of worlds; names: quantities that `read` and `rollout` give, None: all that the
-        scenario's joints record; watched: energies and limits are found at each step, as `counts` and `sane` need
-        them; without it runs are a fifth faster; compiled, expected_substeps (of one
-        world), variant, overrides and ranges: as of `asrsim.Simulation`; threads: that share the worlds where the engine
-        has native code."""
+        """Prepare the worlds.
+
+        Args:
+            scenario: As in `asrsim.Simulation`; also variant, overrides, ranges and compiled.
+            count: Number of worlds.
+            names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
+            watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
+                a fifth faster.
+            expected_substeps: Number of substeps that each world will take, from which the loop is chosen.
+            threads: Number of threads that step the worlds, if the engine has a compiled step.
+        """
         if index(count) < 1 or index(threads) < 1:
-            raise InputError("must be 1 at least", key="count", value=min(count, threads), code="worlds")
+            raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
         if not isinstance(scenario, Prepared):
             scenario = prepare(scenario, variant=variant, overrides=overrides, ranges=ranges)
         substeps = expected_substeps or scenario.last_substep(None)
@@ -131,13 +137,16 @@ class Worlds:
         self, prepared: Prepared, count: int, *, names: Sequence[str] | None, watched: bool, compiled: bool | None,
         substeps: int, threads: int = 1, chunk: int | None = None, watch: Callable[[], None] | None = None,
     ) -> None:  # fmt: skip
-        """chunk: substeps whose inputs are found at once, at most; watch: called before each step of the engine."""
+        """Make the engine, the core and the tables of the worlds.
+
+        chunk: largest number of substeps whose inputs are sampled in one call. watch: called before each step of the engine.
+        """
         self.prepared, self.count = prepared, count
         self.substeps = prepared.resolution.substeps
-        """Of a step."""
+        """Number of substeps per step."""
         engine = prepared.make_engine()
         self._engines: dict[int, Engine] = {-1: engine}
-        """Number of a world -> the engine that it has for itself; -1: that of all others."""
+        """Number of a world -> its separate engine; -1: the engine that all other worlds share."""
         self._pool: ThreadPoolExecutor | None = None
         try:
             self.joints = engine.joints
@@ -162,13 +171,14 @@ class Worlds:
             self._begun: list[tuple[Sequence[float], Sequence[float]]] = [((), ())] * count
             columns = GOALS + self.core.shape.motors
             self._held = np.full((count, len(self.joints), columns), np.nan)
-            """Values that callers have set instead of the scenario's signals; NaN: not set."""
+            """References that callers have set, which override the scenario's signals; NaN: not set."""
             self._rows = np.full((count, len(self.joints), len(self.selection.columns)), np.nan)
-            """Logged columns at the last whole step of each world, and its inputs (count, joints, input columns)."""
+            """Logged columns (count, joints, columns) of each world at its last whole step."""
             self._given = np.full((count, len(self.joints), columns), np.nan)
+            """Inputs (count, joints, input columns) of each world at its last whole step."""
             self._everyone = np.arange(count)
             self._block: Block | None = None
-            """Inputs of the next substeps, while nothing is set from outside."""
+            """Inputs of the next substeps; None after a change from outside."""
             self._owner = object()
             self.reset()
         except BaseException:
@@ -195,12 +205,12 @@ class Worlds:
     def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
         """Advance by a number of steps. worlds: mask (N,) or list of numbers; None: all. Diverged worlds do not move."""
         if index(steps) < 0:
-            raise InputError("steps go forward only: restore a snapshot, or reset", value=steps, code="steps")
+            raise InputError("must not be negative: restore a snapshot or reset to go back", value=steps, code="steps")
         self._run(self._numbers(worlds), steps * self.substeps, keep=False)
 
     def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> tuple[Array, Array]:
-        """Advance by `count` substeps; if they are to be kept, the rows of whole steps in them, (m, rows, joints, columns), and
-        their inputs, (m, columns, joints, rows)."""
+        """Advance by `count` substeps. With `keep`, rows (m, rows, joints, columns) of the whole steps, and their inputs
+        (m, columns, joints, rows)."""
         self._check_open()
         rows, joints = -(-count // self.substeps) if keep else 0, len(self.joints)
         kept = np.full((len(numbers), rows, joints, len(self.selection.columns)), np.nan)
@@ -220,11 +230,11 @@ class Worlds:
         return kept, inputs
 
     def go_on(self, numbers: NDArray[np.int64], length: int) -> tuple[Array, Block]:
-        """Advance by some substeps of one chunk: rows (m, rows, joints, columns) at whole steps, and the inputs."""
+        """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps, and the inputs."""
         block = self._block
         if block is None or block.numbers is not numbers or block.row + length > block.end:
             block = self._make_block(numbers, length)
-        # A run that fails leaves no block, since its worlds have not gone on alike.
+        # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
         self._block = None
         first, block.row = block.row, block.row + length
         out = np.empty((len(numbers), -(-length // self.substeps), *self._rows.shape[1:]))
@@ -268,8 +278,10 @@ class Worlds:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, values: Any, *, worlds: Any = None) -> Array:
-        """Hold a reference (by its mode's name), or `external_torque`, from now on: one value for all, or one a world; None:
-        follow the scenario. Returns what is held, (m,): values beyond the declared range are clamped to it. Raises InputError.
+        """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the values set.
+
+        values: one value for all worlds, or one for each; they are clamped to the declared range. None: the scenario's signal
+        acts again. Raises InputError.
         """
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
@@ -288,7 +300,7 @@ class Worlds:
         return np.asarray(self._held[numbers, j, slot])
 
     def observe(self) -> Observation:
-        """The states now; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
+        """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self._check_open()
         return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
 
@@ -348,16 +360,17 @@ class Worlds:
         self._held[numbers], self._rows[numbers], self._given[numbers] = snapshot.held, snapshot.rows, snapshot.given
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
-        """Some worlds, or all, back to a start, with the bits of fresh ones; references follow the scenario, or the start's
-        signals. start: one for all, or one a world. Raises InputError and RobotError for what is unknown, not finite or beyond
-        limits.
+        """Reset worlds to a start. They give the same bits as new worlds, and follow the scenario's references or the start's.
+
+        start: one start for all worlds, or one for each. Raises InputError and RobotError for unknown names, and for values
+        that are not finite or beyond limits.
         """
         self._check_open()
         numbers = self._numbers(worlds).tolist()
         given = start or Start()
         starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
         if len(starts) != len(numbers):
-            message = f"needs one start a world: {len(numbers)}"
+            message = f"needs one start for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
         for world, one in zip(numbers, starts, strict=True):
             self._begin_world(world, one)
@@ -366,8 +379,10 @@ class Worlds:
         self, positions: Mapping[str, Any], velocities: Mapping[str, Any] | None = None,
         motors: Mapping[str, Any] | None = None, *, worlds: Any = None,
     ) -> None:  # fmt: skip
-        """Put worlds at time 0 with links there (rad, m), moving so (rad/s, m/s), motors there (rad); by joint, one number for
-        all or one a world. Numbers of the robot stay. Raises InputError."""
+        """Reset worlds to positions (rad, m) and velocities (rad/s, m/s) of the links and positions (rad) of the motors.
+
+        All tables are by joint, with one number for all worlds or one for each. Parameters are unchanged. Raises InputError.
+        """
         numbers = self._numbers(worlds)
         for place, world in enumerate(numbers.tolist()):
 
@@ -390,16 +405,18 @@ class Worlds:
                 self._variants[key] = self._own[world]
         if start.references:
             if self._signals[0] is not start.references:
-                self._signals = start.references, inputs_of(_with_signals(self.prepared, start.references))
+                self._signals = start.references, inputs_of(self.prepared.with_references(start.references))
             self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs
         self.place(world, start)
 
-    def take_over(self, world: int, varied: Prepared, *, signals: bool = False, settled: bool = False) -> Prepared:
-        """Give a world other numbers, and other signals if they are to change; it has to be placed then. Its engine is that of
-        all unless a link weighs something else. Returns the numbers, with the start at rest if the scenario asks for that;
-        settled: they have it already."""
+    def take_over(self, world: int, varied: Prepared, *, settled: bool = False) -> Prepared:
+        """Change the parameters of a world, which must then be placed at its start. Returns the parameters with the start.
+
+        settled: whether `varied` already starts at equilibrium, if the scenario requires it. A world whose links have other
+        inertias gets its own engine.
+        """
         engine = self._engines[-1]
         if varied.robot.links != self.prepared.robot.links:
             engine = self._own_engine(world, varied)
@@ -411,8 +428,6 @@ class Worlds:
         if selection.lacking != self.selection.lacking:
             self._other[world] = selection
         self.core.take_over(world, varied, engine)
-        if signals:
-            self._inputs[world] = inputs_of(varied)
         return varied
 
     def select(self, varied: Prepared) -> Selection:
@@ -424,6 +439,11 @@ class Worlds:
     def engine_of(self, world: int) -> Engine:
         """The engine that steps a world."""
         return self.core.engine_of(world)
+
+    def look(self, world: int) -> Engine:
+        """The engine in the present state of a world, to read its model and its scene."""
+        self._check_open()
+        return self.core.look(world)
 
     def _own_engine(self, world: int, varied: Prepared) -> Engine:
         found = self._engines.get(world)
@@ -446,33 +466,26 @@ class Worlds:
     # -- whole runs -------------------------------------------------------------------------------------------------
 
     def rollout(
-        self,
-        names: Sequence[str],
-        *,
-        parameters: Numbers | Sequence[Numbers] = (),
-        references: Signals | Sequence[Signals] = (),
-        start: Start | Sequence[Start] | None = None,
-        steps: int | None = None,
+        self, names: Sequence[str], *, start: Start | Sequence[Start] | None = None, steps: int | None = None
     ) -> dict[str, Array]:
-        """Run worlds from their start: quantities by name, (worlds, steps + 1, n), at whole steps from 0 on. NaN where a joint
-        does not record a quantity, and from where a world's motion is no longer sane.
+        """Run worlds from their start. Returns quantities by name, (worlds, steps + 1, n), at all steps from 0 on.
 
-        As many worlds run as the longest of the sequences has entries, at most N; what is given once is for all. parameters,
-        references: laid over those of `start`. steps: None: the scenario's. Raises InputError, and RobotError for unphysical
-        numbers.
+        Values are NaN where a joint does not record a quantity, and after a world has diverged.
+
+        Args:
+            names: Quantities to return.
+            start: Start of one world, or of several worlds, at most N; None: one world that starts as the scenario states.
+            steps: Number of steps; None: those of the scenario.
+
+        Raises:
+            InputError: A name or value is wrong.
+            RobotError: Parameters are not physical.
         """
-        lists = [_listed(given) for given in (parameters, references, start)]
-        count = max((len(one) for one in lists if one is not None), default=1)
-        if count > self.count or any(one is not None and len(one) not in (1, count) for one in lists):
-            message = f"there are {self.count} worlds, and what is given for each must have the same length"
-            raise InputError(message, key="rollout", value=count, code="worlds")
-        tables, signals, begins = [list(one) * (count // len(one)) if one else [None] * count for one in lists]
-        numbers = np.arange(count)
-        for world, table, own, begin in zip(numbers.tolist(), tables, signals, begins, strict=True):
-            base = begin or Start()
-            self._begin_world(
-                world, replace(base, parameters=_merged(base.parameters, table), references=_merged(base.references, own))
-            )
+        starts = list(start) if isinstance(start, Sequence) else [start or Start()]
+        if len(starts) > self.count:
+            raise InputError(f"there are {self.count} worlds", key="start", value=len(starts), code="worlds")
+        numbers = np.arange(len(starts))
+        self.reset(starts, worlds=numbers)
         return self.record(names, steps=steps, worlds=numbers)
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
@@ -492,7 +505,7 @@ class Worlds:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
         if the worlds are not watched."""
         self._check_watched()
-        prepared, model, state = self._own[world], self.core.look(world).model, self.core.S[world]
+        prepared, model, state = self._own[world], self.look(world).model, self.core.S[world]
         if not self.healthy[world]:
             return False
         if model is None or prepared.stepping.released:
@@ -528,7 +541,7 @@ class Worlds:
 
     def _check_watched(self) -> None:
         if not self._watched:
-            raise SimulationError("energies and limits are known of worlds that are watched only: Worlds(..., watched=True)")
+            raise SimulationError("energies and limits are computed with Worlds(..., watched=True) only")
 
     def _check_open(self) -> None:
         if not self._engines:
@@ -550,7 +563,7 @@ class Worlds:
 
 
 def one_world(prepared: Prepared, **options: Any) -> Worlds:
-    """A single world; options: as of `Worlds._begin`."""
+    """A single world. options: arguments of `Worlds._begin`."""
     world = Worlds.__new__(Worlds)
     world._begin(prepared, 1, watched=True, **options)
     return world
@@ -569,35 +582,10 @@ def inputs_of(prepared: Prepared) -> Inputs:
 
 
 def started(prepared: Prepared, positions: Sequence[float], motors: Mapping[str, Sequence[float]]) -> tuple[SteppedJoint, ...]:
-    """The drives, begun at other positions of links and motors; motors that are not named begin where their link is."""
+    """The drives with other start positions of links and motors; motors without a position start at their link's position."""
     drives = list(prepared.drives)
     for j, (drive, q) in enumerate(zip(prepared.drives, positions, strict=True)):
         if drive.initial_position != q or drive.name in motors:
             motor_positions = tuple(float(theta) for theta in motors.get(drive.name, ())) or drive.motor_positions
             drives[j] = replace(drive, initial_position=float(q), motor_positions=motor_positions)
     return tuple(drives)
-
-
-def _with_signals(prepared: Prepared, signals: Signals) -> Prepared:
-    """A copy with other references and external torques of some joints."""
-    own = {joint: {k: v for k, v in table.items() if k != EXTERNAL_TORQUE} for joint, table in signals.items()}
-    torques = {joint: table[EXTERNAL_TORQUE] for joint, table in signals.items() if EXTERNAL_TORQUE in table}
-    changed = prepared.with_references(own)
-    torques = {**changed.scenario.external_torques, **torques}
-    return replace(changed, scenario=replace(changed.scenario, external_torques=torques))
-
-
-def _listed(given: Any) -> list[Any] | None:
-    """The value, or the values for each world, as a list; None if nothing is given."""
-    if given is None or (isinstance(given, Sequence) and not given):
-        return None
-    return list(given) if isinstance(given, Sequence) else [given]
-
-
-def _merged(
-    first: Mapping[str, Mapping[str, Any]], second: Mapping[str, Mapping[str, Any]] | None
-) -> Mapping[str, Mapping[str, Any]]:
-    """Two nested tables merged; values of the second override those of the first."""
-    if not second:
-        return first
-    return {joint: {**first.get(joint, {}), **second.get(joint, {})} for joint in {**first, **second}}

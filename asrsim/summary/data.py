@@ -17,13 +17,6 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 """Version of the layout of `summary.json`."""
-_BEFORE_SPEED = (
-    "scenario", "scenario_path", "variant", "robot", "robot_path", "status", "message", "duration", "simulated_time",
-    "wall_time",
-)  # fmt: skip
-_AFTER_SPEED = (
-    "step", "log_every", "substeps", "motor_substeps", "total_substeps", "samples", "stepping", "engine", "loop", "seed",
-)  # fmt: skip
 _OF_CLAIM = ("joint", "body", "quantity", "measure", "engine", "reference", "comparison", "value", "tolerance")
 """Entries of a claim that `summary.json` contains unchanged, in this order."""
 
@@ -143,9 +136,8 @@ class RunSummary:
             "generator": f"asrsim {self.versions.get('asrsim', '')}",
             "format": FORMAT,
             "ok": self.ok,
-            **{name: getattr(self, name) for name in _BEFORE_SPEED},
+            **{name: value for name, value in vars(self).items() if isinstance(value, str | int | float)},
             "speed": finite_or_none(self.speed),
-            **{name: getattr(self, name) for name in _AFTER_SPEED},
             "joints": [joint.as_dict() for joint in self.joints],
             "expect": [_claim(claim) for claim in self.claims],
             **({"tip": dict(self.tip)} if self.tip else {}),

@@ -52,8 +52,10 @@ def headline(summary: RunSummary) -> str:
     return ", ".join(parts)
 
 
-def limit_note(summary: RunSummary) -> str | None:
+def limit_note(summary: RunSummary) -> str:
     """Explanation of the limits' columns, or the statement that no limit was reached."""
+    if not summary.samples:
+        return "nothing was simulated"
     if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
     return "no limit of effort, velocity, motor torque, deflection or position was reached"

@@ -17,7 +17,8 @@ from asrsim.runs.execute import collector_of
 from asrsim.samples import Samples, grid
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.chunks import LONGEST_NUMBERS
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.run import Run, blame_laws, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.worlds import Start, Worlds

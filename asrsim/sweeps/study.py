@@ -23,7 +23,7 @@ from asrsim.document.reading import KeyPath, Reading
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.samples import Array
-from asrsim.scenario.claim_keys import AnyData
+from asrsim.scenario.goal_keys import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import Joint, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of

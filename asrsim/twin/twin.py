@@ -18,7 +18,8 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import prepare
-from asrsim.simulation.prepared import EXTERNAL_TORQUE, Prepared
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.quantities import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
 from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import Observer

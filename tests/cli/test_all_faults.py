@@ -98,13 +98,6 @@ def test_the_sound_files_have_no_fault(tmp_path: Path) -> None:
     assert told(tmp_path, []) == []
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_each_fault_alone_is_told_once(fault: str, tmp_path: Path) -> None:
-    (error,) = told(tmp_path, [fault])
-    assert FAULTS[fault][3] in error
-    assert FAULTS[fault][0] in error
-
-
 @pytest.mark.parametrize("faults", DRAWN, ids=lambda faults: str(len(faults)))
 def test_every_fault_of_both_files_is_told_at_once_and_nothing_else(faults: list[str], tmp_path: Path) -> None:
     errors = told(tmp_path, faults)

@@ -74,14 +74,14 @@ def test_json_for_machines(runner: CliRunner, good: Path) -> None:
     assert entry["figures"][0]["inertia"] == pytest.approx(3.21e-4)
 
 
-def test_a_coarser_step_takes_more_substeps(runner: CliRunner, good: Path) -> None:
-    found = [
-        json.loads(runner.invoke(app, ["check", "--json", str(good), "--step", step]).stdout)["files"][0]["substeps"]
-        for step in ("1e-3", "1e-2")
-    ]
-    assert found[0]["substeps"] < found[1]["substeps"]
-    assert all(one["omega_h"] <= 0.2 for one in found)
-    assert runner.invoke(app, ["check", str(good), "--step", "0"]).exit_code == 2
+def test_a_coarser_step_takes_more_substeps(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+    substeps = []
+    for step in ("1e-3", "1e-2"):
+        (tmp_path / "s.yaml").write_text(f"robot: good.urdf\nduration: 1\nstep: {step}\n")
+        report = json.loads(runner.invoke(app, ["check", "--json", str(tmp_path / "s.yaml")]).stdout)["files"][0]
+        assert report["substeps"]["omega_h"] <= 0.2
+        substeps.append(report["substeps"]["substeps"])
+    assert substeps[0] < substeps[1]
 
 
 def test_errors_of_every_file_and_exit_code_1(runner: CliRunner, good: Path, tmp_path: Path) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import pytest
 
 from asrsim.cli.console import MOVING_CODES, OWN_CODES, CleanStream
-from asrsim.errors import CONTROL, Problem, printable
+from asrsim.errors import CONTROL, Problem
 
 
 def test_a_problem_is_one_line_without_control_characters() -> None:
@@ -40,7 +39,7 @@ def test_what_moves_or_hides_does_not(text: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("place", "character"),
-    [("robot", "\x9b"), ("joint", "\u202e"), ("plugin", "\x7f"), ("key", "\x1b"), ("value", "\x07"), ("file", "\x9b")],
+    [("robot", "\x9b"), ("joint", "\u202e"), ("key", "\x1b"), ("file", "\x9b")],
 )
 def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command) -> None:
     robot, scenario = tiny.robot.read_text(), tiny.scenario.read_text()
@@ -53,12 +52,8 @@ def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command
     elif place == "joint":
         robot = robot.replace("elbow", f"el{xml}bow")
         scenario = "robot: pendulum.urdf\nduration: 0.1\n"
-    elif place == "plugin":
-        robot = robot.replace('name="elbow_drive"', f'name="{xml}"').replace("<spring_k>", "<sprang_k>1</sprang_k><spring_k>")
     elif place == "key":
         scenario += f'"{text.replace(character, escaped)}": 1\n'
-    elif place == "value":
-        scenario += f'expect: "{text.replace(character, escaped)}"\n'
     else:
         path = tiny.folder / f"{character}.yaml"
     tiny.robot.write_text(robot)
@@ -72,9 +67,3 @@ def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command
         assert not CONTROL.search(told)
         if "--json" in arguments:
             json.loads(outcome.out)
-
-
-def test_printable_changes_nothing_else() -> None:
-    text = "".join(chr(code) for code in range(0x3000) if not CONTROL.match(chr(code)))
-    assert printable(text) == text
-    assert re.search("\t", text)

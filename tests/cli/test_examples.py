@@ -6,7 +6,6 @@ import re
 import runpy
 import shlex
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +16,17 @@ from support.paths import ROOT
 
 LONG = ("reproduce", "ilc", "design")
 """Commands whose examples take half a minute or more."""
-FASTER = {"run examples": ["--no-plot"], "render out/step_2dof": ["--size", "80"]}
+FASTER = {
+    "run examples": ["--no-plot"],
+    "render out/step_2dof": ["--size", "80"],
+    "report out/step_2dof": ["--no-film"],
+    "sweep examples": ["--set", "duration=0.1", "--workers", "1"],
+    "twin lab": ["--no-plot"],
+    "run lab.yaml": ["--no-plot"],
+    "ilc examples": ["--set", "step=0.002"],
+    "run out/ilc_2dof": ["--no-plot"],
+    "plot out/step_2dof --format": ["--joint", "joint_1"],
+}
 """Words of a command -> options that make it faster here."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
@@ -90,37 +99,16 @@ def test_the_recorded_sample_is_made_by_its_script(tmp_path):
         ("run nothing.yaml --variant s", []),
         ("live examples/scenarios/step_2dof.yaml --plugin x.py --variant so", ["soft"]),
         ("actuators b", ["bavs"]),
-        ("init examples/urdf/plain_arm.urdf --actuator el", ["elbow="]),
-        ("init examples/urdf/plain_arm.urdf --out arm.yaml --actuator q", ["qbmove"]),
-        ("plot out --joint sh", ["shoulder"]),
-        ("plot nowhere --joint sh", []),
         ("run x.yaml --engine ben", ["bench"]),
     ],
 )
-def test_the_shell_completes_variants_actuators_and_joints(line: str, offered: list[str], here: Path) -> None:
+def test_the_shell_completes_variants_actuators_and_engines(
+    line: str, offered: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """As bash asks for it: the option that is completed has no value yet, so that nothing behind it was parsed."""
     from typer.testing import CliRunner
 
+    monkeypatch.chdir(ROOT)
     words = ["asrsim", *line.split()]
     asked = {"_ASRSIM_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(words), "COMP_CWORD": str(len(words) - 1)}
     assert CliRunner().invoke(app, env=asked, prog_name="asrsim").output.split() == offered
-
-
-@pytest.fixture(scope="module")
-def examples(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the examples and a log."""
-    from asrsim.log import LogWriter
-    from asrsim.samples import JointInfo, RunInfo
-
-    folder = tmp_path_factory.mktemp("examples")
-    (folder / "out").mkdir()
-    copy_examples(folder / "examples")
-    joints = tuple(JointInfo(name=name, actuator="rigid", mode=None) for name in ("shoulder", "elbow"))
-    with LogWriter(folder / "out" / "log.mcap", RunInfo(robot="arm", joints=joints, step=1e-3)):
-        pass
-    return folder
-
-
-@pytest.fixture
-def here(examples: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(examples)

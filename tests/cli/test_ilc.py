@@ -58,19 +58,6 @@ def test_the_command_fails_where_learning_does_not_converge(asrsim_command, lift
     assert json.loads(result.out)["outcome"] == "exhausted"
 
 
-def test_results_of_another_scenario_are_kept(asrsim_command, lift, tmp_path):
-    asrsim_command("ilc", lift, "--out", "here", "--no-plot")
-    other = tmp_path / "other.yaml"
-    other.write_text(LIFT.replace("to: 0.3", "to: 0.2"))
-    before = {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()}
-    refused = asrsim_command("ilc", other, "--out", "here", "--no-plot")
-    assert refused.code == 1
-    assert "lift.yaml" in refused.err
-    assert "--overwrite" in refused.err
-    assert {path.name: path.read_bytes() for path in (tmp_path / "here").iterdir()} == before
-    assert asrsim_command("ilc", other, "--out", "here", "--no-plot", "--overwrite").code == 0
-
-
 def trials_in(state):
     with np.load(state) as stored:
         return len(stored["inputs"])

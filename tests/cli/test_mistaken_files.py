@@ -43,14 +43,6 @@ def test_every_kind_is_known_by_its_file(files) -> None:
     assert kind_of(files["log"].parent) == "log"
 
 
-def test_a_studys_folder_is_no_run(tmp_path: Path, asrsim_command) -> None:
-    folder = tmp_path / "swept"
-    folder.mkdir()
-    (folder / "study.json").write_text("{}", encoding="utf-8")
-    for command in TAKES["log"]:
-        assert f"is a study, no log. Use it with: asrsim sweep {folder}" in asrsim_command(command, folder).err
-
-
 @pytest.mark.parametrize("wanted", TAKES)
 def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -> None:
     for command in TAKES[wanted]:
@@ -78,11 +70,3 @@ def test_a_recording_may_have_keys_of_a_scenario(tmp_path: Path, files, asrsim_c
     times, places = zip(*rows, strict=True)
     recording.write_text(f'{{"duration": 3, "time": {list(times)}, "elbow.link_position": {list(places)}}}', encoding="utf-8")
     assert asrsim_command("plot", files["log"], "--experiment", recording).code == 0
-
-
-def test_a_missing_file_is_missing_whatever_it_is_called(tmp_path: Path, asrsim_command) -> None:
-    for command in (*TAKES["scenario"], *TAKES["log"]):
-        for name in ("nowhere.yaml", "nowhere.mcap", "nowhere.csv", "nowhere.urdf"):
-            done = asrsim_command(command, tmp_path / name)
-            assert done.code in (1, 2)
-            assert "No such file" in done.err + done.out or "no such file" in done.err + done.out, (command, name, done.err)

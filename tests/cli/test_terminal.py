@@ -11,18 +11,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from asrsim.cli.console import SHOWN, problem_lines, shown, styled
+from asrsim.cli.console import SHOWN, problem_lines
 from asrsim.errors import Problem
-from asrsim.report.html import script_json
 from support.paths import ROOT
-
-
-def test_our_own_styles_stay_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("asrsim.cli.console.is_terminal", lambda stream=None: True)
-    monkeypatch.delenv("NO_COLOR", raising=False)
-    text = styled("good", "green") + " \x1b[2J\x1b[5m"
-    assert shown(text, styles=True) == "\x1b[32mgood\x1b[0m \\x1b[2J\\x1b[5m"
-    assert "\x1b" not in shown(text)
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
@@ -84,9 +75,3 @@ def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
     assert "None" not in line
     assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
     assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
-
-
-def test_json_in_a_script_reads_back() -> None:
-    data = {"<!--<script>": ["</script>", "&lt;", "é\u2028"]}
-    assert json.loads(script_json(data)) == data
-    assert "<" not in script_json(data)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import ScenarioError
 from validation.models import INSTALLED
 
 LINK = """<link name="{0}"><inertial><origin xyz="0.02 0.01 0.1"/><mass value="0.8"/>
@@ -88,10 +87,3 @@ def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_pat
     np.testing.assert_allclose(force, mass * (acceleration - gravity), rtol=0.0, atol=0.01)
     assert 0.05 < place[-1, 0] - place[0, 0] < 0.1
     assert np.abs(acceleration[-20:]).max() < 0.01
-
-
-def test_a_bounce_that_no_engine_has_right_is_refused_with_the_reason(tmp_path: Path) -> None:
-    (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
-    ball = {"shape": "sphere", "size": 0.05, "mass": 0.1, "restitution": 0.5}
-    with pytest.raises(ScenarioError, match="depends on the step"):
-        asrsim.make_scenario(tmp_path / "arm.urdf", world={"objects": {"ball": ball}})

@@ -192,9 +192,8 @@ def test_readme_scenario_runs_as_the_example_does(tmp_path):
         assert scenario.robot.resolve() == full[name].robot.resolve()
 
 
-def test_readme_shows_what_the_first_command_prints(tmp_path, monkeypatch, capsys):
+def test_readme_shows_what_the_first_command_prints(asrsim_command):
     """Times, speeds and the default engine differ from machine to machine; all else stands in README as printed."""
-    from asrsim.cli.app import main
 
     def fixed(text: str) -> list[str]:
         varying = r"in [\d.]+ s \([\d.]+ x real time\)|(bullet|mujoco), (plain|compiled) loop"
@@ -202,27 +201,6 @@ def test_readme_shows_what_the_first_command_prints(tmp_path, monkeypatch, capsy
         return [line for line in lines if line and not line.startswith("wrote")]
 
     (shown,) = re.findall(r"<!-- printed -->\n```\n(.*?)```", README, re.DOTALL)
-    monkeypatch.setattr(
-        "sys.argv",
-        [
-            "asrsim",
-            "run",
-            str(ROOT / "examples/scenarios/step_2dof.yaml"),
-            "--variant",
-            "soft",
-            "--no-plot",
-            "-o",
-            str(tmp_path),
-        ],
-    )
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code == 0
-    assert fixed(capsys.readouterr().out) == fixed(shown)
-
-
-def test_readme_names_the_paper_as_the_citation_does():
-    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    (doi,) = re.findall(r"doi: (\S+)", citation)
-    assert doi in README
-    assert re.findall(r"title: (An Open-Source.*)", citation)[0] in " ".join(README.replace("> ", "").split())
+    run = asrsim_command("run", ROOT / "examples/scenarios/step_2dof.yaml", "--variant", "soft", "--no-plot")
+    assert run.code == 0
+    assert fixed(run.out) == fixed(shown)

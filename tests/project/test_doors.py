@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import runpy
 
 import numpy as np
@@ -12,28 +11,8 @@ import asrsim
 from asrsim.actuators import ACTUATORS, Actuator, Parameter
 from asrsim.engines import ENGINES
 from asrsim.simulation.worlds import Worlds
-from support.paths import EXAMPLES, ROOT
+from support.paths import EXAMPLES
 from validation.models import INSTALLED, Body, chain, column, run
-
-INNER = {
-    "bound_engine", "core", "divergence", "effects", "equilibrium", "inputs", "joint", "kernel", "laws", "layout", "ledger",
-    "native",
-    "recording", "released", "rows", "sensors", "substeps", "wrenches",
-}  # fmt: skip
-"""Modules of asrsim.simulation that nothing outside it imports."""
-
-
-def test_nothing_outside_imports_the_core_s_inner_files() -> None:
-    found = []
-    for path in (ROOT / "asrsim").rglob("*.py"):
-        if path.parent.name == "simulation":
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            module = node.module or "" if isinstance(node, ast.ImportFrom) else ""
-            inner = module.startswith("asrsim.simulation.") and module.split(".")[2] in INNER
-            if inner and {alias.name for alias in node.names} != {"Sink"}:
-                found.append(f"{path.relative_to(ROOT)}: {module}")
-    assert not found
 
 
 @pytest.fixture

@@ -20,9 +20,11 @@ CHANCE = 0.01
 """Share of the error of a run below which the error of links, motors or base alone may be small by chance."""
 
 
-def errors(run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False) -> Array:
+def errors(
+    run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False, **options: str
+) -> Array:
     """Largest errors of links, motors and base at the step h, h/2 and h/4: (3, 3) rad (m)."""
-    base = asrsim.make_scenario(run.write(folder), engine=engine, compiled=compiled, log_rate=100, **run.keys())
+    base = asrsim.make_scenario(run.write(folder), engine=engine, compiled=compiled, log_rate=100, **run.keys(), **options)
     found, scenario = [], base
     for finer in (1, 2, 4):
         result = simulate(scenario)
@@ -52,13 +54,15 @@ def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list
     return [float(links), float(motors), float(base)]
 
 
-def speed_and_errors(run: RandomRun, folder: Path, engine: str, *, compiled: bool = False) -> tuple[float, Array]:
+def speed_and_errors(
+    run: RandomRun, folder: Path, engine: str, *, compiled: bool = False, **options: str
+) -> tuple[float, Array]:
     """Largest speed of a joint (at least 1 rad/s), and the errors as `errors` gives them."""
     times = np.arange(round(run.duration * 100) + 1) / 100.0
     # Hysteresis has corners wherever a spring turns round.
     corners = any("hysteresis_torque" in joint.parameters for joint in run.joints)
     truth = solve(run, times, **({"tolerance": 1e-9, "longest": 2e-3} if corners else {}))
-    return max(1.0, float(np.abs(truth["velocities"]).max())), errors(run, folder, engine, truth, compiled=compiled)
+    return max(1.0, float(np.abs(truth["velocities"]).max())), errors(run, folder, engine, truth, compiled=compiled, **options)
 
 
 def check(run: RandomRun, folder: Path, engines: list[str], *, order: float = 1.6) -> None:

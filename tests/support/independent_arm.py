@@ -19,7 +19,7 @@ GAIN, BRAKE, ROTOR, DRAG, CREEP, PRESET = 60.0, 2.0, 0.02, 0.2, 0.01, 0.25
 """N m/rad, N m s/rad of the controllers; kg m^2, N m s/rad of the motors; rad/s below which friction is viscous; rad."""
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _rate(y, goals, n, motors, law, mass, length, damping, friction, k, a, most, rub, gravity):  # type: ignore[no-untyped-def]
     out = np.zeros(len(y))
     q, v = y[:n], y[n : 2 * n]
@@ -54,7 +54,7 @@ def _rate(y, goals, n, motors, law, mass, length, damping, friction, k, a, most,
     return out
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _integrate(goals, starts, every, step, n, motors, law, mass, length, damping, friction, k, a, most, rub, gravity):  # type: ignore[no-untyped-def]
     """goals: (2 m + 1, joints, motors) at half steps; rows every so many steps."""
     count = (len(goals) - 1) // 2

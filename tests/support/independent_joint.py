@@ -24,12 +24,12 @@ FINE = 5e-5
 """s."""
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _spring(law: int, a: float, k: float, x: float) -> float:
     return k * x if law == 0 else k * np.sinh(a * x)
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _rate(y, goals, outer, held, p, out):  # type: ignore[no-untyped-def]
     """Torque on the link but its friction; out: the state's rate. outer: N m on the link from outside.
 
@@ -54,13 +54,13 @@ def _rate(y, goals, outer, held, p, out):  # type: ignore[no-untyped-def]
     return push
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _goal(goals, at):  # type: ignore[no-untyped-def]
     """At a share of a step, by a parabola; goals: (3, motors) at its start, middle and end."""
     return goals[0] * (1.0 - at) * (1.0 - 2.0 * at) + goals[1] * 4.0 * at * (1.0 - at) + goals[2] * at * (2.0 * at - 1.0)
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _advance(y, goals, outer, begin, end, step, held, p):  # type: ignore[no-untyped-def]
     """The state after a part of a step, Runge-Kutta of fourth order."""
     k1, k2, k3, k4 = np.empty(len(y)), np.empty(len(y)), np.empty(len(y)), np.empty(len(y))
@@ -76,7 +76,7 @@ def _advance(y, goals, outer, begin, end, step, held, p):  # type: ignore[no-unt
     return there
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _integrate(goals, outer, every, step, p):  # type: ignore[no-untyped-def]
     """goals: (2 n + 1, motors) at half steps; outer: (n,) N m on the link in each step.
 

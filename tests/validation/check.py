@@ -1,4 +1,4 @@
-"""A check of the simulator against a fact from outside it: data for the tests and for the document."""
+"""A check of the simulator against an external fact: data for the tests and for the document."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from pathlib import Path
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One figure held against one bound."""
+    """A figure and its bound."""
 
     name: str
-    """What was looked at, a short phrase."""
+    """A short phrase; checks with the same text before the first comma or colon share a row of the document."""
     figure: float
-    """What came out."""
+    """Measured value."""
     bound: float
-    """What it must stay below (orders: reach)."""
+    """Largest allowed figure, or smallest if `at_least`."""
     unit: str = "1"
     source: str = ""
-    """Where the truth comes from."""
+    """Source of the true value."""
     at_least: bool = False
     """The bound is a lower one: an order of convergence."""
 
     @property
     def passed(self) -> bool:
-        """Whether the figure is on the right side of the bound; NaN is not."""
+        """Whether the figure keeps its bound; NaN does not."""
         return self.figure >= self.bound if self.at_least else self.figure <= self.bound
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Checks that belong together, with what there is to know about them."""
+    """Related checks and an explanation."""
 
     title: str
     text: str
@@ -46,16 +46,16 @@ class Section:
     slow: frozenset[str] = frozenset()
     """Names of the measures that take longer than some seconds."""
     engines: bool = True
-    """Runs in every engine; False: what is looked at has none, or one only."""
+    """Whether the checks run in every engine."""
     needs: str = ""
-    """What must be there to run it: `data` (recorded truth) or `pinocchio`; empty: nothing."""
+    """Requirement: `data` (recorded truth) or `pinocchio`; empty: none."""
 
 
 _ENGINE: ContextVar[str] = ContextVar("engine")
 
 
 def installed_engines() -> tuple[str, ...]:
-    """Engines with dynamics that are there, the default one first."""
+    """Installed engines with dynamics; the default engine is first."""
     from asrsim.engines import ENGINES
 
     entries = ((name, ENGINES.get(name)) for name in ENGINES.names())
@@ -63,13 +63,13 @@ def installed_engines() -> tuple[str, ...]:
 
 
 def engine() -> str:
-    """The engine that checks run in now."""
+    """Name of the engine in which checks run now."""
     return _ENGINE.get(installed_engines()[0])
 
 
 @contextmanager
 def on(name: str) -> Iterator[None]:
-    """Checks of the block run in this engine."""
+    """Run the checks of the `with` block in this engine."""
     token = _ENGINE.set(name)
     try:
         yield
@@ -78,11 +78,11 @@ def on(name: str) -> Iterator[None]:
 
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
-"""Recorded truth of the released toolbox and of Gazebo, beside the project; checks that need it are left out without it."""
+"""Recorded outputs of the released toolbox and of Gazebo; checks that need them are skipped where the folder is missing."""
 
 
 def available(section: Section) -> bool:
-    """Whether everything that the section needs is there."""
+    """Whether the requirement of the section is met."""
     if section.needs == "data":
         return (DATA / "ideal.npz").exists()
     if section.needs == "pinocchio":

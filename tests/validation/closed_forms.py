@@ -156,7 +156,13 @@ def pendulum_period() -> Iterator[Check]:
         source="4 sqrt(I / m g l) K(sin 1/2)",
     )  # fmt: skip
     highest = extremes(column(result, "link_position"))
-    yield Check(name="its amplitude after 20 s", figure=abs(abs(highest[-1]) - 1.0), bound=1e-5, unit="rad", source="no losses")
+    yield Check(
+        name="amplitude of a pendulum after 20 s",
+        figure=abs(abs(highest[-1]) - 1.0),
+        bound=1e-5,
+        unit="rad",
+        source="no losses",
+    )
 
 
 def coulomb_friction() -> Iterator[Check]:

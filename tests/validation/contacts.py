@@ -100,7 +100,7 @@ def stopping() -> Iterator[Check]:
             distance = x[-1] - 0.5 * (x[free] + x[free + 1])
             error = abs(float(distance * 2.0 * FRICTION * 9.81 / found**2) - 1.0)
             yield Check(
-                name=f"stopping distance of a box at {found:.2g} m/s, step {1e3 * step:g} ms", figure=error,
+                name=f"stopping distance of a box, {found:.2g} m/s, step {1e3 * step:g} ms", figure=error,
                 bound=STOPPING.get(engine(), STOPPING["mujoco"])[step], source="v^2 / (2 mu g)",
             )  # fmt: skip
 
@@ -149,7 +149,7 @@ def landing() -> Iterator[Check]:
     error = float(np.max(np.abs(samples.contacts["robot/ground"][-100:] + 3.5 * gravity)))
     yield Check(name="force on a fallen robot by the ground", figure=error, bound=5e-2, unit="N", source="its weight")
     height = abs(float(samples.bodies["body"][-1, 2]) - 0.05)
-    yield Check(name="its height", figure=height, bound=1e-4, unit="m", source="half its thickness")
+    yield Check(name="height of a fallen robot", figure=height, bound=1e-4, unit="m", source="half its thickness")
 
 
 def link_wrench() -> Iterator[Check]:

@@ -1,28 +1,26 @@
-"""docs/validation.md from the checks' own numbers."""
+"""docs/validation.md from the figures of the checks."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from validation.check import Check, Section, available, installed_engines, on
 
 INTRODUCTION = """# Validation
 
-Every figure of this page was measured when it was written, by
-`PYTHONPATH=tests python -m validation --out docs/validation.md`; the same functions, with the same bounds, are the project's
-tests (`tests/physics/test_truth.py`). A figure is what came out, a bound is what it must stay below (orders of
-convergence: reach).
-Angles are in rad, steps 1 ms unless said. What depends on the engine was measured in each, with a column of its own; a dash
-stands where a check is another engine's.
+`PYTHONPATH=tests python -m validation --out docs/validation.md` measured every figure of this page. The tests
+(`tests/physics/test_truth.py`) run the same functions with the same bounds. A row stands for all checks of one kind,
+and shows the figure that is nearest to its bound. Angles are in rad, and the step is 1 ms unless stated otherwise.
 """
 
 
 Results = Mapping[str, Sequence[Check]]
-"""Engine -> checks; "" for a section that no engine has a part in."""
+"""Engine -> checks; the key is "" for a section without engines."""
 
 
 def measure(sections: Sequence[Section]) -> Iterator[tuple[Section, dict[str, list[Check]]]]:
-    """Sections that can be run here, each with its checks in every installed engine."""
+    """The sections whose requirements are met, each with its checks in every installed engine."""
     for section in sections:
         if not available(section):
             continue
@@ -37,34 +35,34 @@ def document(results: Sequence[tuple[Section, Results]]) -> str:
     """The page as Markdown."""
     parts = [INTRODUCTION]
     for section, checks in results:
-        heads = " | ".join(f"{name}, bound" if name else "figure | bound" for name in checks)
-        lines = "---|" * (3 + ("" in checks) + len(checks) - 1)
-        parts.append(f"\n## {section.title}\n\n{section.text}\n\n| check | {heads} | source |\n|{lines}\n")
-        names = dict.fromkeys(check.name for listed in checks.values() for check in listed)
-        tables = {engine: {check.name: check for check in listed} for engine, listed in checks.items()}
-        parts.extend(row(name, {engine: table.get(name) for engine, table in tables.items()}) for name in names)
+        heads = " | ".join(name or "figure" for name in checks)
+        parts.append(f"\n## {section.title}\n\n{section.text}\n\n")
+        parts.append(f"| check | number | {heads} | source |\n|{'---|' * (len(checks) + 3)}\n")
+        for kind in dict.fromkeys(kind_of(check) for listed in checks.values() for check in listed):
+            alike = [[check for check in listed if kind_of(check) == kind] for listed in checks.values()]
+            source = next(check.source for listed in alike for check in listed)
+            cells = " | ".join(cell(listed) for listed in alike)
+            parts.append(f"| {kind} | {max(map(len, alike))} | {cells} | {source} |\n")
     return "".join(parts)
 
 
-def row(name: str, checks: Mapping[str, Check | None]) -> str:
-    """A line of a table."""
-    source = next(check.source for check in checks.values() if check is not None)
-    cells = " | ".join(_cell(check, " " if engine else " | ") for engine, check in checks.items())
-    return f"| {name} | {cells} | {source} |\n"
+def kind_of(check: Check) -> str:
+    """Name of a check without its case."""
+    return re.split("[,:]", check.name)[0]
 
 
-def _cell(check: Check | None, between: str) -> str:
-    if check is None:
+def cell(checks: Sequence[Check]) -> str:
+    """Figure that is nearest to its bound, with the bound; `-` without checks."""
+    if not checks:
         return "-"
-    sign = "≥" if check.at_least else "≤"
+    check = max(checks, key=lambda check: check.bound / check.figure if check.at_least else check.figure / check.bound)
     unit = "" if check.unit == "1" else f" {check.unit}"
-    mark = "" if check.passed else " **missed**"
-    bound = f"{sign} {number(check.bound)}"
-    return f"{number(check.figure)}{unit}{mark}{between}{bound if between.strip() else f'({bound})'}"
+    missed = "" if check.passed else " **missed**"
+    return f"{number(check.figure)}{unit}{missed} ({'≥' if check.at_least else '≤'} {number(check.bound)})"
 
 
 def number(value: float) -> str:
-    """Short: two or three figures."""
+    """The value with two or three significant digits."""
     if value == 0.0:
         return "0"
     return f"{value:.3g}" if 0.01 <= abs(value) < 1e4 else f"{value:.1e}"

@@ -150,4 +150,4 @@ def spatial_swing() -> Iterator[Check]:
         name = f"free swing in space, 4 joints, {label}"
         yield Check(name=name, figure=errors[0], bound=2e-3, unit="rad", source="Pinocchio and DOP853")
         order = math.log(errors[0] / errors[1]) / math.log(4.0)
-        yield Check(name=f"its order, {label}", figure=order, bound=1.8, at_least=True, source="2")
+        yield Check(name=f"order of a swing in space, {label}", figure=order, bound=1.8, at_least=True, source="2")

@@ -35,7 +35,7 @@ def oracle() -> Iterator[Check]:
             figure = distance(case, tables[case["key"]], description["columns"])
             worst.setdefault((case["plugin"].removeprefix("lib").removesuffix("_plugin.so"), case["mode"]), []).append(figure)
     for (actuator, mode), figures in worst.items():
-        name = f"{actuator}, mode {mode}, {len(figures)} recorded cases"
+        name = f"outputs of {actuator}, mode {mode}, {len(figures)} recorded cases"
         yield Check(name=name, figure=max(figures), bound=1e-12, source="oracle.npz, relative error")
 
 

@@ -144,7 +144,7 @@ def test_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert names["stopped"].status == "interrupted"
 
 
-def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
+def test_arguments_of_several_values_take_one(tiny, tmp_path: Path) -> None:
     """A text is no row of letters: in identification, sweeps, runs and recordings."""
     recording = tmp_path / "lab.csv"
     np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time [s],elbow", comments="")
@@ -155,7 +155,7 @@ def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
         alone = {name: one(value[0]) if isinstance(value[0], Path) else value[0] for name, value in several.items()}
         assert task_of(tiny.scenario, **alone) == task_of(tiny.scenario, **several)
     over = {
-        "scenario": tiny.scenario, "over": ["elbow.damping=[0.1, 0.2]"], "signals": ["elbow.link_position"],
+        "scenario": tiny.scenario, "over": ["elbow.damping=[0.1, 0.2]"],
         "variants": ["soft"], "plugins": ["law.py"],
     }  # fmt: skip
     assert make_study(**{key: value if key == "scenario" else value[0] for key, value in over.items()}) == make_study(**over)

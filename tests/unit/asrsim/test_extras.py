@@ -14,7 +14,7 @@ import asrsim
 from asrsim.errors import InputError
 from asrsim.extras import install, library
 from asrsim.live.transport import available
-from asrsim.notebook import as_xarray
+from asrsim.notebook import as_pandas
 from asrsim.recordings.arrays import read_matlab
 from asrsim.recordings.reading import Reading
 from asrsim.render.files import write_mp4
@@ -39,7 +39,7 @@ USES: dict[str, tuple[str, Callable[[], object]]] = {
     "foxglove": ("foxglove", lambda: available(["foxglove"])),
     "gym": ("gymnasium", lambda: asrsim.make_env(SCENARIO, variant="soft")),
     "hdf5": ("h5py", read_hdf5),
-    "notebook": ("xarray", lambda: as_xarray(None)),
+    "notebook": ("pandas", lambda: as_pandas(None)),
 }
 """Extra -> the module that it brings, and what needs that."""
 

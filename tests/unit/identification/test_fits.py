@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +17,6 @@ from asrsim.design.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import door, progress, task_of
 from asrsim.identification.advice import advice, design_line
-from asrsim.identification.balance import is_driven_by_torque
 from asrsim.identification.data import Command
 from asrsim.identification.layout import Tie
 from asrsim.identification.played import Played
@@ -26,7 +24,7 @@ from asrsim.identification.setup import set_up
 from asrsim.identification.show import judgement
 from asrsim.identification.write import as_dict, write_robot
 from asrsim.recordings import read_recording
-from asrsim.robot import load_robot, with_overrides
+from asrsim.robot import load_robot
 from asrsim.robot.edit import edited_urdf
 from asrsim.robot.vary import physical
 from asrsim.scenario.starter_recording import make_plan
@@ -63,35 +61,6 @@ def test_estimates_are_near_the_truth_and_the_intervals_hold_it(fitted):
         assert one.value == pytest.approx(value, rel=0.02)
     assert fitted.fits, fitted.misfit
     assert fitted.channels[0].held_after == pytest.approx(1e-3, rel=0.2)
-
-
-def test_a_joint_whose_own_spring_is_free_is_simulated_under_its_torque(tmp_path, lab):
-    robot = with_overrides(load_robot(lab / "lab.urdf"), modes={"*": 0})
-    command = SimpleNamespace(joint="joint_1", quantity="reference_1")
-    channel = SimpleNamespace(joint="joint_1", quantity="link_position")
-    data = SimpleNamespace(modes={}, commands=[command], channels=[channel])
-    assert is_driven_by_torque(data, robot, ["joint_1.damping"])
-    assert not is_driven_by_torque(data, robot, ["joint_1.passive_stiffness"])
-
-
-def test_torques_are_compared_where_a_joint_surely_moves(tmp_path):
-    """Not a period of the filter's cutoff, 0.02 s, around where it stands: friction there is whatever holds it."""
-    numbers = {**SEA, "mode": 0, "friction": 0.3, "damping": 0.5}
-    pulses = "{pulse_train: {high: 2, width: 0.2, period: 0.7, start: 0.3}}"
-    truth, guess = write(tmp_path, "truth", numbers, f"{{link_torque: {pulses}}}"), write(tmp_path, "guess", numbers)
-    recording = record(truth, tmp_path / "r.csv", noise=1e-6)
-    recording.write_text(recording.read_text().replace("joint_1.reference_1", "joint_1.reference_1 [N m]"))
-    with ExitStack() as stack:
-        (track,) = set_up(
-            task_of(guess, [recording], free=["joint_1.damping=0.4", "joint_1.friction=0.2"]), stack
-        ).problem.tracks
-    time, _, place = np.loadtxt(recording, delimiter=",", skiprows=1).T
-    moves = np.abs(np.gradient(place, time)) > 0.01
-    starts, ends = (time[np.flatnonzero(np.diff(moves.astype(int)) == way)] for way in (1, -1))
-    compared = track.data.channels[0].time
-    parts = np.split(compared, np.flatnonzero(np.diff(compared) > 0.1) + 1)
-    assert [part[0] for part in parts] == pytest.approx(starts + 0.025, abs=0.008)
-    assert [part[-1] for part in parts[:2]] == pytest.approx(ends[:2] - 0.025, abs=0.015)
 
 
 def test_noise_of_commands_moves_what_is_predicted(tmp_path):
@@ -263,6 +232,7 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     """Where only ratios are known, a torque sensor is worth a try."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    assert design_line(result, tmp_path) == design_line(result, tmp_path)
     (path,), line = design_line(result, tmp_path)
     read = read_limits(path)
     place = np.genfromtxt(lab / "a.csv", delimiter=",", names=True)["joint_1link_position_rad"]
@@ -391,6 +361,23 @@ def test_the_best_so_far_survives_the_wish_to_stop(lab):
     assert len(result.estimates) == 3
 
 
+@pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
+def test_a_judgement_ends_at_the_wish_to_stop(lab, stage):
+    """With little more than one simulation for each parameter, and with the searched values."""
+    told, asked = [], []
+
+    def stop() -> bool:
+        if told and told[-1].stage == stage:
+            asked.append(told[-1].evaluations)
+        return bool(asked)
+
+    free = ["joint_1.damping", "joint_1.friction"]
+    result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=free), stop=stop, progress=told.append)
+    assert (result.status, bool(asked)) == ("interrupted", True)
+    assert result.evaluations - asked[0] < 12
+    assert len(result.estimates) == 2
+
+
 def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):
     told = []
     task = task_of(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
@@ -479,7 +466,7 @@ def test_a_spring_that_softens_or_has_backlash_is_rejected_on_the_bench(tmp_path
         header = "time [s],joint_1.motor_1_position [rad],joint_1.elastic_torque_1 [N m]"
         np.savetxt(tmp_path / f"{number}.csv", table, delimiter=",", header=header, comments="")
     write(tmp_path, "lab", {**SEA, "mode": 2, "tags": "<spring_k>2000</spring_k>"}, duration=4.0)
-    bench = (tmp_path / "lab.yaml").read_text().replace("engine: mujoco", "engine: bench\nmotion: locked")
+    bench = (tmp_path / "lab.yaml").read_text().replace("engine: mujoco", "engine: bench")
     (tmp_path / "lab.yaml").write_text(bench)
     trials = [tmp_path / f"{number}.csv" for number in range(4)]
     result = identify(tmp_path / "lab.yaml", trials, free=["joint_1.spring_stiffness"])

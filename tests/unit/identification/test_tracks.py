@@ -11,10 +11,8 @@ import numpy as np
 import pytest
 
 from asrsim.identification import door, task_of
-from asrsim.identification.balance import TorqueTrack
-from asrsim.identification.problem import Problem, jacobian, solve
+from asrsim.identification.problem import Problem, jacobian
 from asrsim.identification.setup import set_up
-from asrsim.identification.track import Track
 
 LINK = """<link name="link_{i}"><inertial><mass value="0.5"/>
 <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.009"/></inertial></link>
@@ -129,55 +127,6 @@ def torque_driven(noises: tuple[float, ...], step: int = 1) -> dict[str, np.ndar
         columns[f"joint_{i}.reference_1 [N m]"] = (0.009 * a + 0.02 * v)[::step]
         columns[f"joint_{i}.link_position [rad]"] = (q + size * np.random.default_rng(i).normal(size=len(q)))[::step]
     return columns
-
-
-@pytest.mark.parametrize(
-    ("noises", "tags", "free", "kind"),
-    [
-        ((1e-5,), "", "joint_1.damping", TorqueTrack),
-        ((1e-5, 1e-5), "", "joint_1.damping", TorqueTrack),
-        ((1e-5, 1e-3), "", "joint_1.damping", Track),
-        ((1e-5, 3e-2), "", "joint_1.damping", Track),
-        ((1e-5,), "", "joint_1.passive_stiffness=1", Track),
-        ((1e-5,), "spring", "joint_1.damping", Track),
-    ],
-)
-def test_torques_are_compared_where_they_alone_push_and_accelerations_are_told(
-    tmp_path: Path, noises: tuple[float, ...], tags: str, free: str, kind: type[Track]
-) -> None:
-    """One joint whose encoder tells none is enough."""
-    spring = '<gazebo reference="joint_1"><springStiffness>0.5</springStiffness><springReference>0</springReference></gazebo>'
-    with ExitStack() as stack:
-        columns = torque_driven(noises)
-        if tags:
-            links = LINK.format(i=1, actuator="sea", mode=0, tags="") + spring
-            (tmp_path / "sprung.urdf").write_text(f'<robot name="lab"><link name="world"/>{links}</robot>')
-        setup = setup_of(stack, tmp_path, columns, [free], mode=0, joints=len(noises))
-        if tags:
-            text = (tmp_path / "lab.yaml").read_text().replace("lab.urdf", "sprung.urdf")
-            (tmp_path / "lab.yaml").write_text(text)
-            setup = set_up(task_of(tmp_path / "lab.yaml", [tmp_path / "a.csv"], free=[free]), stack).problem
-        assert type(setup.tracks[0]) is kind
-
-
-def test_a_filter_leaves_a_coarse_record_what_it_can_tell(tmp_path: Path) -> None:
-    """Of samples every 10 ms, at most 15 Hz and every 30th of a second."""
-    with ExitStack() as stack:
-        (track,) = setup_of(stack, tmp_path, torque_driven((1e-5,), 10), ["joint_1.damping"], mode=0).tracks
-        assert np.diff(track.channels[0].time).min() > 0.0299
-
-
-def test_noise_of_places_leaves_an_inertia_unbiased(tmp_path: Path) -> None:
-    """Accelerations that are louder than they are would seem to need less inertia each: the filter leaves the motion alone."""
-    found = []
-    for seed in range(4):
-        columns = torque_driven((0.0,))
-        columns["joint_1.link_position [rad]"] += 1.5e-4 * np.random.default_rng(seed).normal(size=len(SWEEP))
-        with ExitStack() as stack:
-            problem = setup_of(stack, tmp_path, columns, ["link_1.izz"], mode=0)
-            assert isinstance(problem.tracks[0], TorqueTrack)
-            found.append(float(solve(replace(problem, weights=((1e-3,),)), np.zeros(1))[0]))
-    assert abs(np.mean(found)) < 1e-4
 
 
 @pytest.mark.parametrize("mode", [0, 3])

@@ -178,7 +178,7 @@ def test_learning_goes_on_with_recordings_of_a_robot_that_is_not_asrsim(tmp_path
     assert errors[-1] < 0.004
     assert len(json.loads((tmp_path / "hardware.json").read_text())["trials"]) == len(errors)
     if len(errors) > 1:
-        with pytest.raises(InputError, match="was taken already, as trial 0"):
+        with pytest.raises(InputError, match="was used already, as trial 0"):
             next_input(plant, tmp_path, tmp_path / "trial_0.csv")
 
 
@@ -213,7 +213,7 @@ def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
     motion = {"*": {"minimum_jerk": {"duration": 1.2, "to": 0.15}}}
     block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 12}
     stiff = {"*": {"stiffness_preset": 0.2}}
-    scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, compiled=False, **changes)
+    scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, **changes)
     plant = make_plant(scenario)
     with learning_model(plant) as model:
         prepared = prepare_learning(plant, model)
@@ -227,18 +227,19 @@ def test_what_the_scenario_says_of_the_arm_is_in_the_model(changes):
 def test_any_scenario_may_ask_for_inverse_dynamics():
     """The references become the inputs that move the links as they say; one that a spring cannot give is an error."""
     wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 2.0, "to": 0.6}}, "stiffness_preset": 0.3}
-    scenario = make_scenario(ARM, duration=2.5, references={"*": {**wanted, "inverse_dynamics": True}})
+    scenario = make_scenario(ARM, duration=2.5, references={"*": wanted}, inverse_dynamics=True)
     robot = apply_to_robot(scenario, checked_robot(scenario)[0])
     planned = replace(plan_references(scenario, robot), inverse_dynamics={})
     samples = simulate(planned).samples
     motion = scenario.references["*"]["equilibrium_position"].values(samples.time)
     assert np.abs(samples.values["link_position"] - motion[:, None]).max() < 4e-3
-    plain = make_scenario(ARM, duration=2.5, references={"*": {**wanted, "inverse_dynamics": False}})
+    plain = make_scenario(ARM, duration=2.5, references={"*": wanted}, inverse_dynamics=False)
     assert plan_references(plain, robot) is plain
     weak = make_scenario(
         ARM,
         duration=2.5,
-        references={"*": {**wanted, "inverse_dynamics": True}},
+        references={"*": wanted},
+        inverse_dynamics=True,
         parameters={"*": {"max_deflection": 0.05}},
     )
     with pytest.raises(ScenarioError, match=r"out of reach: joint_. at .* s: spring torque"):

@@ -97,17 +97,6 @@ def test_slopes_of_two_springs_are_those_of_the_law():
     assert slopes.sum() == pytest.approx(QbMove.stiffness(0.1, 0.5, 0.1, spring), rel=1e-8)
 
 
-def test_the_step_response_in_time_is_that_of_the_pendulum():
-    linear = linear_at(sea(), damping=0.02, count=2001)
-    stiffness = 2.0 + MASS * GRAVITY * LENGTH
-    omega, decay = math.sqrt(stiffness / INERTIA), 0.01 / INERTIA
-    damped = math.sqrt(omega**2 - decay**2)
-    time = linear.time[EVERY::EVERY]
-    expected = 2.0 / stiffness * (1 - np.exp(-decay * time) * (np.cos(damped * time) + decay / damped * np.sin(damped * time)))
-    # The splines of an input sum to 1.
-    assert lift(linear, Band.over(2.0, 0.0), [0.0])[:, 0].sum(axis=1) == pytest.approx(expected, abs=3e-3)
-
-
 @pytest.mark.parametrize("motor", [0.81, 3.0, -3.0])
 def test_a_spring_beyond_its_limit_is_taken_just_before_it(motor):
     """At the limit it has no slope, and nothing could be learned from there."""

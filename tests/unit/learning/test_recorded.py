@@ -55,7 +55,7 @@ def test_what_the_laboratory_writes_is_the_trial(header, how, plant, tmp_path):
     found = take(write(tmp_path / "trial.csv", plant, header, **how), plant)
     late = np.column_stack([np.interp(plant.time - 0.015, plant.time, one) for one in plant.reference.T])
     assert np.abs(found.outputs - late - 0.003).max() < 1e-3
-    assert any("bridged" in one.message for one in found.findings) == ("gap" in how)
+    assert any("interpolated" in one.message for one in found.findings) == ("gap" in how)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_clock_that_is_off_is_told_and_a_robot_that_lags_is_not(plant, tmp_pat
 
 def test_gaps_that_hide_the_motion_are_refused(plant, tmp_path):
     path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))
-    with pytest.raises(InputError, match=r"over the whole motion, 0 to 2.5 s"):
+    with pytest.raises(InputError, match=r"of the whole motion, 0 to 2.5 s"):
         take(path, plant)
 
 
@@ -100,7 +100,7 @@ def test_a_recording_may_lack_a_little_of_the_start_or_the_end(plant, tmp_path, 
     gap = (-1.0, missing) if at == "start" else (plant.time[-1] - missing, 99.0)
     path = write(tmp_path / "short.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=gap)
     if lacking > 1.0:
-        with pytest.raises(InputError, match="over the whole motion"):
+        with pytest.raises(InputError, match="of the whole motion"):
             take(path, plant, lag=0.0)
         return
     outputs = take(path, plant, lag=0.0).outputs
@@ -118,5 +118,5 @@ def test_the_last_recording_may_be_given_again(plant, tmp_path):
     assert steps[1].trials[0].largest == once.trials[0].largest < steps[0].trials[0].largest
     assert (tmp_path / "twice" / "next.csv").read_text() == (tmp_path / "once" / "next.csv").read_text()
     (tmp_path / "twice" / "hardware.json").unlink()
-    with pytest.raises(InputError, match="begin anew"):
+    with pytest.raises(InputError, match="start again"):
         next_input(plant, tmp_path / "twice", late)

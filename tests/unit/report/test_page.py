@@ -100,27 +100,12 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
     assert 'id="runs"' in page.read_text(encoding="utf-8")  # names of the variants, to hide their lines
 
 
-def test_series_come_back_with_exact_extremes(page: Path, folder: Path):
-    data = page_data(page)
-    assert [run["label"] for run in data["runs"]] == ["soft", "stiff"]
-    plot = next(p for p in data["joints"][0]["plots"] if p["title"] == "deflection")
-    assert plot["unit"] == "rad"
-    position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
-    line = next(s for s in position["series"] if s["label"] == "link position" and s["run"] == 1)
-    values = read_log(folder / "stiff" / "log.mcap").samples.values["link_position"][:, 0]
-    assert (line["low"], line["high"]) == (values.min(), values.max())
-    np.testing.assert_allclose(unpack(line, data["grid"]["count"]), values, atol=np.ptp(values) / 65000)
-
-
 @pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
 def test_packing_keeps_gaps_and_extremes(values: list[float]):
-    array = np.array(values)
-    back = unpack(pack(array), len(array))
-    np.testing.assert_array_equal(np.isnan(back), np.isnan(array))
-    np.testing.assert_allclose(back, array, atol=1e-4)
-    if np.isfinite(array).any():
-        assert np.nanmax(back) == np.nanmax(array)
-        assert np.nanmin(back) == np.nanmin(array)
+    back = unpack(pack(np.array(values)), len(values))
+    np.testing.assert_allclose(back, values, atol=1e-4)
+    exact = np.isin(values, [np.nanmin([*values, 9.0]), np.nanmax([*values, -9.0])])
+    np.testing.assert_array_equal(back[exact], np.array(values)[exact])
 
 
 def test_a_short_push_is_on_the_page_at_its_time():
@@ -143,17 +128,27 @@ def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path: Path):
     assert write_report(log.parent, film=False).stat().st_size < 1_800_000
 
 
-def test_a_comparison_in_the_folder_is_shown(tmp_path: Path):
-    log = made_up_log(tmp_path / "log.mcap", count=300)
-    rows = [{"source": "soft - lab.csv", "joint": "joint_1", "quantity": "link_position", "measure": "rmse", "value": 0.0123,
-             "unit": "rad"}]  # fmt: skip
-    (tmp_path / "metrics.json").write_text(json.dumps({"metrics": rows}))
+HEAD = "source,joint,quantity,measure,value,unit\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse,0.0123,rad\n", True),
+        (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse,0.0123 or so,rad\n", False),
+        (f"{HEAD}soft - lab.csv,joint_1,link_position,rmse\n", False),
+        (f'{HEAD}soft - "lab.csv,joint_1\0', False),
+        ("time,q\n0,0\n", False),
+    ],
+)
+def test_readable_metrics_in_the_folder_are_shown(tmp_path: Path, text: str, shown: bool):
+    log = made_up_log(tmp_path / "log.mcap", count=30)
+    (tmp_path / "metrics.csv").write_text(text)
     words = " ".join(parsed(write_report(log.parent, film=False)).words)
-    assert "Beside experiments" in words
-    assert "0.0123 rad" in words
+    assert ("Beside experiments" in words) == ("0.0123 rad" in words) == shown
 
 
-def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+def test_a_parameter_names_its_tag_and_line(folder: Path):
     info = read_log(folder / "soft" / "log.mcap").info
     text = info.urdf.splitlines()
     found = [parameter for values in read_parameters(info).values() for parameter in values]
@@ -163,7 +158,11 @@ def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
 
 
 def test_a_folder_without_log_is_an_error(tmp_path: Path):
-    with pytest.raises(InputError, match="contains no log"):
+    with pytest.raises(InputError, match=r"contains no log.*Run a scenario first"):
+        write_report(tmp_path)
+    (tmp_path / "logs" / "run_000000").mkdir(parents=True)
+    (tmp_path / "logs" / "run_000000" / "log.mcap").touch()
+    with pytest.raises(InputError, match=r"Deeper folders contain logs: .*logs$"):
         write_report(tmp_path)
 
 
@@ -199,21 +198,8 @@ def test_a_browser_draws_every_plot_without_complaint(browser: Browser, page: Pa
     # The residual's line is black; all others have colour.
     assert all(count > 100 for count, title in zip(ink, titles, strict=True) if title != "energy residual")
     assert browser.evaluate("document.documentElement.scrollWidth") == width
-
-
-@needs_browser
-@pytest.mark.slow
-def test_every_plot_is_drawn_in_time_and_shows_all_of_it(browser: Browser, page: Path):
-    """Nobody scrolls where a picture is taken of the whole page."""
-    browser.open(page, width=1200)
-    data = page_data(page)
-    count = sum(len(joint["plots"]) for joint in data["joints"])
-    browser.evaluate(f"""(async () => {{
-        for (let i = 0; i < 100 && asrsimCharts.length < {count}; i++) await new Promise((done) => setTimeout(done, 50));
-    }})()""")
     ranges = browser.evaluate("asrsimCharts.map((chart) => [chart.scales.x.min, chart.scales.x.max])")
-    assert len(ranges) == count
-    assert ranges == [pytest.approx([0.0, 0.3], abs=1e-9)] * count
+    assert ranges == [pytest.approx([0.0, 0.3], abs=1e-9)] * len(ink)
 
 
 @needs_browser
@@ -251,7 +237,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     assert browser.complaints == []
 
 
-def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: Path):
+def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     """As `asrsim plot` leaves them beside a variant."""
     log = made_up_log(tmp_path / "soft" / "log.mcap")
     made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
@@ -277,7 +263,7 @@ def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
-def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path: Path, asrsim_command):
+def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command):
     for name in ("a", "b", "cut"):
         (tmp_path / name).mkdir()
         made_up_log(tmp_path / name / "log.mcap", count=20)
@@ -301,14 +287,6 @@ def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path:
     outcome = asrsim_command("plot", tmp_path)
     assert outcome.code == 1
     assert "the file is empty" in outcome.err
-
-
-def test_the_motion_comes_small(page: Path):
-    text = page.read_text(encoding="utf-8")
-    motion = json.loads(re.search(r'id="motion-data">(.*?)</script>', text, re.DOTALL)[1])
-    assert [run["label"] for run in motion["runs"]] == ["soft", "stiff"]
-    assert {part["body"] for part in motion["parts"]} <= {joint["child"] for joint in motion["joints"]} | {motion["root"]}
-    assert len(json.dumps(motion)) < 150_000
 
 
 @needs_browser
@@ -338,31 +316,5 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     browser.evaluate("new Promise((done) => setTimeout(done, 600))")
     browser.evaluate("document.querySelector('#motion .play').click()")
     assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
-    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
-                           "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
-
-    def drag(button, held):
-        for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.45), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
-            place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": button, "clickCount": 1}
-            browser.call("Input.dispatchMouseEvent", {"type": kind, "buttons": held, **place})
-        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
-        return browser.evaluate("asrsimMotion.camera()")
-
-    before = browser.evaluate("asrsimMotion.camera()")
-    turned = drag("left", 1)
-    moved = drag("right", 2)
-    assert turned["turn"] != pytest.approx(before["turn"], abs=1e-3)
-    assert turned["target"] == before["target"]
-    assert moved["target"] != turned["target"]
-    assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []
-
-
-def test_where_the_logs_of_a_study_are_is_told(tmp_path):
-    (tmp_path / "study/logs/run_000000").mkdir(parents=True)
-    (tmp_path / "study/logs/run_000000/log.mcap").touch()
-    with pytest.raises(InputError, match=r"Deeper folders contain logs: .*study.logs$"):
-        find_logs(tmp_path / "study")
-    with pytest.raises(InputError, match="Run a scenario first"):
-        find_logs(tmp_path)

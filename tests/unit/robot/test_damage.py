@@ -47,7 +47,7 @@ def read(seed: int, folder: Path) -> str:
 def run(seed: int, folder: Path) -> str:
     """refused by `check`, refused by the run alone, or ran."""
     path = write(seed, folder)
-    if robot_report(path, step=1e-3).errors:
+    if robot_report(path).errors:
         return "refused"
     try:
         simulate(make_scenario(path, duration=0.02))

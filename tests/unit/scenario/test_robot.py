@@ -11,7 +11,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
 from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
 from asrsim.scenario import apply_to_robot, check_against_robot, checked_robot, load_scenario, make_scenario
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from support.paths import ROOT
 from support.robots import write_plain_arm
@@ -119,7 +119,7 @@ def test_what_the_robot_does_not_have_is_an_error_with_its_line(load, text, line
         ("{x: {link_torque: 1}}", "no actuated joint 'x'"),
         ("{free: {link_torque: 1}}", "no actuated joint 'free'"),
         ("{vsa: {equilibrum_position: 1}}", "mode 6 (PIDEqPres) has no such reference"),
-        ("{'*': {link_torque: 1}}", "no actuator of the robot has a mode with this reference"),
+        ("{'*': {link_torque: 1}}", "the mode of every joint has no such reference"),
         ("{awas: {stiffness_preset: 0.05}}", "reaches the lever's length L = 0.05 m at 0 s"),
         ("{awas: {stiffness_preset: {step: {at: 0.12345, to: 0.06}}}}", "at 0.12345 s"),
         ("{'*': {stiffness_preset: 0.2}}", "sigma of 'awas'"),
@@ -208,25 +208,6 @@ def test_mode_1_brings_its_own_controller_defaults(load):
     assert robot.actuators[1].values()["controller_1_proportional"] == 125.0
 
 
-def test_manager_with_a_joint_that_the_robot_does_not_have(load, tmp_path):
-    (tmp_path / "m.yaml").write_text("joints_name: [joint1]\n")
-    errors, _ = check_against_robot(load("manager: m.yaml\n"), arm())
-    assert any("joint1" in str(error) and error.line == 3 for error in errors)
-
-
-def test_applying_what_does_not_fit_raises(load):
-    with pytest.raises(ScenarioError) as caught:
-        apply_to_robot(load("modes: {x: 1}\nparameters: {y: {z: 1}}\n"), arm())
-    assert [problem.line for problem in caught.value.problems] == [3, 4]
-
-
-def test_a_joints_own_entry_goes_before_that_for_all():
-    assert for_joint({"*": 1.0, "vsa": 2.0}, "vsa") == 2.0
-    assert for_joint({"*": 1.0, "vsa": 2.0}, "sea") == 1.0
-    assert for_joint({"vsa": 2.0}, "sea") is None
-    assert for_joint({"vsa": 2.0}, "sea", 3.0) == 3.0
-
-
 def test_a_joints_own_references_go_before_those_for_all():
     for_all, own = Constant(value=0.1), Constant(value=0.2)
     references = {"*": {"equilibrium_position": for_all, "stiffness_preset": for_all}, "vsa": {"stiffness_preset": own}}
@@ -303,10 +284,10 @@ def test_warnings_of_a_replaced_actuator_end_and_those_of_joints_stay(tmp_path: 
     text = plain.read_text(encoding="utf-8")
     mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
     text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
-    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_maxVel>5</mot_1_maxVel></plugin>")
+    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_tauMax>1e6</mot_1_tauMax></plugin>")
     (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{block}</robot>"), encoding="utf-8")
     robot = load_robot(tmp_path / "other.urdf")
-    assert {"mimic-joint", "ignored-by-toolbox"} <= {one.code for one in robot.warnings}
+    assert {"mimic-joint", "unusual-value"} <= {one.code for one in robot.warnings}
     scenario = make_scenario(tmp_path / "other.urdf", duration=1.0, actuators={second: "sea"})
     assert [one.code for one in apply_to_robot(scenario, robot).warnings] == ["mimic-joint"]
 

@@ -61,13 +61,6 @@ def test_claims_go_to_their_variant(path):
     assert [len(scenario.expect) for scenario in load_scenario(path)] == [1, 2, 1]
 
 
-def test_one_variant_by_name(path):
-    (stiff,) = load_scenario(path, variant="stiff")
-    assert stiff == load_scenario(path)[1]
-    with pytest.raises(ScenarioError, match=r"soft, stiff, ramped.*Did you mean 'stiff'"):
-        load_scenario(path, variant="stif")
-
-
 def test_faults_that_variants_share_are_told_once(path):
     path.write_text(TEXT.replace("duration: 2", "duration: -2"))
     with pytest.raises(ScenarioError) as caught:
@@ -98,14 +91,6 @@ def test_overrides_come_after_the_variant(path):
 def test_an_empty_override_takes_the_key_away(path):
     (scenario, *_) = load_scenario(path, overrides=["references.a=", "seed="])
     assert "a" not in scenario.references
-
-
-def test_a_fault_of_an_override_names_no_line_of_the_file(path):
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario(path, overrides=["duratoin=3"])
-    (problem,) = caught.value.problems
-    assert (problem.key, problem.file, problem.line) == ("duratoin", None, None)
-    assert "duration" in str(problem.hint)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
 @pytest.mark.parametrize(
     ("call", "error", "said"),
     [
-        (lambda one: one.advance(-1), InputError, "steps go forward only"),
+        (lambda one: one.advance(-1), InputError, "must not be negative"),
         (lambda one: one.advance(1.5), TypeError, "integer"),
         (lambda one: one.advance("3"), TypeError, "integer"),
         (
@@ -41,7 +41,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
 )
-def test_what_is_refused_changes_nothing(simulation, call, error, said) -> None:
+def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
     before = simulation.observe()
     with pytest.raises(error, match=said):
         call(simulation)

@@ -21,7 +21,7 @@ from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared, make_engine
 from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Start, Worlds
 from support.hanging_chain import INERTIA, MASS, REACH
 from support.paths import EXAMPLES
 from validation.conservation import motors
@@ -83,7 +83,7 @@ def test_a_substep_has_an_odd_number_of_motor_steps(asked: int, taken: int) -> N
     assert prepared(motor_substeps=asked).resolution.motor_substeps == taken
 
 
-def test_a_motor_at_its_stop_carries_what_it_can_from_the_start() -> None:
+def test_an_equilibrium_start_respects_the_motor_s_stop() -> None:
     """A start at equilibrium with a reference beyond the motor's stop: the link rests on the spring of the stopped motor."""
     result = run(
         chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
@@ -137,7 +137,7 @@ def test_the_links_energy_is_that_of_motion_and_height(engine: str) -> None:
 
 
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_energies_that_laws_do_not_give_are_integrated(name: str) -> None:
+def test_energies_without_a_law_are_integrated(name: str) -> None:
     law = ACTUATORS.get(name)
     bare = type("Bare", (law,), {"elastic_energy": Actuator.elastic_energy})
     values = tuple(parameter.default for parameter in law.parameters)
@@ -157,19 +157,6 @@ def test_each_encoder_has_a_noise_of_its_own() -> None:
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
-
-
-def test_nothing_of_an_earlier_start_is_left_in_the_motors() -> None:
-    """A reset elsewhere, and then one with a velocity only: motors stand where the link starts now."""
-    with Simulation(prepared(modes={"*": 6}), compiled=False) as simulation:
-        fresh = simulation.observe()
-        simulation.reset({"joint_1": 0.3})
-        assert simulation.observe().motor_1_position[0] == 0.3
-        for start in ({"velocities": {"joint_1": 1.0}}, {"initial": {}}, {}):
-            simulation.reset(**start)
-            seen = simulation.observe()
-            np.testing.assert_array_equal(seen.link_position, fresh.link_position)
-            np.testing.assert_array_equal(seen.motor_1_position, fresh.motor_1_position)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -208,7 +195,7 @@ def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
         np.testing.assert_array_equal(found[name][0], values, err_msg=name)
 
 
-def test_worlds_that_nobody_watches_move_like_those_that_somebody_does() -> None:
+def test_unwatched_worlds_have_the_same_bits() -> None:
     """Energies and counts follow from the motion, so what is not asked for changes no bit of it; counts are refused."""
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.05, engine="mujoco", compiled=False, modes=6,
@@ -242,7 +229,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
         for references, torques in given:
             both = {j: {**references.get(j, {}), **({"external_torque": torques[j]} if j in torques else {})}
                     for j in (*references, *torques)}  # fmt: skip
-            found = worlds.rollout(["link_position"], references=both)["link_position"][0]
+            found = worlds.rollout(["link_position"], start=Start(references=both))["link_position"][0]
             scenario = prepared.scenario
             scenario = replace(
                 scenario, references={**scenario.references, **references},
@@ -256,7 +243,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_them_over(engine: str) -> None:
+def test_the_model_of_a_world_has_its_own_inertias(engine: str) -> None:
     """Whichever was there before, and whatever else differs: friction and damping are no part of it."""
     prepared = prepare(make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine=engine, modes={"*": 1}))
     worlds, robot = Worlds(prepared, 1, compiled=False), prepared.robot
@@ -281,16 +268,16 @@ def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_
     worlds.close()
 
 
-def test_numbers_that_come_again_give_the_same_bits_from_rest() -> None:
+def test_repeated_parameters_give_the_same_bits() -> None:
     """Other numbers in between, in the other world or in the same one, leave nothing behind."""
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
     )  # fmt: skip
-    light, heavy = ({"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}} for mass in (0.4, 0.6))
+    light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
     with Worlds(scenario, 2) as worlds:
-        first, again = (worlds.rollout(["link_position"], parameters=[light, heavy])["link_position"] for _ in range(2))
-        turned = worlds.rollout(["link_position"], parameters=[heavy, light])["link_position"][::-1]
+        first, again = (worlds.rollout(["link_position"], start=[light, heavy])["link_position"] for _ in range(2))
+        turned = worlds.rollout(["link_position"], start=[heavy, light])["link_position"][::-1]
     assert np.array_equal(first, again)
     assert np.array_equal(first, turned)
     assert not np.array_equal(first[0], first[1])

@@ -45,13 +45,11 @@ def test_numbers_are_those_of_the_samples(tiny) -> None:
     assert float(cells["peak defl.\nrad"][0]) == pytest.approx(measures.peak_deflection, rel=1e-2)
 
 
-@pytest.mark.parametrize("wanted", [0.3, "{step: {at: 0.2, to: 0.45}}"])
-def test_the_error_is_that_of_the_link_from_where_it_is_wanted(tiny, wanted: object) -> None:
-    """A compensated reference is another place: tasks and learning say where the link shall be by `desired`."""
-    result = asrsim.run(tiny.scenario, overrides=["duration=3", f"desired={{elbow: {wanted}}}"])
-    measures, goal = result.summary.joint("elbow").measures, 0.3 if wanted == 0.3 else 0.45
+def test_the_error_is_measured_from_the_desired_position(tiny) -> None:
+    result = asrsim.run(tiny.scenario, overrides=["duration=3", "desired={elbow: {step: {at: 0.2, to: 0.45}}}"])
+    measures = result.summary.joint("elbow").measures
     assert measures.steady_state == pytest.approx(0.477, abs=0.01)
-    assert measures.steady_state_error == pytest.approx(goal - measures.steady_state, abs=1e-9)
+    assert measures.steady_state_error == pytest.approx(0.45 - measures.steady_state, abs=1e-9)
 
 
 @pytest.mark.parametrize("signal", ["{sinusoid: {amplitude: 0.3, frequency: 2}}", "{waypoints: [[0, 0], [0.5, 0.4], [1, 0]]}"])
@@ -63,7 +61,7 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isfinite(measures.steady_state_error)
 
 
-def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_reference() -> None:
+def test_the_error_in_a_task_is_measured_from_the_path() -> None:
     """The planned references are off the path by the springs' and motors' sag; the arm itself ends on the path."""
     poses = [{"time": 0.0, "position": [0.3, -0.1, 0.1565]}, {"time": 1.0, "position": [0.3, -0.08, 0.1565]}]
     task = {"link": "link_5", "point": [0.094, 0.0, 0.0], "poses": poses, "preset": 0.4}
@@ -78,7 +76,7 @@ def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_refer
     assert abs(joint.steady_state_error) < min(0.5 * sag, 0.01)
 
 
-def test_a_constant_reference_is_no_step_where_the_run_begins_in_equilibrium(tiny) -> None:
+def test_an_equilibrium_start_has_no_step(tiny) -> None:
     """The link hangs below its reference from the start and a push shakes it: there is no step to overshoot."""
     start = ["initial=equilibrium", "references={elbow: {equilibrium_position: 0.5}}", "duration=3"]
     push = "external_torques={elbow: {pulse_train: {high: 0.05, start: 0.1, period: 10, width: 0.1}}}"
@@ -104,6 +102,12 @@ def test_limits_are_counted_in_substeps(tiny) -> None:
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
 
 
+def test_a_run_stopped_at_once_simulated_nothing(tiny) -> None:
+    summary = asrsim.run(tiny.scenario, stop=lambda: True).summary
+    assert (summary.status, summary.samples) == ("interrupted", 0)
+    assert limit_note(summary) == "nothing was simulated"
+
+
 def test_two_saturated_motors_are_one_saturated_joint() -> None:
     scenario = ROOT / "examples/scenarios/step_2dof.yaml"
     weak = [f"parameters.*.motor_{i}_max_torque=0.05" for i in (1, 2)]
@@ -115,19 +119,7 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
 
 
-def test_a_joint_that_its_friction_holds_is_told_of(tiny) -> None:
-    """It never moves, which no limit shows; what is left of its position is rounding, and no number to read."""
-    text = tiny.robot.read_text(encoding="utf-8")
-    tiny.robot.write_text(text.replace('friction="0"', 'friction="5"'), encoding="utf-8")
-    result = asrsim.run(tiny.scenario, overrides=["duration=0.2"])
-    (told,) = [problem for problem in result.summary.warnings if problem.code == "stuck"]
-    assert told.key == "elbow"
-    assert "friction of 5 N m" in told.message
-    cells = {column.heading: column.cells for column in joint_columns(result.summary)}
-    assert cells["steady\nrad"] == ("0",)
-
-
-def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
+def test_undefined_numbers_are_null_in_json(tiny) -> None:
     result = asrsim.run(tiny.scenario, overrides=["modes=0", "references={elbow: {link_torque: 0}}", "duration=0.1"])
     joint = result.summary.as_dict()["joints"][0]
     assert joint["steady_state_error"] is None
@@ -158,7 +150,7 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("kept", [40, 150, 10**6])
-def test_a_summary_does_not_depend_on_the_pieces_in_which_a_run_comes(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_summary_does_not_depend_on_the_chunks(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(collect, "KEPT", kept)
     info = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
     time = np.arange(1001) * 1e-3
@@ -259,7 +251,7 @@ def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
         assert np.array_equal(thin.contacts[name], forces[::50]), name
 
 
-def test_a_run_is_ok_where_nothing_contradicts(tiny) -> None:
+def test_a_run_is_ok_without_contradiction(tiny) -> None:
     """Neither its end, nor a claim, nor another engine."""
     claimed = "expect=[{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 9}]"
     summary = asrsim.run(tiny.scenario, overrides=["duration=0.1", claimed]).summary
@@ -277,19 +269,13 @@ STANDS = {"rest": 0.0, "error": 0.4, "stops": (-1.0, 1.0), "stop": 0, "prismatic
 SHORT = {"rest": 0.0504, "error": 0.001, "stops": (0.0, 0.05), "prismatic": True}
 JUDGED = [
     (REST, {}, "comes to rest on its joint stop at 1 rad, 0.4 rad from its reference"),
-    (REST, {"rest": -0.9951, "error": -0.25}, "stop at -1 rad, 0.25 rad from"),
     (REST, {"error": math.nan}, "comes to rest on its joint stop at 1 rad$"),
     (REST, {"rest": 0.985}, None),
-    (REST, {"rest": 1.015}, None),
     (REST, {"stop": 0}, None),
     (REST, {"error": 0.009}, None),
     # Of a travel of 0.05 m the share counts: 0.5 mm.
     (REST, SHORT, "stop at 0.05 m, 0.001 m from"),
-    (REST, {**SHORT, "rest": 0.0506}, None),
     (STANDS, {}, "never moves, 0.4 rad from its reference: its friction of 0.3 N m holds it"),
-    (STANDS, {"error": -0.011, "prismatic": True}, "never moves, 0.011 m from its reference: its friction of 0.3 N holds it"),
-    (STANDS, {"travel": 2e-6}, None),
-    (STANDS, {"error": 0.009}, None),
     (STANDS, {"friction": 0.0}, None),
     (STANDS, {"balanced": True}, None),
 ]
@@ -297,7 +283,9 @@ JUDGED = [
 
 
 @pytest.mark.parametrize(("usual", "otherwise", "said"), JUDGED)
-def test_where_a_joint_ends_is_judged(tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None) -> None:
+def test_a_joint_that_ends_on_a_stop_or_stuck_is_warned_of(
+    tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None
+) -> None:
     now = SimpleNamespace(**{"balanced": False, **usual, **otherwise})
     run = simulate(load_scenario(tiny.scenario)[0], duration=0.001)
     joints = [

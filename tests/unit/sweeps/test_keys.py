@@ -87,7 +87,7 @@ BAD = {
     "parameters.joint_2.spring_a_1": (8.0, 9000.0, "is not finite|cannot be worked out"),
     "link_2.mass": (0.3, -0.1, "at least 0"),
     "joint_1.damping": (0.1, -0.1, "at least 0"),
-    "modes.joint_1": (6, 99, "whole number 0 to"),
+    "modes.joint_1": (6, 99, "whole number >= 0 and <= "),
 }
 
 

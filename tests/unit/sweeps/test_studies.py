@@ -479,7 +479,7 @@ def test_numbers_inside_signals_vary_without_preparing_the_scenario_anew(tmp_pat
 def test_references_by_inverse_dynamics_are_planned_anew_in_every_run(tmp_path):
     """A heavier link gets other inputs: a row has the numbers of `asrsim run` with the same setting."""
     wanted = {"equilibrium_position": {"minimum_jerk": {"duration": 0.1, "to": 0.2}}, "stiffness_preset": 0.3}
-    path = signal_scenario(tmp_path, references={"*": {**wanted, "inverse_dynamics": True}})
+    path = signal_scenario(tmp_path, references={"*": wanted}, inverse_dynamics=True)
     payload = make_payload(study_of({"parameters.*.spring_k_1": [0.02, 0.04]}, path, overrides=[]))
     runner = Runner(payload)
     for run in range(2):

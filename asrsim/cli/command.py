@@ -1,0 +1,89 @@
+"""Frame of every command: the options `--plugin`, `--quiet` and `--json`, the JSON document, and the exit code."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from asrsim.cli.console import json_errors, say_json
+
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin", metavar="FILE", help="Python file with your own actuators, signals, measures, readers; may be repeated."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Done:
+    """Result of a command."""
+
+    data: Mapping[str, Any] | Sequence[Any]
+    """Document for `--json`."""
+    text: Callable[[], object] | None = None
+    """Prints the result for people, unless `--quiet` is given."""
+    always: Callable[[], object] | None = None
+    """Prints what people need in spite of `--quiet`."""
+    code: int = 0
+    """Exit code."""
+
+
+def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -> Callable[[Callable[..., Done]], Any]:
+    """Decorator that makes a command of a function.
+
+    It adds the options `--quiet` (with this help; None: no such option) and `--json`, and `--plugin`, whose files it loads.
+    The function receives `quiet` (also set by `--json`), `json` and `plugin` if it has parameters with these names.
+    """
+
+    def decorate(function: Callable[..., Done]) -> Callable[..., None]:
+        own = inspect.signature(function, eval_str=True).parameters
+        added: dict[str, Any] = {"plugin": Plugins} if plugins else {}
+        if quiet is not None:
+            added["quiet"] = Annotated[bool, typer.Option("--quiet", "-q", help=quiet)]
+        added["json"] = Json
+        defaults = {"plugin": None, "quiet": False, "json": False}
+        parameters = [
+            *(parameter for name, parameter in own.items() if name not in defaults),
+            *(
+                inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=defaults[n], annotation=a)
+                for n, a in added.items()
+            ),
+        ]
+
+        @functools.wraps(function)
+        def run(**arguments: Any) -> None:
+            json, silent, files = (arguments.pop(name, default) for name, default in reversed(defaults.items()))
+            given = {"plugin": files or [], "quiet": silent or json, "json": json}
+            with json_errors(json):
+                load_plugins(files)
+                done = function(**arguments, **{name: value for name, value in given.items() if name in own})
+            if json:
+                say_json(done.data)
+            else:
+                for print_result in filter(None, (done.always, None if silent else done.text)):
+                    print_result()
+            if done.code:
+                raise typer.Exit(done.code)
+
+        run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return run
+
+    return decorate
+
+
+def load_plugins(paths: Sequence[Path] | None) -> None:
+    """Register the actuators, signals, measures and readers of users' files. Raises ActuatorError."""
+    if paths:
+        from asrsim.actuators.user import load_plugin_file
+
+        for path in paths:
+            load_plugin_file(path)

@@ -1,0 +1,90 @@
+"""Joints that a recorded torque drives. In a simulation of such a joint, errors of the torque accumulate. Therefore a stiff
+controller brings the simulated joint back to the recorded position, and the torque that it adds is the error that is compared.
+
+The controller is that of mode 1. Its reference r holds the recorded torque u, position q and velocity v: P (r - x) - D x'
+= u + P (q - x) + D (v - x').
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from asrsim.identification.data import Channel, Command, Data, Guide
+from asrsim.identification.noise import fine_noise, smoothed
+from asrsim.robot.model import Robot
+from asrsim.samples import Array
+from asrsim.signals.curve import curve_through
+
+HIGHEST, LOUD = 20.0, 30.0
+"""Highest bandwidth of the controller, Hz; ratio of the motion's spectrum to the noise's spectrum within its bandwidth."""
+EDGE = 2.0
+"""Time that is left out at both ends of a recording, in periods of the controller's bandwidth."""
+PID = 1
+"""Operation mode in which a PID controller acts on the link."""
+NO_LIMIT = 1e9
+"""Torque of a controller without limits, N m."""
+
+
+def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
+    """Recording in which joints that only a recorded torque drives (mode 0, without a spring) follow their positions, unless
+    a coarse encoder would shake them.
+    """
+    for block in robot.actuators:
+        joint, name = robot.joint(block.joint), block.joint
+        sprung = joint.spring_stiffness != 0.0 or f"{name}.passive_stiffness" in free
+        command = next((one for one in data.commands if one.key == f"{name}.reference_1"), None)
+        place = next((one for one in data.channels if one.key == f"{name}.link_position"), None)
+        if data.modes.get(name, block.mode) == 0 and not sprung and command and place and not place.quantum:
+            data = _guided(data, command, place, "N" if joint.kind == "prismatic" else "N m")
+    return data
+
+
+def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
+    name, step = place.joint, float(np.median(np.diff(place.time)))
+    time = np.arange(place.time[0], place.time[-1], step)
+    raw = np.interp(time, place.time, place.values)
+    band = min(_bandwidth(step, raw, place.floor), HIGHEST, 0.15 / step)
+    cutoff = 4.0 * band * step
+    recorded = smoothed(np.interp(time, command.time, command.values), cutoff)
+    position, torque = smoothed(raw, cutoff), smoothed(recorded, 2.0 * band * step)
+    velocity = np.gradient(position, time)
+    # Inertia that would need all of the torque: no parameter of the robot has to be known.
+    inertia = float(np.std(torque) / max(np.std(np.gradient(velocity, time)), 1e-300))
+    omega = 2.0 * np.pi * band
+    gain, brake = inertia * omega**2, 2.0 * inertia * omega
+    guide = curve_through(time, position + brake / gain * velocity)
+    inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
+    # Samples are so far apart that the controller does not correlate them.
+    rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
+    # Above its bandwidth the motion has as much noise as within it.
+    above = smoothed(raw, 4.0 * band * step) - smoothed(raw, 2.0 * band * step)
+    noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step), 0.5 * gain * np.std(above[inside])))
+    channel = Channel(
+        joint=name, quantity="link_torque", unit=unit, time=time[rows], values=torque[rows], noise=noise, quantum=0.0,
+        guide=Guide(command=command.key, positions=position[rows], stiffness=gain),
+    )  # fmt: skip
+    remark = f"{name}: driven by the recorded torque; torques are compared up to {band:.3g} Hz"
+    played = replace(command, name="link_position", time=time, values=recorded, scale=1.0 / gain, guide=guide)
+    numbers = {
+        "controller_1_proportional": gain, "controller_1_derivative": brake, "controller_1_integral": 0.0,
+        "motor_1_max_torque": NO_LIMIT,
+    }  # fmt: skip
+    return replace(
+        data, modes={**data.modes, name: PID}, parameters={**data.parameters, name: numbers},
+        commands=tuple(played if one is command else one for one in data.commands),
+        channels=tuple(channel if one is place else one for one in data.channels), guides=(*data.guides, place),
+        remarks=(*data.remarks, remark),
+    )  # fmt: skip
+
+
+def _bandwidth(step: float, positions: Array, noise: float) -> float:
+    """Highest frequency at which a recorded position exceeds its white noise, Hz."""
+    speed = np.diff(positions)
+    power, frequency = np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2, np.fft.rfftfreq(len(speed), step)
+    # Differences of white noise have this spectrum, under this window.
+    level = noise**2 * len(speed) * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
+    loud = np.flatnonzero(power > LOUD * level + 1e-300)
+    return 1.5 * float(frequency[loud[-1]]) if len(loud) else 1.0
