@@ -61,8 +61,7 @@ def render(
         for path, film in zip(logs, films, strict=True):
             folder = make_folder(path.parent if out is None else out if len(logs) == 1 else out / path.parent.name)
             if frames is not None or not (gif or mp4):
-                strip, count = folder / "filmstrip.png", 6 if frames is None else frames
-                files.append(write_strip(film, strip, count=count, progress=lambda f: progress.update("film strip", f)))
+                files.append(write_strip(film, folder / "filmstrip.png", count=6 if frames is None else frames))
             for wanted, name, write in ((mp4, "motion.mp4", write_mp4), (gif, "motion.gif", write_gif)):
                 if wanted:
                     shown = functools.partial(progress.update, name)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from asrsim.outfile import make_folder
 from asrsim.plots import style
-from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
+from asrsim.plots.curves import REFERENCE, RunCurves, joint_info, read_curves
 from asrsim.plots.layout import GAP_Y, Grid, set_title
 from asrsim.plots.legends import LIMIT, legend
+from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.panels import ENERGY_PANELS, JOINT_PANELS, PANELS, Panel, content, draw_panel, quantity_panel
 from asrsim.plots.view import draw_curve, show_time, show_values
 from asrsim.plots.world import BodyPanel, body_panels
@@ -42,16 +45,16 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
     page of joints follows.
     """
     if quantities is not None:
-        yield from grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs)
         return
     many = len(joint_names(runs)) >= OVERVIEW_FROM
     if many:
         yield Page(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
-    yield from islice(grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
+    yield from islice(_grid_pages("joints", subject, [PANELS[key] for key in JOINT_PANELS], runs), 1 if first else None)
     if not brief:
-        yield from grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
+        yield from _grid_pages("energy", "energies since the start", [PANELS[key] for key in ENERGY_PANELS], runs)
     if any(run.bodies for run in runs):
         yield Page(name="objects", figure=objects_figure(runs))
 
@@ -61,8 +64,7 @@ def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(joint.name for run in runs for joint in run.joints))
 
 
-def grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
-    """Pages of some panels; `name` is the name of their files, and `subject` stands in their titles."""
+def _grid_pages(name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves]) -> Iterator[Page]:
     # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
     for joint in joint_names(runs):
@@ -229,3 +231,23 @@ def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: 
     if part[1] > 1:
         words.append(f"page {part[0]} of {part[1]}")
     set_title(figure, " · ".join(words))
+
+
+def draw_run(
+    log_path: str | os.PathLike[str], folder: str | os.PathLike[str], *, formats: Sequence[str] = ("png",), brief: bool = False
+) -> list[Path]:
+    """Draw one run into `folder` (created if missing) and return the files; `asrsim.plots.job.plot` has more options.
+
+    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. Joints that
+    do not fit on one page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: no energies;
+    of many joints only the overview and the first page, as `asrsim run` draws them. Raises LogError for files that are not
+    logs, and OutputError.
+    """
+    kinds = check_formats(formats)
+    place = make_folder(Path(folder))
+    run = read_curves(log_path)
+    written: list[Path] = []
+    with styled():
+        for page in run_pages([run], brief=brief):
+            written += save_figure(page.figure, place, page.name, kinds)
+    return written

@@ -19,8 +19,7 @@ from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels
 from asrsim.plots.figures import Page, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
-from asrsim.plots.pairing import RunComparison, assign, compare_run
-from asrsim.plots.recorded import RECORDED, write_recorded
+from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
 from asrsim.plots.responses import Experiment, Response, recorded_responses, responses
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from asrsim import __version__
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
+from asrsim.outfile import write_text
 from asrsim.plots.curves import available, stored
 from asrsim.plots.decimate import BINS, decimate
 from asrsim.plots.world import Curve
@@ -19,6 +23,9 @@ from asrsim.recordings import Comparison, Recording, band, compare
 from asrsim.recordings.align import Alignment, LagChoice, align_recording, series_of
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, Samples
+
+RECORDED = "recorded.json"
+"""Name of the file with the recorded curves of a comparison, which a report draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,3 +193,18 @@ def _hull(time: Array, low: Array, high: Array, bins: int) -> tuple[Curve, Curve
         edges = np.unique(np.linspace(0, len(time), bins + 1).astype(int)[:-1])
         time, low, high = time[edges], np.fmin.reduceat(low, edges), np.fmax.reduceat(high, edges)
     return Curve(time=time, values=low), Curve(time=time, values=high)
+
+
+def write_recorded(path: Path, compared: Iterable[RunComparison]) -> Path:
+    """Write the recorded curves, thinned and on the run's clock, for a report and return the file. Raises OutputError."""
+    curves = [
+        {
+            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
+            "time": [round(t, 6) for t in pair.recording.time.tolist()],
+            "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
+        }
+        for one in compared for pair in one.pairs.values()
+    ]  # fmt: skip
+    data = {"generator": f"asrsim {__version__}", "curves": curves}
+    write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
+    return path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
@@ -18,8 +18,8 @@ Image = NDArray[np.uint8]
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
 """Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
-INK, CONTACT = np.array([0.13, 0.15, 0.18]), np.array([0.84, 0.20, 0.0])
-"""Colours of outlines, and of outlines of bodies in contact."""
+INK = np.array([0.13, 0.15, 0.18])
+"""Colour of outlines."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
 
 
@@ -52,11 +52,8 @@ class Painter:
         turn, shift = self._stacked(frames)
         return np.asarray(np.einsum("kij,kj->ki", turn[self._point_body], self._points) + shift[self._point_body])
 
-    def image(
-        self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
-        touched: Collection[str] = (),
-    ) -> Image:  # fmt: skip
-        """Picture (height, width, 3) from the camera. sharpness: factor of oversampling; touched: bodies with a red outline."""
+    def image(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2) -> Image:
+        """Picture (height, width, 3) from the camera. sharpness: factor of oversampling."""
         fine = (width * sharpness, height * sharpness)
         points = self.points(frames)
         seen = _projected(points, camera, *fine)[self._triangles]
@@ -70,8 +67,7 @@ class Painter:
         picture[raster.pixels] = self._colours[raster.triangles] * shade[:, None]
         owner = np.full(fine[0] * fine[1], -1, dtype=np.intp)
         owner[raster.pixels] = self._body[raster.triangles]
-        marked = [number for number, body in enumerate(self.bodies) if body in touched]
-        _outline(picture, owner.reshape(fine[::-1]), raster.depth.reshape(fine[::-1]), marked, sharpness)
+        _outline(picture, owner.reshape(fine[::-1]), raster.depth)
         return _averaged(picture, width, height, sharpness)
 
     def _stacked(self, frames: Mapping[str, Array]) -> tuple[Array, Array]:
@@ -151,19 +147,15 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
     return bright
 
 
-def _outline(picture: Array, owner: NDArray[np.intp], depth: Array, marked: Collection[int], width: int) -> None:
-    """Draw a line along the edges between bodies, and a wider red line around the bodies in contact."""
+def _outline(picture: Array, owner: NDArray[np.intp], depth: Array) -> None:
+    """Draw a line along the edges between bodies, on the body in front."""
     edges = []
     for step, there in ((1, owner[:, 1:] != owner[:, :-1]), (owner.shape[1], owner[1:] != owner[:-1])):
         row, column = np.nonzero(there)
         first = row * owner.shape[1] + column
-        edges.append(np.where(depth.ravel()[first] >= depth.ravel()[first + step], first, first + step))
+        edges.append(np.where(depth[first] >= depth[first + step], first, first + step))
     edge = np.unique(np.concatenate(edges))
-    red = edge[np.isin(owner.ravel()[edge], list(marked))]
     picture[edge] = 0.38 * picture[edge] + 0.62 * INK
-    for x in range(-width, width + 1):
-        for y in range(-width, width + 1):
-            picture[np.clip(red + x + y * owner.shape[1], 0, owner.size - 1)] = CONTACT
 
 
 def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:

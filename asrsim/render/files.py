@@ -80,24 +80,20 @@ def _stamped(film: Film, times: Sequence[float], progress: Progress | None) -> I
             progress(number / len(times))
 
 
-def strip_of(film: Film, *, count: int = ROW, progress: Progress | None = None) -> Picture:
+def strip_of(film: Film, *, count: int = ROW) -> Picture:
     """Film strip whose frames are denser where the motion is faster."""
-    frames = []
-    for number, time in enumerate(telling_times([film], count), 1):
-        frames.append(film.frame(time))
-        if progress is not None:
-            progress(number / count)
+    frames = [film.frame(time) for time in telling_times([film], count)]
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
     return film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
 
 
-def write_strip(film: Film, path: Path, *, count: int = ROW, progress: Progress | None = None) -> Path:
+def write_strip(film: Film, path: Path, *, count: int = ROW) -> Path:
     """Write the film strip as PNG and return the file. Raises OutputError."""
     from PIL.PngImagePlugin import PngInfo
 
-    strip = strip_of(film, count=count, progress=progress)
     mark = PngInfo()
     mark.add_text("Software", "asrsim")
+    strip = strip_of(film, count=count)
     with written(path, "picture") as stream:
         strip.save(stream, format="PNG", compress_level=4, pnginfo=mark)
     return path

@@ -24,21 +24,21 @@ def read_mesh(path: Path) -> Mesh:
     try:
         parts = [part for part in trimesh.load_scene(path, process=False).dump() if isinstance(part, trimesh.Trimesh)]
         metres = [trimesh.units.unit_conversion(part.units, "meters") if part.units else 1.0 for part in parts]
+        if not parts:
+            raise ValueError("no triangle")
     except OSError:
         raise
     except Exception as error:  # trimesh raises errors of many kinds
         raise ValueError(f"{path.name} cannot be read: {type(error).__name__} {error}") from None
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
-    mesh = merged(
-        flat(
-            np.concatenate([np.empty((0, 3)), *(part.vertices * size for part, size in zip(parts, metres, strict=True))]),
-            np.concatenate([np.empty((0, 3), np.intp), *(p.faces + i for p, i in zip(parts, offsets, strict=False))]),
-            np.concatenate([np.empty((0, 3)), *(np.tile(_colour(part), (len(part.faces), 1)) for part in parts)]),
-        )
+    mesh = flat(
+        np.concatenate([part.vertices * size for part, size in zip(parts, metres, strict=True)]),
+        np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=False)]),
+        np.concatenate([np.tile(_colour(part), (len(part.faces), 1)) for part in parts]),
     )
     if not len(mesh.triangles):
         raise ValueError(f"{path.name} has no triangle")
-    return mesh
+    return merged(mesh)
 
 
 def _colour(part: Any) -> Array:

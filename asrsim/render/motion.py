@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,17 +103,14 @@ class Film:
     def frame(self, time: float, *, ghost: bool = False) -> Frame:
         """Picture of the sample nearest to a time in s. ghost: with a faint robot at the equilibrium of its springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
-        touching = self._touching(row)
-        touched = {body for pair in touching for body in pair}
-        image = self._image(self._frames(row), touched)
+        image = self._image(self._frames(row))
         if ghost:
             rest = self._image(self._frames(row, self._equilibria[row]))
             image = np.asarray((1.0 - GHOST) * image + GHOST * rest + 0.5, dtype=np.uint8)
-        names = dict.fromkeys(body for pair in touching for body in pair if body in self.scene.objects)
-        return Frame(time=float(self.samples.time[row]), image=image, touching=tuple(names))
+        return Frame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
 
-    def _image(self, frames: dict[str, Array], touched: Collection[str] = ()) -> Image:
-        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, touched=touched)
+    def _image(self, frames: dict[str, Array]) -> Image:
+        return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness)
 
     def _frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
         values = self.samples.values["link_position"][row] if values is None else values
@@ -122,13 +119,11 @@ class Film:
             {name: poses[row] for name, poses in self.samples.bodies.items() if np.isfinite(poses[row]).all()},
         )
 
-    def _touching(self, row: int) -> list[tuple[str, str]]:
-        pairs = []
-        for pair, force in self.samples.contacts.items():
-            one, _, other = pair.partition("/")
-            if other != "ground" and float(np.linalg.norm(np.nan_to_num(force[row]))) > 0.0:
-                pairs.append((one, other))
-        return pairs
+    def _touching(self, row: int) -> tuple[str, ...]:
+        """Objects that touch the robot or another object."""
+        pairs = [pair.split("/", 1) for pair, force in self.samples.contacts.items() if np.any(np.nan_to_num(force[row]))]
+        touching = (body for pair in pairs if pair[1] != "ground" for body in pair)
+        return tuple(dict.fromkeys(body for body in touching if body in self.scene.objects))
 
     def _open(self) -> tuple[Scene, tuple[str, ...]]:
         from asrsim.runs.repeat import restore

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.render.mesh_files import read_mesh
-from asrsim.render.solids import Mesh, box, capsule, cylinder, scaled, sphere
+from asrsim.render.solids import Mesh, box, capsule, cylinder, flat, sphere
 from asrsim.robot import Robot
 from asrsim.robot.chain import Chain
 from asrsim.robot.model import Vector
@@ -55,7 +55,7 @@ class Scene:
         """Height of the ground, m; None without ground."""
         self.objects = {item.name: _rpy_frame(item.position, item.rpy) for item in world.objects}
         self._read = cache(read_mesh)
-        self.parts = self._robot_parts(robot) + self._object_parts(world)
+        self.parts = self._parts(robot, world)
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
         """Body -> frame (4, 4) in the world.
@@ -76,24 +76,22 @@ class Scene:
         """Revolute joint -> its axis (3,) in the world."""
         return {j.name: frames[j.child][:3, :3] @ j.axis for j in self.joints if j.kind in ("revolute", "continuous")}
 
-    def _robot_parts(self, robot: Robot) -> list[Part]:
+    def _parts(self, robot: Robot, world: World) -> list[Part]:
+        shapes: list[tuple[str, str, str, Sequence[float], Path | None, Array, Sequence[float] | None]] = [
+            (link.name, f"the mesh of link '{link.name}'", shape.kind, shape.scale if shape.kind == "mesh" else shape.size,
+             Path(shape.mesh) if shape.kind == "mesh" else None, _rpy_frame(shape.origin, shape.rpy), shape.colour)
+            for link in robot.links for shape in link.visuals
+        ]  # fmt: skip
+        shapes += [
+            (item.name, f"object '{item.name}'", item.shape, item.size, item.mesh, np.eye(4), item.colour)
+            for item in world.objects
+        ]
         parts = []
-        for link in robot.links:
-            for shape in link.visuals:
-                file = Path(shape.mesh) if shape.kind == "mesh" else None
-                mesh = self._mesh(shape.kind, shape.scale if file else shape.size, file, f"the mesh of link '{link.name}'")
-                if mesh is None:
-                    continue
-                placed = _placed(mesh, _rpy_frame(shape.origin, shape.rpy))
-                parts.append(Part(body=link.name, mesh=placed, colours=_coloured(placed, shape.colour)))
-        return parts
-
-    def _object_parts(self, world: World) -> list[Part]:
-        parts = []
-        for item in world.objects:
-            mesh = self._mesh(item.shape, item.size, item.mesh, f"object '{item.name}'")
+        for body, what, kind, size, file, origin, colour in shapes:
+            mesh = self._mesh(kind, size, file, what)
             if mesh is not None:
-                parts.append(Part(body=item.name, mesh=mesh, colours=_coloured(mesh, item.colour)))
+                placed = _placed(mesh, origin)
+                parts.append(Part(body=body, mesh=placed, colours=_coloured(placed, colour)))
         return parts
 
     def _mesh(self, kind: str, size: Sequence[float], file: Path | None, what: str) -> Mesh | None:
@@ -105,7 +103,7 @@ class Scene:
         except (OSError, ValueError) as error:
             self.notes.append(f"{what} is not drawn: {error}")
             return None
-        return mesh if set(size) == {1.0} else scaled(mesh, np.array(size))
+        return mesh if set(size) == {1.0} else flat(mesh.points * np.array(size), mesh.triangles, mesh.colours)
 
 
 _ROUND: dict[str, Callable[..., Mesh]] = {"sphere": sphere, "cylinder": cylinder, "capsule": capsule}

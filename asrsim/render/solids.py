@@ -41,11 +41,6 @@ def flat(points: Array, triangles: Triangles, colours: Array | None = None) -> M
     return Mesh(points=points, triangles=triangles[kept], normals=normals, colours=None if colours is None else colours[kept])
 
 
-def scaled(mesh: Mesh, scale: Array) -> Mesh:
-    """Mesh scaled along each axis, with flat shading."""
-    return flat(mesh.points * scale, mesh.triangles, mesh.colours)
-
-
 def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
     """Mesh of at most about `most` triangles: points in the same cell of a grid are replaced by their mean."""
     cells = 192.0
@@ -55,10 +50,9 @@ def merged(mesh: Mesh, *, most: int = MOST) -> Mesh:
         _, place, counts = np.unique(keys @ [1, 1 << 20, 1 << 40], return_inverse=True, return_counts=True)
         points = np.stack([np.bincount(place, mesh.points[:, i]) for i in range(3)], axis=1) / counts[:, None]
         triangles = place[mesh.triangles]
-        whole = (
-            (triangles[:, 0] != triangles[:, 1]) & (triangles[:, 1] != triangles[:, 2]) & (triangles[:, 0] != triangles[:, 2])
-        )
-        _, first = np.unique(np.sort(triangles[whole], axis=1), axis=0, return_index=True)
+        ordered = np.sort(triangles, axis=1)
+        whole = (np.diff(ordered, axis=1) > 0).all(axis=1)
+        _, first = np.unique(ordered[whole], axis=0, return_index=True)
         colours = None if mesh.colours is None else mesh.colours[whole][first]
         mesh = flat(points, triangles[whole][first], colours)
         cells *= 0.7

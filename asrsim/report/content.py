@@ -17,7 +17,7 @@ from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, DERIVED_SOURCES
 from asrsim.metrics import METRICS, MetricRow, read_metrics, summarise
 from asrsim.plain import Shape, misfit
-from asrsim.plots.recorded import RECORDED
+from asrsim.plots.pairing import RECORDED
 from asrsim.report.html import data_address
 from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
@@ -84,7 +84,6 @@ class RunContent:
 class Compared:
     """Comparison with experiments that `asrsim plot` wrote into the folder."""
 
-    folder: Path
     metrics: tuple[MetricRow, ...]
     pictures: tuple[Path, ...]
 
@@ -98,11 +97,7 @@ def read_content(log: Path) -> RunContent:
     try:
         parameters = read_parameters(reader.info)
     except AsrsimError as error:
-        notes.append(f"sources of the parameters cannot be read: {error}")
-        parameters = {
-            joint: tuple(Parameter(name=name, value=value, unit="", origin="log") for name, value in values.items())
-            for joint, values in reader.info.resolved.get("parameters", {}).items()
-        }
+        notes.append(f"the parameters cannot be read: {error}")
     return RunContent(
         log=log, info=reader.info, status=reader.status, message=reader.metadata.get("message", ""), summary=summary,
         parameters=parameters, notes=tuple(notes),
@@ -132,13 +127,11 @@ def find_comparison(folder: Path) -> Compared | None:
     """Metrics and pictures of the comparisons in a folder, its variants' folders and their `compared` folders, if any."""
     metrics: list[MetricRow] = []
     pictures: list[Path] = []
-    first: Path | None = None
     for place in _compared_folders(folder):
         with suppress(OSError, ValueError):
             metrics += read_metrics(place / METRICS)
             pictures += sorted(path for pattern in ("comparison*.png", "bode*.png") for path in place.glob(pattern))
-            first = first or place
-    return None if first is None else Compared(folder=first, metrics=tuple(metrics), pictures=tuple(pictures[:PICTURES]))
+    return Compared(metrics=tuple(metrics), pictures=tuple(pictures[:PICTURES])) if metrics else None
 
 
 def _compared_folders(folder: Path) -> list[Path]:
@@ -193,10 +186,9 @@ def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str,
     for place in _compared_folders(folder):
         with suppress(OSError, ValueError, KeyError, TypeError):
             for entry in json.loads((place / RECORDED).read_text(encoding="utf-8"))["curves"]:
-                alone = place.parent.name if place.name == "compared" else place.name
-                label = entry["run"] if entry["run"] in labels else alone
-                if label in labels or len(labels) == 1:
-                    number = labels.index(label) if label in labels else 0
+                names = (entry["run"], place.parent.name if place.name == "compared" else place.name)
+                number = 0 if len(labels) == 1 else next((labels.index(name) for name in names if name in labels), None)
+                if number is not None:
                     values = np.array([np.nan if v is None else v for v in entry["values"]], dtype=np.float64)
                     found[entry["joint"], entry["quantity"], number] = (np.array(entry["time"], dtype=np.float64), values)
     return found

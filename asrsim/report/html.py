@@ -83,8 +83,8 @@ def badge(text: str, *, good: bool) -> str:
     return f'<span class="badge {"good" if good else "poor"}">{escape(text)}</span>'
 
 
-def number(value: Any, factor: float = 1.0) -> str:
-    """Number times `factor` to five digits; "-" for a missing number."""
+def number(value: Any) -> str:
+    """Number to five digits; "-" for a missing number."""
     if value is None or not isinstance(value, int | float) or math.isnan(value):
         return "-"
-    return f"{value * factor:.5g}"
+    return f"{value:.5g}"

@@ -12,7 +12,6 @@ from typing import Any
 
 from asrsim.plots.rows import metric_tables
 from asrsim.quantities import LIMITS
-from asrsim.report.accuracy import numerical_error
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, document, number, script_json, section, table
 from asrsim.summary.table import cells, share
@@ -30,7 +29,6 @@ def build_page(
     data: Mapping[str, Any],
     films: Films,
     compared: Compared | None,
-    thinned: bool,
 ) -> str:
     """HTML of the whole page. data: grid, joints and objects for the plots."""
     first = runs[0].info
@@ -42,8 +40,8 @@ def build_page(
         _strips(runs, labels, films),
         _joints(runs, labels),
         _compared(compared),
-        _plots(data, thinned=thinned),
-        numerical_error(runs, labels),
+        _plots(data),
+        _accuracy(runs, labels),
         _parameters(runs, labels),
         _warnings(runs, labels, films.notes),
         _repeat(runs),
@@ -176,13 +174,10 @@ def _compared(compared: Compared | None) -> str:
     return section("Beside experiments", images + tables)
 
 
-def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
-    parts = [
-        "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. All plots show the same "
-        "time."
-        + (" Long series are thinned: every interval keeps its smallest and largest sample." if thinned else "")
-        + "</p>"
-    ]
+def _plots(data: Mapping[str, Any]) -> str:
+    note = "Drag to zoom, double-click to see all again; click a name to hide its lines. All plots show the same time. "
+    note += "Long series are thinned: every interval keeps its smallest and largest sample."
+    parts = [f"<p class='note'>{note}</p>"]
     if len(data["runs"]) > 1:
         parts.append('<div id="runs" role="group" aria-label="variants"></div>')
     for index, joint in enumerate(data["joints"]):
@@ -196,6 +191,37 @@ def _plots(data: Mapping[str, Any], *, thinned: bool) -> str:
                      '<div class="plots"></div></details>')  # fmt: skip
     parts.append("<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>")
     return section("Plots", "".join(parts))
+
+
+_FIGURES = {
+    "position_max": "position, largest", "position_rms": "position, RMS", "torque_max": "torque, largest",
+    "torque_rms": "torque, RMS", "order": "order",
+}  # fmt: skip
+"""Numbers of a joint in `summary.json`, and the heads of their columns."""
+_TABLES = {
+    "certificate": "Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top.",
+    "cross_check": "Differences between engines; SI units.",
+}
+"""Tables of `summary.json` on accuracy, and their descriptions."""
+_NO_ERROR = "<p class='note'>Not estimated. <code>asrsim run --certify</code> estimates it from runs at finer steps.</p>"
+
+
+def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
+    """Section on the time-step error of certified runs, and on cross-checks."""
+    parts = []
+    for key, description in _TABLES.items():
+        rows, notes = [], []
+        for run, label in zip(runs, labels, strict=True):
+            data = run.summary.get(key) or {}
+            engines = " and ".join(filter(None, (data.get("engine"), data.get("other"))))
+            for name, joint in (data.get("joints") or {}).items():
+                rows.append([label, name, engines, *(number(joint.get(figure)) for figure in _FIGURES)])
+            texts = [*(data.get("warnings") or ()), *filter(None, (data.get("finding"), data.get("note")))]
+            notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in texts]
+        if rows or notes:
+            heads = ["variant", "joint", "engines", *_FIGURES.values()]
+            parts.append(f"<p class='note'>{description}</p>{table(heads, rows)}{bullets(notes)}")
+    return section("Numerical error", "".join(parts) or _NO_ERROR)
 
 
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:

@@ -52,16 +52,13 @@ def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -
                 # A reference shared by all runs is assigned to no run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
-                owner = None if shared else number
-                unit = style.unit(name, info)
-                several = len(runs) > 1
-                series.append(_series(style.name(name), name, unit, owner, curve.values, dash=dash, several=several))
+                owner = None if shared or len(runs) == 1 else number
+                unit, words = style.unit(name, info), style.name(name)
+                series.append(_series(words, name, unit, owner, curve.values, dash))
                 if (joint, name, number) in recorded:
                     when, values = recorded[joint, name, number]
                     on_grid = np.interp(time, when, values, left=np.nan, right=np.nan)
-                    series.append(
-                        _series(f"{style.name(name)}, recorded", "experiment", unit, owner, on_grid, dash=dash, several=several)
-                    )
+                    series.append(_series(f"{words}, recorded", "experiment", unit, owner, on_grid, dash))
             plots.append({"title": panel.words, "unit": " or ".join(filter(None, units)), "series": series})
         sections.append({"joint": joint, "actuator": describe(info), "plots": plots})
     return sections
@@ -83,24 +80,22 @@ def object_plots(runs: Sequence[RunCurves], time: Array) -> list[dict[str, Any]]
                     if len(curve.time) > len(time):
                         values = _envelope(time, curve.time, curve.values)
                     dash = DASHES[plain.index(key)] if len(runs) > 1 and key in plain else []
-                    owner, colour = (number, key) if key in plain else (None, REFERENCE)
-                    series.append(_series(name, colour, panel.unit, owner, values, dash=dash, several=len(runs) > 1))
+                    owner, colour = (number if len(runs) > 1 else None, key) if key in plain else (None, REFERENCE)
+                    series.append(_series(name, colour, panel.unit, owner, values, dash))
             plots.append({"title": f"{body}: {panel.words}", "unit": panel.unit, "series": series})
     return plots
 
 
-def _series(
-    label: str, quantity: str, unit: str, run: int | None, values: Array, *, dash: list[float], several: bool
-) -> dict[str, Any]:
-    """Series of a plot for the page. run: its number, None if all runs share it. With several runs, colours mark runs and
-    dashes quantities.
-    """
-    own = several and run is not None
+def _series(label: str, quantity: str, unit: str, run: int | None, values: Array, dash: list[float]) -> dict[str, Any]:
+    """Series of a plot for the page. run: number of the run that the colour marks; None: the colour marks the quantity."""
     recorded = quantity == "experiment"
-    colour = style.variant_colour(run or 0) if own else style.EXPERIMENT if recorded else style.colour(quantity)
+    colour = style.EXPERIMENT if recorded else style.colour(quantity)
+    if run is not None:
+        colour = style.variant_colour(run)
+        colour = style.darker(colour) if recorded else colour
     return {
         "label": label,
-        "colour": style.darker(colour) if own and recorded else colour,
+        "colour": colour,
         "dash": dash,
         "width": 3 if quantity.startswith("reference") else 1 if recorded else 1.5,
         "unit": unit,

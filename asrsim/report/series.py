@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.errors import LogError
 from asrsim.log import open_log
-from asrsim.plots.curves import CurveSource, RunCurves
+from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, available
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.world import Curve
 from asrsim.samples import Array
@@ -56,14 +56,11 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
-    columns = 0
-    sources = []
-    for path, reader in zip(paths, readers, strict=True):
-        recorded = {name for joint in reader.info.joints for name in joint.quantities}
-        known = [name for name in quantities if name in recorded or name in _DERIVED]
-        source = CurveSource(path, quantities=known)
-        sources.append(source)
-        columns += len(source.columns)
+    sources = [
+        CurveSource(path, quantities=[name for name in quantities if name in (*available(reader), REFERENCE)])
+        for path, reader in zip(paths, readers, strict=True)
+    ]
+    columns = sum(len(source.columns) for source in sources)
     step = min(steps)
     # Two points per interval, two bytes per point, and four characters for three bytes (base64).
     bins = int(np.clip(BUDGET / (max(columns, 1) * 2 * 2 * 4 / 3), LEAST, MOST))
@@ -75,9 +72,6 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Grid
         width = max(duration, step) / bins
         grid = Grid(start=0.25 * width, step=0.5 * width, count=2 * bins, thinned=True)
     return grid, [_read(source, grid, duration) for source in sources]
-
-
-_DERIVED = ("deflection", "equilibrium_position", "position_error", "reference_position")
 
 
 def _read(source: CurveSource, grid: Grid, duration: float) -> RunCurves:

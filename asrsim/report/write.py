@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels, read_curves
-from asrsim.report.content import Films, RunContent, find_comparison, read_content, read_films, recorded_curves
+from asrsim.report.content import Films, find_comparison, read_content, read_films, recorded_curves
 from asrsim.report.page import build_page
 from asrsim.report.plots import QUANTITIES, joint_sections, object_plots
 from asrsim.report.series import read_runs
@@ -50,8 +50,11 @@ def write_report(
     labels = [run.label for run in distinct_labels(runs)]
     tell("reading", 0.5)
     contents = [read_content(log) for log in logs]
-    tell("reading", 0.8)
-    worlds = [read_curves(log, quantities=("link_position",)) for log in logs] if _have_objects(contents) else []
+    worlds = (
+        [read_curves(log, quantities=("link_position",)) for log in logs]
+        if any("world" in one.info.resolved.get("scenario", {}) for one in contents)
+        else []
+    )
     beside = place if place.is_dir() else place.parent
     data = {
         "grid": grid.as_dict(),
@@ -61,11 +64,7 @@ def write_report(
     }
     tell("film strip", 0.9)
     films = read_films(logs, labels) if film else Films(strips={})
-    text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside), thinned=grid.thinned)
+    text = build_page(contents, labels, data=data, films=films, compared=find_comparison(beside))
     make_folder(page.parent)
     write_text(page, text, "page")
     return page
-
-
-def _have_objects(contents: Sequence[RunContent]) -> bool:
-    return any("world" in content.info.resolved.get("scenario", {}) for content in contents)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -79,13 +78,6 @@ class Browser:
         result = self.call("Runtime.evaluate", {"expression": expression, "awaitPromise": True, "returnByValue": True})
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
-
-    def screenshot(self, path: Path) -> None:
-        """The whole page as PNG."""
-        size = self.call("Page.getLayoutMetrics")["cssContentSize"]
-        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
-        data = self.call("Page.captureScreenshot", {"captureBeyondViewport": True, "clip": clip})["data"]
-        path.write_bytes(base64.b64decode(data))
 
     @property
     def complaints(self) -> list[str]:

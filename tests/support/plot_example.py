@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,12 +43,8 @@ def made_up_log(
     variant: str = "soft",
     expect: tuple[dict[str, object], ...] = (),
     values: Mapping[str, np.ndarray] | None = None,
-    sliders: Collection[int] = (),
 ) -> Path:
-    """A qbMove in mode 6 that follows its reference, a sine of 1 Hz and 0.5 rad, with a gain of 0.8 and 50 ms later.
-
-    sliders: numbers of joints, from 1, that are prismatic.
-    """
+    """A qbMove in mode 6 that follows its reference, a sine of 1 Hz and 0.5 rad, with a gain of 0.8 and 50 ms later."""
     time = np.arange(count) * step
     reference = 0.5 * np.sin(2 * np.pi * time)
     columns = {
@@ -64,8 +60,7 @@ def made_up_log(
         **(values or {}),
     }
     infos = tuple(
-        JointInfo(name=f"joint_{number}", actuator="qbmove", mode=6, motors=2, quantities=tuple(columns),
-                  prismatic=number in sliders)
+        JointInfo(name=f"joint_{number}", actuator="qbmove", mode=6, motors=2, quantities=tuple(columns))
         for number in range(1, joints + 1)
     )  # fmt: skip
     info = RunInfo(

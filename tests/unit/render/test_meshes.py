@@ -38,7 +38,7 @@ def document(group: str, nodes: str, unit: str = "") -> str:
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_nodes_place_turn_and_scale_every_group_of_faces_in_the_files_unit(tmp_path: Path, group: str) -> None:
+def test_nodes_place_and_scale_faces_in_the_unit_of_the_file(tmp_path: Path, group: str) -> None:
     inner = f'<node id="i"><translate>1 0 0</translate>{SHOWN}</node>'
     nodes = f'<node id="o"><rotate>0 0 1 90</rotate>{inner}</node>'
     (tmp_path / "m.dae").write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))

@@ -56,7 +56,7 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path: Path) -> None:
             for n in (0, 1)} <= seen  # fmt: skip
 
 
-def test_runs_of_other_steps_and_lengths_share_one_grid_and_lose_no_extreme(tmp_path: Path) -> None:
+def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path: Path) -> None:
     fine = made_up_log(tmp_path / "fine" / "log.mcap", variant="fine", count=4001, step=0.001)
     coarse = made_up_log(tmp_path / "coarse" / "log.mcap", variant="coarse", count=101, step=0.02)
     grid, runs = read_runs([fine, coarse], quantities=["link_position", "nothing"])
@@ -107,6 +107,6 @@ def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path: Path) -> None:
     [("elbow_1_pos", "elbow_1", " _pos"), ("elbow_12_pos", None, "elbow_12_pos"), ("myelbow_1", None, "myelbow_1"),
      ("Elbow1 [rad]", "elbow_1", "  [rad]"), ("q_deg", None, "q_deg"), ("left_elbow_1", "left_elbow_1", " ")],
 )  # fmt: skip
-def test_a_joint_is_found_in_a_name_by_its_whole_and_longest_name(name: str, joint: str | None, rest: str) -> None:
+def test_the_longest_joint_name_in_a_column_is_found(name: str, joint: str | None, rest: str) -> None:
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)

@@ -102,13 +102,10 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
 
 @pytest.mark.parametrize("values", [[1.0, 1.0], [0.0, 3.0, -2.0, 1e-9], [np.nan, 2.0, 5.0, np.nan], [np.nan, 2.0], [np.nan]])
 def test_packing_keeps_gaps_and_extremes(values: list[float]):
-    array = np.array(values)
-    back = unpack(pack(array), len(array))
-    np.testing.assert_array_equal(np.isnan(back), np.isnan(array))
-    np.testing.assert_allclose(back, array, atol=1e-4)
-    if np.isfinite(array).any():
-        assert np.nanmax(back) == np.nanmax(array)
-        assert np.nanmin(back) == np.nanmin(array)
+    back = unpack(pack(np.array(values)), len(values))
+    np.testing.assert_allclose(back, values, atol=1e-4)
+    exact = np.isin(values, [np.nanmin([*values, 9.0]), np.nanmax([*values, -9.0])])
+    np.testing.assert_array_equal(back[exact], np.array(values)[exact])
 
 
 def test_a_short_push_is_on_the_page_at_its_time():
@@ -144,14 +141,14 @@ HEAD = "source,joint,quantity,measure,value,unit\n"
         ("time,q\n0,0\n", False),
     ],
 )
-def test_metrics_in_the_folder_are_shown_if_they_can_be_read(tmp_path: Path, text: str, shown: bool):
+def test_readable_metrics_in_the_folder_are_shown(tmp_path: Path, text: str, shown: bool):
     log = made_up_log(tmp_path / "log.mcap", count=30)
     (tmp_path / "metrics.csv").write_text(text)
     words = " ".join(parsed(write_report(log.parent, film=False)).words)
     assert ("Beside experiments" in words) == ("0.0123 rad" in words) == shown
 
 
-def test_a_value_names_its_tag_and_the_line_where_it_stands(folder: Path):
+def test_a_parameter_names_its_tag_and_line(folder: Path):
     info = read_log(folder / "soft" / "log.mcap").info
     text = info.urdf.splitlines()
     found = [parameter for values in read_parameters(info).values() for parameter in values]
@@ -240,7 +237,7 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser: Browser, page: Path):
     assert browser.complaints == []
 
 
-def test_recorded_curves_are_on_the_page_and_the_comparison_is_found(tmp_path: Path):
+def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     """As `asrsim plot` leaves them beside a variant."""
     log = made_up_log(tmp_path / "soft" / "log.mcap")
     made_up_log(tmp_path / "stiff" / "log.mcap", variant="stiff")
@@ -266,7 +263,7 @@ def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
-def test_a_log_that_cannot_be_read_does_not_stand_in_the_way_of_others(tmp_path: Path, asrsim_command):
+def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command):
     for name in ("a", "b", "cut"):
         (tmp_path / name).mkdir()
         made_up_log(tmp_path / name / "log.mcap", count=20)
@@ -319,22 +316,5 @@ def test_the_robot_moves_in_a_browser(browser: Browser, tmp_path: Path):
     browser.evaluate("new Promise((done) => setTimeout(done, 600))")
     browser.evaluate("document.querySelector('#motion .play').click()")
     assert 0.0 < browser.evaluate("asrsimMotion.time()") < 0.3
-    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
-                           "(document.querySelector('#motion canvas').getBoundingClientRect())")  # fmt: skip
-
-    def drag(button, held):
-        for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.45), ("mouseMoved", 0.5), ("mouseReleased", 0.5)):
-            place = {"x": box[0] + share * box[2], "y": box[1] + 0.5 * box[3], "button": button, "clickCount": 1}
-            browser.call("Input.dispatchMouseEvent", {"type": kind, "buttons": held, **place})
-        browser.evaluate("new Promise((done) => setTimeout(done, 100))")
-        return browser.evaluate("asrsimMotion.camera()")
-
-    before = browser.evaluate("asrsimMotion.camera()")
-    turned = drag("left", 1)
-    moved = drag("right", 2)
-    assert turned["turn"] != pytest.approx(before["turn"], abs=1e-3)
-    assert turned["target"] == before["target"]
-    assert moved["target"] != turned["target"]
-    assert moved["turn"] == turned["turn"]
     assert browser.evaluate(look)[1] != first
     assert browser.complaints == []

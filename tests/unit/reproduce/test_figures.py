@@ -51,7 +51,7 @@ def figure(*claims, number=99, error=None):
 
 
 @pytest.mark.parametrize(("measured", "holds"), [(1.0, True), (1.1, True), (1.2, False), (math.nan, False)])
-def test_a_claim_is_judged_by_its_tolerance_and_nan_never_holds(measured, holds):
+def test_a_claim_of_nan_never_holds(measured, holds):
     assert claim(measured).holds is holds
     judged = Reproduction(
         number=99, title="A figure", section="9", paper="It moves.", parts=figure(claim(measured)).parts(None)
@@ -69,7 +69,7 @@ def test_equilibria_of_figure_8_follow_from_the_closed_forms(case):
 
 
 @pytest.mark.parametrize("case", SPRINGS)
-def test_the_closed_forms_are_not_the_simulator_s_and_agree_with_it(case):
+def test_the_closed_forms_agree_with_the_simulator(case):
     name, variant = case
     scenario = load_scenario(EXAMPLES / "scenarios" / f"step_1dof_{name}.yaml", variant=variant)[0]
     robot = apply_to_robot(scenario, load_robot(scenario.robot))
@@ -84,7 +84,7 @@ def test_the_closed_forms_are_not_the_simulator_s_and_agree_with_it(case):
     assert "asrsim.actuators" not in Path(statics.__file__).read_text(encoding="utf-8")
 
 
-def test_friction_widens_the_rest_to_a_band_that_the_law_bounds():
+def test_friction_widens_the_rest_to_a_band():
     case = ("qbmove", "soft")
     free, held = rest(case), rest(case, damping=0.065, friction=0.025)
     assert free.lowest == free.position == free.highest
@@ -121,7 +121,7 @@ def test_swings_are_counted_beyond_their_floor():
     assert swings(np.minimum(ringing, 1.0 + 0.01), 1.0) == 0
 
 
-def test_a_joint_that_friction_holds_is_told_from_one_that_moves():
+def test_a_joint_held_by_friction_is_named():
     scenario = EXAMPLES / "scenarios" / "chirp_1dof_qbmove.yaml"
     short = ["duration=2", "references.joint_1.equilibrium_position.chirp.duration=2"]
     (held,) = held_by_friction(run(scenario, variant="nominal_soft", overrides=short))
@@ -174,7 +174,7 @@ def test_the_page_needs_nothing_else_and_says_everything(asrsim_command, figures
     assert (tmp_path / "here" / "pictures" / "dot_99.svg").is_file()
 
 
-def test_a_figure_that_cannot_be_run_fails_and_the_others_go_on(asrsim_command, figures):
+def test_a_figure_that_fails_does_not_stop_the_others(asrsim_command, figures):
     figures["7"] = figure(number=7, error="the box is gone")
     figures["99"] = figure(claim())
     result = asrsim_command("reproduce", "--out", "here", "--workers", "1", "--json")
