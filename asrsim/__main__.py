@@ -1,4 +1,4 @@
-"""`asrsim`, `python -m asrsim`: the command line; Ctrl-C is told of from the first import to the end of the process."""
+"""Command line `asrsim`, `python -m asrsim`. Ctrl-C gives a message at any time, also during the imports."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 
 def main() -> None:
-    """Entry point of the script. An interruption that comes before the command, or behind it, finds nobody else."""
+    """Entry point of the script, which reports interruptions before and after the command."""
     try:
         from asrsim.cli.app import main as call
 
@@ -16,7 +16,7 @@ def main() -> None:
         sys.stderr.write("asrsim: aborted\n")
         sys.exit(130)
     finally:
-        # All is done and written: Python's own end would only die of the signal, without a word and with another code.
+        # All files are written. A later signal would end Python without a message and with another exit code.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         exec("pass")  # Python sends itself the signal again where text that it ran was interrupted last, as dataclasses have it
 

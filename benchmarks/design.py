@@ -1,7 +1,9 @@
 """Measures what `asrsim design` promises, on five robots: each row of the table in docs/design.md.
 
 python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
+python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
 python benchmarks/design.py fits [ROBOT]          promised intervals against the scatter of fits of simulated recordings
+python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ import asrsim
 from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import Plant
-from asrsim.design.run import _read, _task
-from asrsim.design.search import Search
+from asrsim.design.run import _read, _task, off
+from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
 
 URDF = Path(__file__).parent.parent / "examples" / "urdf"
@@ -39,7 +41,7 @@ ROBOTS = {
 SECONDS = 4.0
 
 
-def laboratory(name: str, folder: Path) -> tuple[Path, Path, dict]:
+def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Path, Path, dict]:
     """Scenario, limits file and options of a robot."""
     two = name == "two"
     springs, parameters, limits, references = ROBOTS["qbmove" if two else name]
@@ -60,22 +62,25 @@ def laboratory(name: str, folder: Path) -> tuple[Path, Path, dict]:
     if two:
         del scenario["actuators"]
     bounds = {"link_position": [-1.2, 1.2], "link_velocity": 10, "motor_torque": 5.5, **limits}
-    data = {"limits": dict.fromkeys(joints, bounds)}
+    data = {"limits": dict.fromkeys(joints, bounds)} | ({"choose": choose} if choose else {})
     paths = folder / f"{name}.yaml", folder / f"{name}.limits.yaml"
     for path, content in zip(paths, (scenario, data), strict=True):
         path.write_text(yaml.safe_dump(yaml.safe_load(yaml.safe_dump(content))))
     return *paths, {"free": free, "ties": ties}
 
 
-def searcher(scenario: Path, limits: Path, options: dict, stack: ExitStack) -> Search:
+def searcher(
+    scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
+) -> Search:
     """Search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
-    plant = Plant(ready, given, layout, read, SECONDS)
+    plant = Plant(ready, given, layout, read, seconds)
     stack.callback(plant.close)
-    draws = [np.zeros(len(layout))]
+    generator = np.random.default_rng(99)
+    draws, others = [np.zeros(len(layout))], [off(layout, generator) for _ in range(checks)]
     known = np.zeros((len(layout), len(layout)))
-    return Search(plant, {}, draws, [], plant.substeps_of({}, draws), known, np.random.default_rng(99))
+    return Search(plant, {}, draws, others, plant.substeps_of({}, draws + others), known, generator)
 
 
 def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
@@ -111,10 +116,13 @@ def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def fitting(search: Search, shares: np.ndarray) -> float:
-    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection."""
+    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection.
+
+    Of the informations that small and larger changes of the parameters give, the least counts, as for a design.
+    """
     plant = search.plant
     slots = np.array([one.slot for one in plant.references])
-    size, best = np.zeros(len(shares)), np.inf
+    size, best, largest = np.zeros(len(shares)), np.inf, None
     joints = [slots == 0, *(np.eye(len(slots), dtype=bool)[slots == 0] if np.sum(slots == 0) > 1 else [])]
     for mine in joints:
         low, high = float(size[mine][0]), 1.0
@@ -124,12 +132,17 @@ def fitting(search: Search, shares: np.ndarray) -> float:
             motion = np.array(
                 [p.values(np.clip(f * s, -1, 1)) for p, f, s in zip(plant.references, there, shares, strict=True)]
             )
-            found = search.play(motion, information=True)
+            found = search.play(motion, changes=SMALL)
             if found is not None and found.use.max() <= 1.0 and found.information is not None:
-                best, low, size = min(best, float(search.score(found.information))), middle, there
+                low, size = middle, there
+                if float(search.score(found.information)) < best:
+                    best, largest = float(search.score(found.information)), motion
             else:
                 high = middle
-    return best
+    changes = [(h, -h) for h in (1e-4, 1e-3) if largest is not None]
+    outcomes = [search.play(largest, changes=both) for both in changes]
+    scores = [float(search.score(one.information)) for one in outcomes if one is not None and one.information is not None]
+    return max([best, *scores])
 
 
 def tighter(names: list[str]) -> None:
@@ -150,6 +163,20 @@ def tighter(names: list[str]) -> None:
             said = ", ".join(f"{kind} {value:.3g} %" for kind, value in percent.items())
             gain, step = others / own, percent["one step"] / own
             print(f"{name}: design {own:.3g} %, {said}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
+
+
+def gains(names: list[str]) -> None:
+    """Gains of the first controller chosen from three, against one step with the robot's own."""
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(folder))
+            search = searcher(scenario, within, options, stack)
+            step = next(fitting(search, shares) for kind, shares in plain(search.plant) if kind == "one step")
+            choose = {"joint_1.controller_1_proportional": [12, 40, 125]}
+            scenario, within, options = laboratory(name, Path(folder), choose)
+            found = design(scenario, within, seconds=SECONDS, **options)
+            print(f"{name}: design {196 * np.exp(found.found.score):.3g} % with {dict(found.gains)}, one step "
+                  f"{196 * np.exp(step):.3g} %: {np.exp(step - found.found.score):.1f} x", flush=True)  # fmt: skip
 
 
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
@@ -196,6 +223,27 @@ def fits(names: list[str], count: int = 40) -> None:
                   f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
 
 
+def limits(names: list[str], count: int = 50) -> None:
+    """Robust designs played on robots each of whose numbers is off by up to a factor of 2."""
+    exceeded, worst = 0, []
+    for number in range(count):
+        name = names[number % len(names)]
+        with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
+            scenario, within, options = laboratory(name, Path(place))
+            if number < len(names):
+                designs[name] = design(scenario, within, seconds=SECONDS, robust=2, **options)
+            search = searcher(scenario, within, options, stack)
+            layout = search.plant.layout
+            draw = off(layout, np.random.default_rng([77, number]))
+            told = search.plant.play(designs[name].found.motion, {}, [draw], search.plant.substeps_of({}, [draw]))
+            use = np.inf if told is None else float(told.use.max())
+            exceeded += use > 1.0
+            worst.append(use)
+    print(f"exceeded {exceeded} of {count}; largest shares {np.sort(worst)[-5:].round(3)}")
+
+
+designs: dict = {}
+
 if __name__ == "__main__":
     what, *rest = sys.argv[1:]
-    {"tighter": tighter, "fits": fits}[what](rest or [*ROBOTS, "two"])
+    {"tighter": tighter, "gains": gains, "fits": fits, "limits": limits}[what](rest or [*ROBOTS, "two"])

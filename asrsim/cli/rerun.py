@@ -10,7 +10,6 @@ import typer
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import complain, say, say_problems
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
-from asrsim.cli.options import Overwrite, into_folder
 
 if TYPE_CHECKING:
     from asrsim.runs.repeat import Repetition
@@ -22,7 +21,6 @@ SHOWN = 10
 @command("Print differences only.", plugins=False)
 def rerun(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of a run (MCAP), or a folder of runs.", show_default=False)],
-    out: Annotated[Path | None, into_folder("Folder for the repeated run's log.", "not written")] = None,
     plugins: Annotated[
         list[Path] | None,
         typer.Option(
@@ -32,7 +30,6 @@ def rerun(
     trust_plugins: Annotated[
         bool, typer.Option("--trust-plugins", help="Run the Python code of actuators stored in the log.")
     ] = False,
-    overwrite: Overwrite = False,
     *,
     quiet: bool,
     json: bool,
@@ -53,11 +50,9 @@ def rerun(
     say_problems(unreadable_logs(log), "warning")
     with Interruption() as interruption:
         for one in logs:
-            folder = out if out is None or len(logs) == 1 else out / one.parent.name
             with RunBar(one.name, open_log(one).duration, show=not quiet) as progress:
                 repetition = repeat(
-                    one, out=folder, plugins=plugins or [], trust_plugins=trust_plugins, overwrite=overwrite,
-                    progress=progress.update, stop=interruption.stop,
+                    one, plugins=plugins or [], trust_plugins=trust_plugins, progress=progress.update, stop=interruption.stop
                 )  # fmt: skip
             repetitions.append(repetition)
             if not json:
@@ -87,5 +82,3 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
     verdict = "identical, bit for bit" if repetition.identical else "different" if repetition.samples else "nothing to compare"
     say(f"{repetition.path}: {repetition.samples} samples compared{part}: {verdict}", "" if repetition.identical else "bold")
-    if repetition.log is not None:
-        say(f"wrote {repetition.log}")

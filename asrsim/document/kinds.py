@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from asrsim.document.node import Node
 from asrsim.document.reading import KeyPath, Reading, Rejected
@@ -56,17 +56,16 @@ class Number(Kind[float]):
     """Exclusive lower limit."""
     maximum: float | None = None
     finite: bool = True
+    noun: ClassVar[str] = "number"
+    json_type: ClassVar[str] = "number"
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> float:
         value = node.value
         if not self.finite and value in ("inf", "+inf", "-inf"):
             value = float(str(value))
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise reading.fault(node, path, "must be a number", code="type")
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
+            raise reading.fault(node, path, f"must be a {self.noun}", code="type")
+        number = float(value) if isinstance(value, float) or abs(value) < 1 << 1023 else math.inf  # larger integers overflow
         if math.isnan(number) or (self.finite and math.isinf(number)):
             raise reading.fault(node, path, "must be a finite number", code="range")
         if (
@@ -79,19 +78,14 @@ class Number(Kind[float]):
 
     def schema(self) -> Schema:
         limits = {"minimum": self.minimum, "exclusiveMinimum": self.above, "maximum": self.maximum}
-        schema = {"type": "number", **{key: value for key, value in limits.items() if value is not None}}
+        schema = {"type": self.json_type, **{key: value for key, value in limits.items() if value is not None}}
         return schema if self.finite else {"anyOf": [schema, {"enum": ["inf", "+inf", "-inf"]}]}
 
     @property
     def text(self) -> str:
-        bounds = []
-        if self.minimum is not None:
-            bounds.append(f">= {self.minimum:g}")
-        if self.above is not None:
-            bounds.append(f"> {self.above:g}")
-        if self.maximum is not None:
-            bounds.append(f"<= {self.maximum:g}")
-        return " ".join(["number", " and ".join(bounds)]).strip()
+        limits = ((">=", self.minimum), (">", self.above), ("<=", self.maximum))
+        bounds = [f"{sign} {limit:g}" for sign, limit in limits if limit is not None]
+        return " ".join([self.noun, " and ".join(bounds)]).strip()
 
 
 NUMBER = Number()
@@ -100,32 +94,17 @@ NOT_NEGATIVE = Number(minimum=0.0)
 SHARE = Number(minimum=0.0, maximum=1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Integer(Kind[int]):
+class Integer(Number):
     """Kind of value: a whole number."""
 
-    minimum: int | None = None
-    maximum: int | None = None
+    noun = "whole number"
+    json_type = "integer"
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> int:
-        value = node.value
-        if isinstance(value, float) and value.is_integer():
-            value = int(value)
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise reading.fault(node, path, "must be a whole number", code="type")
-        if (self.minimum is not None and value < self.minimum) or (self.maximum is not None and value > self.maximum):
-            raise reading.fault(node, path, f"must be a {self.text}", code="range")
-        return value
-
-    def schema(self) -> Schema:
-        limits = {"minimum": self.minimum, "maximum": self.maximum}
-        return {"type": "integer", **{key: value for key, value in limits.items() if value is not None}}
-
-    @property
-    def text(self) -> str:
-        if self.minimum is not None and self.maximum is not None:
-            return f"whole number {self.minimum} to {self.maximum}"
-        return "whole number" + (f" >= {self.minimum}" if self.minimum is not None else "")
+        if isinstance(node.value, float) and not node.value.is_integer():
+            raise reading.fault(node, path, f"must be a {self.noun}", code="type")
+        super().read(node, path, reading)
+        return int(cast("float", node.value))
 
 
 @dataclass(frozen=True)

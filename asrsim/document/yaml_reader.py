@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,15 @@ MAX_NODES = 200_000
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_INFINITY = re.compile(r"([-+]?)\.(inf|Inf|INF)")
 _HALF = re.compile("[\ud800-\udfff]")
-_NULLS = ("", "~", "null", "Null", "NULL")
-_BOOLEANS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+_WORDS: dict[str, bool | float | None] = {
+    spelling: value
+    for word, value in {
+        "null": None, "true": True, "false": False, ".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan,
+    }.items()
+    for spelling in (word, word.title(), word.upper())
+} | {"": None, "~": None}  # fmt: skip
+"""Unquoted word -> value by the core schema of YAML 1.2."""
 
 _TAG = "tag:yaml.org,2002:"
 _PLAIN = "plain"
@@ -31,21 +36,11 @@ _PLAIN = "plain"
 
 def plain_scalar(text: str) -> bool | int | float | str | None:
     """Value of an unquoted scalar by the core schema of YAML 1.2: `1e-3` is a number, `on` and `yes` are text."""
-    if text in _NULLS:
-        return None
-    if text in _BOOLEANS:
-        return _BOOLEANS[text]
+    if text in _WORDS:
+        return _WORDS[text]
     if _INTEGER.fullmatch(text):
         return int(text) if len(text) < 400 else float(text)
-    if _FLOAT.fullmatch(text):
-        return float(text)
-    if text.startswith("0x") and re.fullmatch(r"0x[0-9a-fA-F]{1,16}", text):
-        return int(text, 16)
-    if found := _INFINITY.fullmatch(text):
-        return float(found[1] + "inf")
-    if text in (".nan", ".NaN", ".NAN"):
-        return float("nan")
-    return text
+    return float(text) if _FLOAT.fullmatch(text) else text
 
 
 def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[Problem] | None = None) -> tuple[Node, str]:
@@ -58,7 +53,7 @@ def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[
             data = stream.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise error(f"is larger than {MAX_BYTES} bytes; at most that many are read", file=path, code="too-large")
-        text = io.TextIOWrapper(io.BytesIO(data), encoding="utf-8-sig").read()
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise error(f"is not UTF-8 text ({fault.reason})", file=path, code="encoding") from None
     except OSError as fault:
@@ -143,7 +138,6 @@ class _Converter:
     def _mapping(self, node: Any, line: int, depth: int) -> Node:
         items: dict[str, Node] = {}
         lines: dict[str, int | None] = {}
-        merged: list[Node] = []
         for key_node, value_node in node.value:
             key_line = key_node.start_mark.line + 1
             if key_node.id != "scalar":
@@ -152,19 +146,10 @@ class _Converter:
             key = str(key_node.value)
             self._whole(key, key_line)
             value = self.convert(value_node, depth + 1)
-            if key == "<<" and key_node.tag == _PLAIN:
-                merged.extend(value.value if isinstance(value.value, list) else [value])
-            elif key in items:
+            if key in items:
                 self._complain(f"the key is a duplicate of that in line {lines[key]}", key_line, key=key, code="duplicate-key")
             else:
                 items[key], lines[key] = value, key_line
-        for other in merged:
-            if not isinstance(other.value, dict):
-                self._complain("only mappings can be merged by '<<'", line)
-                continue
-            for key, value in other.value.items():
-                if key not in items:
-                    items[key], lines[key] = value, other.key_line(key)
         return Node(items, line, lines, self.file)
 
     def _whole(self, text: str, line: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.kinematics.clik import ClikSettings, follow
+from asrsim.kinematics.clik import follow
 from asrsim.kinematics.compensation import equilibrium_for_load
 from asrsim.kinematics.engine_model import model_of
 from asrsim.kinematics.plan import plan
@@ -10,7 +10,6 @@ from asrsim.kinematics.references import plan_references, plan_task
 from asrsim.kinematics.trajectory import PoseTrajectory
 
 __all__ = [
-    "ClikSettings",
     "PoseTrajectory",
     "equilibrium_for_load",
     "follow",

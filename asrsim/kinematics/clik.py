@@ -17,16 +17,6 @@ from asrsim.samples import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClikSettings:
-    """The gains of the loop."""
-
-    gain: float = 10.0
-    """1/s, of position and orientation error."""
-    damping: float = 1e-3
-    """Damping factor of the least squares: in m for position rows, in rad for orientation rows."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class JointPath:
     """Joint positions over time, with the errors that remain at the point."""
 
@@ -49,14 +39,16 @@ def follow(
     time: Array,
     *,
     moving: NDArrayBool | None = None,
-    settings: ClikSettings | None = None,
+    gain: float = 10.0,
+    damping: float = 1e-3,
 ) -> JointPath:
     """Joint positions that move the point along the trajectory, beginning at `start` (joints,).
 
-    time: (n,) s, ascending; the loop takes one step per entry. moving: which joints may move (None: all).
+    time: (n,) s, ascending; the loop takes one step per entry. moving: which joints may move (None: all). gain: 1/s, of
+    position and orientation error. damping: damping factor of the least squares: in m for position rows, in rad for
+    orientation rows.
     No joint passes its stop: it is placed at the stop, and the other joints take over as much of the motion as they can.
     """
-    settings = settings or ClikSettings()
     wanted, turned = trajectory.at(time)
     rows = 3 if turned is None else 6
     free = np.ones(len(start), dtype=bool) if moving is None else moving
@@ -80,9 +72,9 @@ def follow(
         displacement[:3] = wanted[index + 1] - wanted[index]
         if turned is not None:
             displacement[3:] = rotation_between(turned[index], turned[index + 1])
-        displacement += min(settings.gain * step, 1.0) * error
+        displacement += min(gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[:rows]
-        q = q + bounded_step(jacobian, displacement, model.lower - q, model.upper - q, free, settings.damping)
+        q = q + bounded_step(jacobian, displacement, model.lower - q, model.upper - q, free, damping)
     return JointPath(time=time, positions=positions, position_error=position_error, orientation_error=orientation_error)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import ScenarioError
-from asrsim.kinematics.clik import ClikSettings, JointPath, NDArrayBool, follow
+from asrsim.kinematics.clik import JointPath, NDArrayBool, follow
 from asrsim.kinematics.compensation import equilibria_for_loads
 from asrsim.kinematics.engine_model import EngineModel
 from asrsim.kinematics.trajectory import PoseTrajectory
@@ -78,7 +78,8 @@ def plan(
         start,
         time,
         moving=moving,
-        settings=ClikSettings(gain=task.gain, damping=task.damping),
+        gain=task.gain,
+        damping=task.damping,
     )
     _check_path(task, model, trajectory, path, moving)
     loads = np.array([model.gravity_torques(positions) for positions in path.positions]) if task.gravity_compensation else None

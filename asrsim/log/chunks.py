@@ -26,36 +26,20 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
     packed = content[data_start + 8 :]
     if packed_size != len(packed):
         raise ValueError("a chunk differs from its stated length")
-    data = decompress(name, packed, size)
+    data = _decompress(packed, size) if name == "zstd" else b""
     if len(data) != size or (crc and zlib.crc32(data) != crc):
         raise ValueError("a chunk does not match its checksum")
     return data
 
 
-def decompress(name: str, packed: bytes, size: int) -> bytes:
-    """Decompressed content of a chunk, `size` bytes. Raises ValueError where it is damaged or larger."""
+def _decompress(packed: bytes, size: int) -> bytes:
+    """Decompressed content of a chunk, `size` bytes. Raises ValueError if it is damaged or larger."""
+    import zstandard
+
     # A damaged or hostile file may state any size.
-    if size > _LARGEST_CHUNK:
-        raise ValueError("the stated size of a chunk exceeds the limit")
-    if name == "":
-        return packed
-    if name == "zstd":
-        import zstandard
-
-        try:
-            if zstandard.frame_content_size(packed) not in (-1, size):
-                raise ValueError("a chunk differs from its stated length")
-            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-        except zstandard.ZstdError as error:
-            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
-    if name == "lz4":
-        import lz4.frame
-
-        try:
-            unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
-        except RuntimeError as error:
-            raise ValueError(f"a chunk cannot be decompressed: {error}") from error
-        if len(unpacked) != size:
+    try:
+        if size > _LARGEST_CHUNK or zstandard.frame_content_size(packed) not in (-1, size):
             raise ValueError("a chunk differs from its stated length")
-        return unpacked
-    raise ValueError(f"the compression '{name}' of a chunk is unknown")
+        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"a chunk cannot be decompressed: {error}") from error

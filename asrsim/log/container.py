@@ -16,10 +16,13 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
+    Chunk,
+    ChunkIndex,
     DataEnd,
     Footer,
     Header,
     McapRecord,
+    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
@@ -200,20 +203,16 @@ class McapContainer:
             start, end = (min(start, *times), max(end, *times)) if rows.count else (min(times), max(times))
         index = b""
         index_offsets: list[tuple[int, int]] = []
-        places: dict[int, list[bytes]] = {}
-        parts = [self._pending]
-        size = len(self._pending)
+        places: dict[int, list[tuple[int, int]]] = {}
+        prefix = self._pending
         for channel, time, data in asides:
-            places.setdefault(channel, []).append(struct.pack("<QQ", time, size))
+            places.setdefault(channel, []).append((time, len(prefix)))
             length = MESSAGE_HEADER.size - 9 + len(data)
-            parts.append(MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel, self._counts[channel], time, time) + data)
+            prefix += MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel, self._counts[channel], time, time) + data
             self._counts[channel] += 1
-            size += len(parts[-1])
-        prefix = b"".join(parts)
         for channel, entries in places.items():
             index_offsets.append((channel, len(index)))
-            length = 16 * len(entries)
-            index += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + length, channel, length) + b"".join(entries)
+            index += encode(MessageIndex(channel_id=channel, records=entries))
         if rows.count:
             records, size = rows.message_indexes(len(prefix))
             index_offsets += [(channel, len(index) + size * i) for i, channel in enumerate(rows.channels)]
@@ -222,17 +221,23 @@ class McapContainer:
         if prefix:
             content = b"".join((prefix, content))
         packed = self._compress(content)
-        name = b"zstd"
-        head = struct.pack("<QQQII", start, end, len(content), zlib.crc32(content), len(name)) + name
-        head += struct.pack("<Q", len(packed))
-        record = struct.pack("<BQ", Opcode.CHUNK, len(head) + len(packed)) + head
+        record = encode(
+            Chunk(
+                compression="zstd", data=packed, message_start_time=start, message_end_time=end,
+                uncompressed_crc=zlib.crc32(content), uncompressed_size=len(content),
+            )
+        )  # fmt: skip
         offset = self._storage.size
-        length = len(record) + len(packed)
-        self._storage.append(b"".join((record, packed, index)))
-        offsets = b"".join(struct.pack("<HQ", channel, offset + length + place) for channel, place in index_offsets)
-        body = struct.pack("<QQQQI", start, end, offset, length, len(offsets)) + offsets
-        body += struct.pack("<QI", len(index), len(name)) + name + struct.pack("<QQ", len(packed), len(content))
-        self._chunk_indexes += struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body
+        self._storage.append(record + index)
+        after = offset + len(record)
+        self._chunk_indexes += encode(
+            ChunkIndex(
+                chunk_length=len(record), chunk_start_offset=offset, compression="zstd", compressed_size=len(packed),
+                message_start_time=start, message_end_time=end, message_index_length=len(index),
+                message_index_offsets={channel: after + place for channel, place in index_offsets},
+                uncompressed_size=len(content),
+            )
+        )  # fmt: skip
         self._chunks += 1
         self._pending = b""
         for channel in rows.channels:

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import TypedDict, TypeVar, Unpack
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -23,6 +23,16 @@ from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array, Command, RunInfo, Samples, concatenate
 
 T = TypeVar("T")
+
+
+class Selection(TypedDict, total=False):
+    """Selection of samples, as described at `LogReader.iter_samples`."""
+
+    quantities: Sequence[str] | None
+    joints: Sequence[str] | None
+    start: float | None
+    end: float | None
+    stride: int | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,18 +91,10 @@ class LogReader:
         chunks = self._structure.chunks
         return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
 
-    def read(
-        self,
-        *,
-        quantities: Sequence[str] | None = None,
-        joints: Sequence[str] | None = None,
-        start: float | None = None,
-        end: float | None = None,
-        stride: int | None = None,
-    ) -> Log:
+    def read(self, **selection: Unpack[Selection]) -> Log:
         """Log with all samples or a selection. The arguments are those of `iter_samples`."""
-        parts = list(self.iter_samples(quantities=quantities, joints=joints, start=start, end=end, stride=stride))
-        names, members = self._selection(quantities, joints)
+        parts = list(self.iter_samples(**selection))
+        names, members = self._selection(selection.get("quantities"), selection.get("joints"))
         return Log(
             path=self.path,
             info=self.info,
@@ -216,17 +218,9 @@ def open_log(path: str | os.PathLike[str]) -> LogReader:
     return LogReader(path)
 
 
-def read_log(
-    path: str | os.PathLike[str],
-    *,
-    quantities: Sequence[str] | None = None,
-    joints: Sequence[str] | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    stride: int | None = None,
-) -> Log:
+def read_log(path: str | os.PathLike[str], **selection: Unpack[Selection]) -> Log:
     """Log read into arrays. The arguments are those of `LogReader.iter_samples`. Raises LogError."""
-    return LogReader(path).read(quantities=quantities, joints=joints, start=start, end=end, stride=stride)
+    return LogReader(path).read(**selection)
 
 
 def _samples(found: Mapping[Column, Array], names: Sequence[str], joints: Sequence[str], rows: slice) -> Samples:

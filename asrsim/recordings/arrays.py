@@ -57,27 +57,19 @@ def read_numpy(path: Path, reading: Reading) -> Content:
 
 
 def read_arrow(path: Path, reading: Reading) -> Content:
-    """Content of a Parquet or Feather file: columns of numbers, of dates, of records, and of lists of equal length."""
+    """Content of a Parquet or Feather file: columns of numbers and of dates."""
     library("pyarrow", "sweep")
-    from pyarrow import feather, parquet, types
+    from pyarrow import feather, parquet
 
     with path.open("rb") as stream:
         table = (parquet.read_table if stream.read(4) == b"PAR1" else feather.read_table)(path)
-    while any(types.is_struct(kind) for kind in table.schema.types):
-        table = table.flatten()
-    found: dict[str, Any] = {}
-    unread: list[str] = []
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        kind, values = column.type, column.to_numpy()
-        if types.is_list(kind) or types.is_fixed_size_list(kind):
-            values = np.stack([*values]) if len({np.shape(one) for one in values}) == 1 else values
-        if name in found:
-            raise RecordingError("several columns have this name", key=name, code="repeated-header")
-        if values.dtype == object:
-            unread.append(name)
-        else:
-            found["time" if name.startswith("__index") else name] = values
-    note = Problem("text and lists of different lengths are not read", key=listed(unread, 8), code="text-column")
+    columns = {name: column.to_numpy() for name, column in zip(table.column_names, table.columns, strict=True)}
+    if len(columns) < len(table.column_names):
+        raise RecordingError("several columns have one name", choices=tuple(table.column_names), code="repeated-header")
+    numbers = {name: values for name, values in columns.items() if values.dtype != object}
+    unread = listed([name for name in columns if name not in numbers], 8)
+    found = {"time" if name.startswith("__index") else name: values for name, values in numbers.items()}
+    note = Problem("text, lists and records are not read", key=unread, code="text-column")
     return _content("arrow", found, [note] if unread else [], reading)
 
 

@@ -28,11 +28,6 @@ def suspicions(columns: Sequence[Column], series: Sequence[RawSeries]) -> list[P
         position = used.get((joint, str(quantity).replace("velocity", "position")))
         if str(quantity).endswith("velocity") and position is not None:
             found += _slope(position, column)
-        if quantity == "reference_1" and (position := used.get((joint, "link_position"))) is not None:
-            _, angle, wanted = _on_one_time(position, column)
-            if len(angle) >= _FEWEST and not (position.stated and column.stated) and _correlation(angle, wanted) > _FOLLOWS:
-                scale = suspect_scale(angle, wanted, f"'{position.source}', which follows it", column.source, column.meaning)
-                found += [replace(scale, key=column.source)] if scale is not None else []
     return found
 
 

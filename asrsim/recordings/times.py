@@ -137,7 +137,7 @@ def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alon
     if column.zero is not None:
         return Clock(name=name, seconds=values, zero=column.zero)
     plain, unit = split_header(name)
-    unit = unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
+    unit = find_unit(column.unit) or unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
     factor = reading.time.factor or (unit.factor if unit is not None and unit.si == "s" else None)
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
@@ -214,9 +214,9 @@ def clean_time(
     leave_out(repeated, "repeated time stamps", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]
-    # A stamp that falls back is not above all earlier ones. A stamp that jumps ahead is not below all later ones.
-    behind = np.append(False, t[1:] <= np.maximum.accumulate(t)[:-1])
-    ahead = np.append(t[:-1] >= np.minimum.accumulate(t[::-1])[::-1][1:], False)
+    # A stamp that falls back is no new maximum. A stamp that jumps ahead is no new minimum, counted from the end.
+    behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
+    ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
     leave_out(odd, "time stamps that do not rise", "two-time-bases", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:

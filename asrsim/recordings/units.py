@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 
@@ -19,61 +18,62 @@ class Unit:
     factor: float
 
 
-_DEGREE = math.pi / 180
-_TABLE: tuple[tuple[str, float, str], ...] = (
-    # SI unit, factor, spellings (compared without blanks; the case counts only where two units differ by it)
-    ("rad", 1.0, "rad rads radian radians"),
-    ("rad", 1e-3, "mrad"),
-    ("rad", _DEGREE, "deg degs degree degrees ° Grad"),
-    ("rad", _DEGREE * 1e-3, "mdeg"),
-    ("rad", 2 * math.pi, "rev revs turn turns"),
-    ("rad/s", 1.0, "rad/s"),
-    ("rad/s", 1e-3, "mrad/s"),
-    ("rad/s", _DEGREE, "deg/s dps °/s Grad/s"),
-    ("rad/s", 2 * math.pi / 60, "rpm rev/min 1/min"),
-    ("rad/s", 2 * math.pi, "rev/s rps turns/s"),
-    ("rad/s^2", 1.0, "rad/s^2 rad/s2"),
-    ("N m", 1.0, "Nm"),
-    ("N m", 1e-3, "mNm Nmm"),
-    ("N m", 1e-2, "Ncm"),
-    ("N m", 1.3558179483, "lbft lbfft ftlb ftlbf"),
-    ("N m", 0.1129848290, "lbin lbfin inlb inlbf"),
-    ("N m", 7.06155183e-3, "ozin ozfin"),
-    ("N m", 9.80665e-2, "kgcm kgfcm"),
-    ("N m/rad", 1.0, "Nm/rad"),
-    ("N m/rad", 1 / _DEGREE, "Nm/deg Nm/°"),
-    ("N/m", 1.0, "N/m"),
-    ("N/m", 1e3, "kN/m N/mm"),
-    ("N", 1.0, "N newton"),
-    ("N", 1e3, "kN"),
-    ("m", 1.0, "m metre meter metres meters"),
-    ("m", 1e-2, "cm"),
-    ("m", 1e-3, "mm"),
-    ("m", 1e-6, "um µm"),
-    ("m/s", 1.0, "m/s"),
-    ("m/s", 1e-3, "mm/s"),
-    ("m/s^2", 1.0, "m/s^2 m/s2"),
-    ("s", 1.0, "s sec secs second seconds"),
-    ("s", 1e-3, "ms msec millis millisecond milliseconds"),
-    ("s", 1e-6, "us µs usec micros microsecond microseconds"),
-    ("s", 1e-9, "ns nsec nanos nanosec nanosecond nanoseconds"),
-    ("s", 60.0, "min minutes"),
-    ("s", 3600.0, "h hours"),
-    ("s", 86400.0, "days"),
-    ("A", 1.0, "A amp"),
-    ("A", 1e-3, "mA"),
-    ("V", 1.0, "V volt volts"),
-    ("V", 1e-3, "mV"),
-    ("W", 1.0, "W"),
-    ("Hz", 1.0, "Hz"),
-    ("degC", 1.0, "°C degC"),
-    ("1", 1.0, "1 -"),
-    ("1", 1e-2, "% percent"),
-    # Counts of a converter or drive have no SI unit until the user states the size of a count.
-    ("counts", 1.0, "counts count ticks pulses increments inc lsb adc raw"),
-)  # fmt: skip
-UNITS: dict[str, Unit] = {
-    spelling: Unit(spelling, si, factor) for si, factor, spellings in _TABLE for spelling in spellings.split()
+_TABLE = """
+rad        1.0                   rad rads radian radians
+rad        0.001                 mrad
+rad        0.017453292519943295  deg degs degree degrees ° Grad
+rad        1.7453292519943296e-05  mdeg
+rad        6.283185307179586     rev revs turn turns
+rad/s      1.0                   rad/s
+rad/s      0.001                 mrad/s
+rad/s      0.017453292519943295  deg/s dps °/s Grad/s
+rad/s      0.10471975511965977   rpm rev/min 1/min
+rad/s      6.283185307179586     rev/s rps turns/s
+rad/s^2    1.0                   rad/s^2 rad/s2
+N m        1.0                   Nm
+N m        0.001                 mNm Nmm
+N m        0.01                  Ncm
+N m        1.3558179483          lbft lbfft ftlb ftlbf
+N m        0.112984829           lbin lbfin inlb inlbf
+N m        0.00706155183         ozin ozfin
+N m        0.0980665             kgcm kgfcm
+N m/rad    1.0                   Nm/rad
+N m/rad    57.29577951308232     Nm/deg Nm/°
+N/m        1.0                   N/m
+N/m        1000.0                kN/m N/mm
+N          1.0                   N newton
+N          1000.0                kN
+m          1.0                   m metre meter metres meters
+m          0.01                  cm
+m          0.001                 mm
+m          1e-06                 um µm
+m/s        1.0                   m/s
+m/s        0.001                 mm/s
+m/s^2      1.0                   m/s^2 m/s2
+s          1.0                   s sec secs second seconds
+s          0.001                 ms msec msecs millis millisecond milliseconds
+s          1e-06                 us µs usec usecs micros microsecond microseconds
+s          1e-09                 ns nsec nsecs nanos nanosec nanosecond nanoseconds
+s          60.0                  min minutes
+s          3600.0                h hours
+s          86400.0               days
+A          1.0                   A amp
+A          0.001                 mA
+V          1.0                   V volt volts
+V          0.001                 mV
+W          1.0                   W
+Hz         1.0                   Hz
+degC       1.0                   °C degC
+1          1.0                   1 -
+1          0.01                  % percent
+counts     1.0                   counts count ticks pulses increments inc lsb adc raw
+"""
+"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks; their case counts
+only where two units differ by it. Counts of a converter have no SI unit until the user states the size of a count."""
+UNITS = {
+    spelling: Unit(spelling, si, float(factor))
+    for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
+    for spelling in spellings.split()
 }
 """Spelling -> unit, for all known spellings."""
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}

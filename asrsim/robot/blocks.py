@@ -1,4 +1,4 @@
-"""Plugin blocks of the toolbox: from XML to :class:`ActuatorBlock`, every problem reported."""
+"""Reads the plugin blocks of the toolbox from XML into `ActuatorBlock`s. All problems are reported."""
 
 from __future__ import annotations
 
@@ -23,22 +23,20 @@ MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 
 
 def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
-    """The parameter's default in that mode: in mode 1 controller 1 acts on the link and has other gains."""
+    """Default of a parameter in a mode: in mode 1, controller 1 acts on the link and has other gains."""
     if mode == 1 and parameter.name in LINK_CONTROLLER_DEFAULTS:
         return LINK_CONTROLLER_DEFAULTS[parameter.name], "mode default"
     return parameter.default, "default"
 
 
 def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
-    """The parameter where nothing sets it."""
+    """Parameter that is not set, with its default."""
     value, origin = default_value(parameter, mode)
     return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
 
 
 def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings) -> tuple[tuple[ActuatorBlock, ...], frozenset[str]]:
-    """The blocks of all known actuators, and the joints whose actuator or mode could not be read; plugins of others are
-    ignored.
-    """
+    """Blocks of all known actuators, and joints whose actuator or mode is invalid. Plugins of other programs are ignored."""
     blocks: dict[str, ActuatorBlock] = {}
     unread: set[str] = set()
     known = {joint.name: joint for joint in joints}
@@ -66,7 +64,7 @@ def read_blocks(root: Any, joints: Sequence[Joint], findings: Findings) -> tuple
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """The actuator of a plugin, if it is one of ours; else the joints that it names, where it is plainly meant to be one."""
+    """Actuator of a plugin if asrsim knows it; otherwise the joints in a block that was clearly meant for an actuator."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""
@@ -100,7 +98,7 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
 
 
 class _Tags:
-    """The tags of one plugin block."""
+    """Tags of one plugin block."""
 
     def __init__(self, plugin: Any, findings: Findings) -> None:
         self.plugin, self.findings = plugin, findings
@@ -113,16 +111,16 @@ class _Tags:
             self.by_name.setdefault(tag.tag, tag)
 
     def text(self, name: str) -> str:
-        """The text of a tag; empty if it is absent."""
+        """Text of a tag; empty if the tag is absent."""
         return text_of(self.by_name[name]) if name in self.by_name else ""
 
     def error(self, message: str, name: str, *, code: str, **details: Unpack[Details]) -> None:
-        """Add an error about a tag that is there."""
+        """Add an error about a tag of the block."""
         details = {"value": self.text(name), **details}
         self.findings.error(message, self.by_name[name], f"{self.shown}.{name}", code=code, **details)
 
     def lacks(self, name: str, choices: tuple[str, ...]) -> bool:
-        """Whether a required tag is absent, which is an error."""
+        """Whether a required tag is absent. A missing tag is an error."""
         if name in self.by_name:
             return False
         message = f"required tag <{name}> is missing"
@@ -130,7 +128,7 @@ class _Tags:
         return True
 
     def report_unknown(self, actuator: type[Actuator]) -> None:
-        """Warn of tags that the actuator does not have, and of missing ones."""
+        """Warn about tags that the actuator does not have, and about missing tags."""
         known = (*BLOCK_TAGS, *tag_parameters(actuator))
         for name, tag in self.by_name.items():
             if name not in known:
@@ -144,7 +142,7 @@ class _Tags:
                 self.findings.warn(message, self.plugin, self.shown, code="missing-tag")
 
     def joint(self, joints: dict[str, Joint], blocks: dict[str, ActuatorBlock]) -> str | None:
-        """Name of the joint; None if it cannot have this block."""
+        """Name of the joint; None if the joint cannot have an actuator."""
         movable = tuple(joint.name for joint in joints.values() if joint.moves)
         if self.lacks("joint", movable):
             return None
@@ -163,7 +161,7 @@ class _Tags:
         return None
 
     def mode(self) -> int | None:
-        """Operation mode; None if there is none."""
+        """Operation mode; None if it is invalid."""
         if self.lacks("operation_mode", MODE_CHOICES):
             return None
         text = self.text("operation_mode")
@@ -174,14 +172,14 @@ class _Tags:
         return None
 
     def switch(self, name: str) -> bool:
-        """A truth value; false if the tag is absent."""
+        """Truth value of a tag; False if the tag is absent."""
         value = _BOOLEANS.get(self.text(name).lower())
         if value is None and name in self.by_name:
             self.error("must be true or false", name, code="not-a-boolean", choices=tuple(_BOOLEANS))
         return bool(value)
 
     def sample_time(self) -> float | None:
-        """s."""
+        """Sampling time, s; None if the tag is absent."""
         if "t_sample" not in self.by_name:
             return None
         value = self.number("t_sample")
@@ -191,7 +189,7 @@ class _Tags:
         return value
 
     def parameters(self, actuator: type[Actuator], mode: int | None) -> dict[str, ParameterValue]:
-        """All parameters of the actuator by name, defaults filled in."""
+        """All parameters of the actuator by name, with defaults for missing tags."""
         tags = parameter_tags(actuator)
         given = {name: tag for tag, name in reversed(tag_parameters(actuator).items()) if tag in self.by_name}
         return {
@@ -202,7 +200,7 @@ class _Tags:
         }
 
     def parameter(self, parameter: Parameter, name: str) -> ParameterValue:
-        """The parameter that a tag sets."""
+        """Parameter from its tag."""
         value = self.number(name)
         fault = None if value is None else parameter_fault(parameter, value)
         if fault:
@@ -213,7 +211,7 @@ class _Tags:
         )  # fmt: skip
 
     def number(self, name: str) -> float | None:
-        """The number in a tag; None if it is none."""
+        """Number in a tag; None if it is invalid."""
         text = self.text(name)
         try:
             value, arithmetic = read_number(text)

@@ -1,4 +1,4 @@
-"""Forward kinematics and gravity of a robot as data: many postures at once, by NumPy alone, without an engine."""
+"""Forward kinematics and gravity torques of a robot for many postures at once, in NumPy, without an engine."""
 
 from __future__ import annotations
 
@@ -14,33 +14,32 @@ from asrsim.robot.poses import rotation_matrix
 
 Array = NDArray[np.float64]
 Pose = tuple[Array, Array]
-"""Rotation (n, 3, 3) and position (n, 3) m, in the world."""
+"""Rotation (n, 3, 3) and position (n, 3) in m, in the world frame."""
 
 
 class _Step:
-    """From a link to the next: what does not depend on the posture."""
+    """Transform from a link to the next, except the part that depends on the posture."""
 
     def __init__(self, joint: Joint) -> None:
         x, y, z = joint.axis
         self.joint = joint
         self.rotation, self.origin, self.axis = rotation_matrix(joint.rpy), np.array(joint.origin), np.array(joint.axis)
         self.cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
-        """Matrix of the cross product with the axis, for Rodrigues' formula."""
+        """Cross-product matrix of the axis, for Rodrigues' formula."""
         self.cross_squared = self.cross @ self.cross
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """A robot on its base."""
+    """Robot on its base."""
 
     robot: Robot
     base_position: Vector
     base_rpy: Vector
 
     def poses(self, positions: Mapping[str, Array], base: Pose | None = None) -> dict[str, Pose]:
-        """Pose of the frame of every link with the joints at `positions` (joint -> (n,), rad or m; absent: 0).
-
-        base: pose of the root over the postures, for a floating base.
+        """Poses of all link frames for joint positions (joint -> (n,), rad or m; 0 for missing joints). base: poses of a
+        floating base.
         """
         count = max((len(values) for values in positions.values()), default=1)
         fixed = np.tile(rotation_matrix(self.base_rpy), (count, 1, 1)), np.tile(self.base_position, (count, 1))
@@ -66,7 +65,7 @@ class Chain:
         return tuple(map(_Step, self.robot.outward_joints))
 
     def gravity_load(self, positions: Mapping[str, Array], gravity: Vector) -> dict[str, Array]:
-        """Moving joint -> (n,) torque in N m (force in N) by which gravity (m/s^2) drives it along its axis."""
+        """Moving joint -> torque (n,) of gravity about its axis, N m (force along it, N). gravity in m/s^2."""
         frames = self.poses(positions)
         pull = np.array(gravity)
         masses = {link.name: link.mass or 0.0 for link in self.robot.links}

@@ -1,6 +1,6 @@
-"""Warnings about a robot that can be simulated: values that are probably mistakes, and settings that have no effect.
+"""Warnings about a robot that can be simulated: values that are probably mistakes, and settings without effect.
 
-To add a warning, write a generator and list it in :data:`ROBOT_CHECKS` or :data:`BLOCK_CHECKS`.
+To add a warning, write a generator and list it in `ROBOT_CHECKS` or `BLOCK_CHECKS`.
 """
 
 from __future__ import annotations
@@ -20,24 +20,22 @@ from asrsim.robot.structure import EMPTY_LIMIT
 from asrsim.robot.values import has_spring
 
 HEAVY = 50.0
-"""kg: heavier than any link of an arm below 0.8 m; for larger arms the bound grows with the cube of the arm's size."""
+"""Largest plausible mass of a link in arms below 0.8 m, kg; for larger arms it grows with the cube of the arm's size."""
 DENSITY = 100.0
-"""kg/m^3 over the cube around the whole arm; industrial arms have 10 to 30."""
+"""Largest plausible density of a robot, over the cube around it, kg/m^3; industrial arms have 10 to 30."""
 AWAY = 2.0
-"""m that a centre of mass may lie outside all known parts of the robot."""
+"""Largest plausible distance of a centre of mass from all known parts of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Limits of revolute joints in this range are several turns, or degrees."""
+"""Range of limits of revolute joints that are several turns or, by mistake, degrees."""
 WIDE = 100.0
-"""m from one end of a robot to the other."""
+"""Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
-"""Factor between a parameter and its default that gets a warning, and its inverse."""
+"""Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
 GAINS = ("proportional", "integral", "derivative")
-TEMPLATE_VALUES = {"damping": 0.0019, "friction_torque": 0.5}
-"""Motor parameters whose value in the toolbox's templates differs from the default of its code."""
 
 
 def robot_doubts(robot: Robot) -> Iterator[Problem]:
-    """Warnings about a robot as its file describes it."""
+    """Warnings about a robot as described in its file."""
     for check in ROBOT_CHECKS:
         yield from check(robot)
     for block in robot.actuators:
@@ -59,7 +57,7 @@ def _about(message: str, robot: Robot, part: Link | Joint, *, code: str, **detai
 
 
 def _sizes(robot: Robot) -> Iterator[Problem]:
-    """Masses in g, lengths in mm."""
+    """Warnings about masses and lengths that are probably in g and mm."""
     poses = link_poses(robot)
     points = [pose.position for pose in poses.values()]
     for link in robot.links:
@@ -88,7 +86,7 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
 
 
 def _no_inertial(robot: Robot) -> Iterator[Problem]:
-    """Links other than the root without `<inertial>`: an engine would make up 1 kg for them."""
+    """Warnings about links without `<inertial>`, except the root: PyBullet would assume a mass of 1 kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
             message = "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)"
@@ -108,7 +106,7 @@ def _limits(robot: Robot) -> Iterator[Problem]:
 
 
 def _passive(robot: Robot) -> Iterator[Problem]:
-    """Springs of `<gazebo reference>`."""
+    """Warnings about the springs of `<gazebo reference>`."""
     driven = {block.joint for block in robot.actuators}
     for joint in robot.moving_joints:
         stiffness = joint.spring_stiffness
@@ -156,14 +154,14 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Doubt:
-    """What is probably a mistake in an actuator's parameters, or its joint."""
+    """A probable mistake in an actuator's parameters or its joint."""
 
     message: str
     code: str
     value: str | None = None
     hint: str | None = None
     parameters: tuple[ParameterValue, ...] = ()
-    """The parameters that it is about; none: the whole actuator."""
+    """Parameters with the problem; empty: the problem is about the whole actuator."""
 
 
 def block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Doubt, ...]:
@@ -190,11 +188,11 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
 
 
 def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
-    """Parameters that are set, one by one."""
+    """Doubts about single parameters that the file sets."""
     mode, values = MODES[block.mode], block.values()
     for declared in ACTUATORS.get(block.actuator).all_parameters():
         name, parameter = declared.name, block.parameters[declared.name]
-        value, from_file = parameter.value, parameter.origin == "tag"
+        value = parameter.value
 
         def doubt(message: str, *, code: str, value: str | None = None, parameter: ParameterValue = parameter) -> Doubt:
             return Doubt(message=message, code=code, value=value, parameters=(parameter,))
@@ -203,14 +201,6 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
             continue
         if declared.unused:
             yield doubt(f"has no effect: {declared.unused}", code="unused-tag")
-        template = next((number for end, number in TEMPLATE_VALUES.items() if name.endswith(end)), None)
-        if from_file and value == template:
-            message = f"{value:g} is what the toolbox's template shows; the default of its code is {declared.default:g}"
-            yield doubt(message, code="template-value")
-        if from_file and name.endswith("max_velocity"):
-            yield doubt("the toolbox reads this limit and never enforces it; asrsim does", code="ignored-by-toolbox")
-        if from_file and math.isinf(value):
-            yield doubt("infinite, taken as no limit; some Gazebo versions read it as 0", code="misread-value")
         if mode.controller and name.startswith("controller_") and name.endswith(GAINS) and value < 0.0:
             yield doubt("a negative gain drives away from the reference", code="negative-gain", value=f"{value:g}")
         if declared.optional and values.get(declared.needs, 1.0) <= 0.0:
@@ -229,7 +219,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
 
 
 def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Doubt]:
-    """A block that sets the gains of motor 1 alone leaves motor 2 at the defaults."""
+    """Doubt about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
     mode = MODES[block.mode]
     differing = []
     for name, value in block.parameters.items() if mode.motor and mode.controller else ():

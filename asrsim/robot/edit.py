@@ -1,4 +1,4 @@
-"""Numbers of a URDF replaced in its text: comments, layout and everything else stay as they are, to the byte."""
+"""Replaces numbers in the text of a URDF. Comments, layout and all other bytes stay the same."""
 
 from __future__ import annotations
 
@@ -17,30 +17,31 @@ _START_TAG = re.compile(rb"<(?:[^>\"']|\"[^\"]*\"|'[^']*')*>")
 _ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
     name: ("inertia", name) for name in INERTIAS
 } | {"mass": ("mass", "value")}  # fmt: skip
-"""Name -> tag and attribute that hold it, in a joint or in the `<inertial>` of a link."""
+"""Name of a number -> its tag and attribute, in a joint or in the `<inertial>` of a link."""
 
 
 @dataclass(kw_only=True)
 class _Element:
-    """An element and its place in the bytes."""
+    """Element and its position in the bytes."""
 
     name: str
     attributes: Mapping[str, str]
     start: int
     opened: int
-    """First byte after the start tag."""
+    """Position of the first byte after the start tag."""
     end: int = 0
-    """First byte of the end tag; of an empty-element tag: that after it."""
+    """Position of the first byte of the end tag; in an empty-element tag, of the first byte after it."""
     children: list[_Element] = field(default_factory=list)
 
     def child(self, tag: str, /, **attributes: str) -> _Element | None:
-        """The first child of that tag with these attributes."""
+        """First child with this tag and these attributes."""
         return next((one for one in self.children if one.name == tag and attributes.items() <= one.attributes.items()), None)
 
 
 def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> bytes:
-    """The file with joint or link -> name -> value, as :func:`asrsim.robot.vary.varied_robot` takes them, in the place of its
-    own numbers; a number that the file leaves to a default gets a tag. Raises RobotError where the text has no place for one.
+    """Text of the file with other numbers: joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`.
+
+    A number that the file leaves to its default gets a tag. Raises RobotError if the text has no place for a number.
     """
     lacking: list[Problem] = []
     for owner, values in changes.items():
@@ -78,7 +79,7 @@ def _parse(data: bytes) -> _Element:
 
 
 def _edited(data: bytes, robot: Robot, owner: str, name: str, value: str) -> bytes | None:
-    """The text with one number replaced; None: it has no place for it."""
+    """Text with one number replaced; None if the text has no place for it."""
     root = _parse(data)
     joint, link = root.child("joint", name=owner), root.child("link", name=owner)
     inertial = link.child("inertial") if link is not None else None
@@ -115,7 +116,7 @@ def _plugin(data: bytes, root: _Element, joint: str) -> _Element | None:
 
 
 def _put(data: bytes, parent: _Element, tag: str, attribute: str | None, value: str) -> bytes:
-    """The text with a value in the place of an attribute of a child, or of its text; what is missing is added."""
+    """Text with a new value of an attribute of a child, or of the child's text. Missing tags and attributes are added."""
     child = parent.child(tag)
     if child is None:
         return _inserted(data, parent, f'<{tag} {attribute}="{value}"/>' if attribute else f"<{tag}>{value}</{tag}>")
@@ -131,7 +132,7 @@ def _put(data: bytes, parent: _Element, tag: str, attribute: str | None, value: 
 
 
 def _inserted(data: bytes, parent: _Element, text: str) -> bytes:
-    """The text with a new last child, on a line of its own where the other children have one."""
+    """Text with a new last child, on its own line if the other children have their own lines."""
     if data[parent.opened - 2 : parent.opened] == b"/>":
         return data[: parent.opened - 2] + f">{text}</{parent.name}>".encode() + data[parent.opened :]
     place = parent.end

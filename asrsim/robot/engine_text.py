@@ -1,4 +1,4 @@
-"""URDF text for a physics engine, written from the robot's data: no engine reads a user's file."""
+"""URDF text for a physics engine, written from the robot's data. Engines never read a user's file."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from asrsim.robot.packages import Packages, package_name, packages_of
 from asrsim.robot.shapes import SIZES
 
 LONGEST_LINE = 1000
-"""Bytes: PyBullet reads a line in pieces, and a seam inside a tag breaks the document."""
+"""Longest line, bytes: PyBullet reads longer lines in pieces, and a break inside a tag makes the document invalid."""
 NO_LIMIT = 1e9
-"""rad, m, N m, N, rad/s, m/s: written where one of a joint's limits is missing and the format wants a number."""
+"""Number in place of a missing limit, where the format requires a number (rad, m, N m, N, rad/s, m/s)."""
 
 
 def usable_shapes(
     robot: Robot, *, visuals: bool = False, package_paths: Mapping[str, Path | str] | None = None
 ) -> tuple[Robot, tuple[Problem, ...]]:
-    """The robot with meshes named by the paths of their files, and without those that cannot be used; and warnings.
+    """Robot with the paths of its mesh files, without unusable meshes, and warnings.
 
-    No file is named but meshes that exist inside the robot's folder, its package or a known package. A warning names the
-    link of each collision that is left out; all visuals share one. `visuals=False` leaves all visuals out.
+    Meshes must exist in the robot's folder, its package or a known package. Each collision that is left out has a warning with
+    its link; all visuals share one warning. `visuals=False` leaves out all visuals.
     """
     packages = packages_of(robot.path, package_paths)
     warnings: list[Problem] = []
@@ -61,7 +61,7 @@ def usable_shapes(
 
 
 def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
-    """The file of a mesh, or why it cannot be used."""
+    """File of a mesh, or the reason why it cannot be used."""
     if Path(shape.mesh).suffix.lower() not in MESH_FORMATS:
         return f"is none of {', '.join(MESH_FORMATS)}"
     found = packages.resolve(shape.mesh)
@@ -69,7 +69,7 @@ def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
 
 
 def engine_urdf(robot: Robot, *, package_paths: Mapping[str, Path | str] | None = None) -> tuple[str, tuple[Problem, ...]]:
-    """The robot as PyBullet may load it, without visuals, and the warnings of :func:`usable_shapes`.
+    """The robot as PyBullet may load it, without visuals, and the warnings of `usable_shapes`.
 
     Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
     links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
@@ -94,7 +94,7 @@ def engine_urdf(robot: Robot, *, package_paths: Mapping[str, Path | str] | None 
 
 
 def _cure(mesh: str, fault: str) -> str | None:
-    """How to name the package whose folder is not known."""
+    """Hint to name a package with an unknown folder."""
     name = package_name(mesh)
     if name is None or not fault.endswith("is not known"):
         return None
@@ -149,7 +149,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _in_short_lines(root: Any, robot: Robot) -> str:
-    """The document, an element a line."""
+    """Document as text, with one element per line."""
     etree.indent(root, "")
     text: str = etree.tostring(root, encoding="unicode")
     for line in text.splitlines():

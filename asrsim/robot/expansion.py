@@ -1,7 +1,7 @@
-"""Expands a xacro file in a process of its own that may compute and read allowed files, and nothing else.
+"""Expands a xacro file in a separate process that can only compute and read allowed files.
 
-xacro evaluates Python expressions. The child (`xacro_child.py`) evaluates a checked subset of them, reads only inside
-the allowed folders, sees no environment variables, and is bounded in time and memory.
+xacro evaluates Python expressions. The child process (`xacro_child.py`) evaluates a checked subset of them, reads only files in
+the allowed folders, sees no environment variables, and has limits on time and memory.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from asrsim.robot.packages import Packages
 from asrsim.robot.xmlfile import MAX_BYTES
 
 TIME_LIMIT = 30.0
-"""s of wall clock for one file."""
+"""Time limit for one file, s of wall clock."""
 
 
 def expand_xacro(
     path: Path, arguments: Mapping[str, str], packages: Packages, *, time_limit: float = TIME_LIMIT
 ) -> tuple[bytes, tuple[Problem, ...]]:
-    """The expanded URDF and xacro's own warnings. Raises RobotError where xacro fails or a limit is reached."""
+    """Expanded URDF text, and xacro's warnings. Raises RobotError if xacro fails or a limit is reached."""
     request = {
         "path": str(path.resolve()),
         "arguments": {str(key): str(value) for key, value in arguments.items()},

@@ -14,14 +14,14 @@ from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import BLANKS, elements
 
 LARGEST = 1e12
-"""In SI units: masses, inertias and lengths beyond it are mistakes, and their products would overflow."""
+"""Largest plausible mass, inertia or length, SI units; products of larger values would overflow."""
 SMALLEST = 1e-30
-"""In SI units: masses, inertias and parameters closer to 0, and not 0, are mistakes, and their inverses would overflow."""
+"""Smallest plausible mass, inertia or parameter other than 0, SI units; inverses of smaller values would overflow."""
 ZERO = (0.0, 0.0, 0.0)
 
 
 def words(text: str) -> list[str]:
-    """The words of an attribute, separated by XML's own white space."""
+    """Words of an attribute, separated by the white space of XML."""
     return [word for word in re.split(f"[{BLANKS}]+", text) if word]
 
 
@@ -41,10 +41,10 @@ class Findings:
         self.errors: list[Problem] = []
         self.warnings: list[Problem] = []
         self.expanded = expanded
-        """The elements come from an expanded xacro file: their lines are not those of the user's file."""
+        """Whether the elements are from an expanded xacro file, whose lines differ from those of the user's file."""
 
     def line(self, at: Any) -> int | None:
-        """The line of an element in the user's file, None if unknown."""
+        """Line of an element in the user's file; None if unknown."""
         if at is None or isinstance(at, int):
             return at
         return None if self.expanded else at.sourceline
@@ -58,7 +58,7 @@ class Findings:
         self.warnings.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
     def origin(self, element: Any, name: str) -> tuple[Vector, Vector]:
-        """Position in m and roll, pitch, yaw in rad of an `<origin>`, zero where it is absent."""
+        """Position in m, and roll, pitch, yaw in rad of an `<origin>`; zero without an `<origin>`."""
         tags = elements(element, "origin")
         if not tags:
             return ZERO, ZERO
@@ -72,7 +72,7 @@ class Findings:
         return position, angles
 
     def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
-        """The attribute as a number; 0 if it is absent or wrong. A wrong one is an error, and so is a missing required one."""
+        """Attribute as a number; 0 if it is absent or invalid. Invalid and missing required attributes are errors."""
         text = element.get(key)
         if text is None:
             if required:
@@ -81,7 +81,7 @@ class Findings:
         return self.value(text, text, element, place, finite=finite)
 
     def vector(self, element: Any, key: str, place: str, *, default: Vector) -> Vector:
-        """The attribute as three numbers; the default if it is absent or wrong."""
+        """Attribute as three numbers; the default if it is absent or invalid."""
         text = element.get(key)
         if text is None:
             return default
@@ -93,7 +93,7 @@ class Findings:
         return x, y, z
 
     def value(self, text: str, shown: str, at: Any, place: str, *, finite: bool = True) -> float:
-        """The number that a text is; 0 and an error if it is none, is infinite where it must not be, or is absurdly large."""
+        """Number in a text; 0 with an error if the text is no number, is infinite where this is invalid, or is too large."""
         fault, code = "", "not-a-number"
         try:
             number = plain_number(text)

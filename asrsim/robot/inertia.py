@@ -1,4 +1,4 @@
-"""Inertia of links, and the mass matrix of a robot at the zero pose for the checks of a file before anything is built."""
+"""Inertia of links, and the mass matrix of a robot at the zero pose, for checks of its file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from asrsim.robot.poses import link_poses, roll_pitch_yaw, rotation_matrix
 
 
 def zero_pose_matrix(robot: Robot) -> np.ndarray:
-    """(n, n) mass matrix of the moving joints, kg m^2 (kg for prismatic joints), at the zero pose with a fixed base.
+    """Mass matrix (n, n) of the moving joints at the zero pose with a fixed base, kg m^2 (kg for prismatic joints).
 
     Links without inertia count as massless.
     """
@@ -41,9 +41,9 @@ def zero_pose_matrix(robot: Robot) -> np.ndarray:
 
 
 def effective_inertia(matrix: np.ndarray) -> np.ndarray:
-    """(n,) inertia that a torque on one joint meets while all other joints are free: 1 / (M^-1)_ii, at most the diagonal.
+    """Effective inertia (n,) of each joint while all other joints are free, 1 / (M^-1)_ii; at most the diagonal of M.
 
-    Joints whose row makes the matrix singular (massless ends of chains) have 0.
+    It is 0 for joints that make the matrix singular (massless ends of chains).
     """
     scale = np.sqrt(np.diag(matrix))
     alive = np.flatnonzero(scale > 0.0)
@@ -55,17 +55,17 @@ def effective_inertia(matrix: np.ndarray) -> np.ndarray:
 
 
 def inertia_tensor(link: Link) -> np.ndarray:
-    """(3, 3) kg m^2, about the centre of mass, along the axes of the link's frame."""
+    """Inertia tensor (3, 3) about the centre of mass, along the axes of the link's frame, kg m^2."""
     turned = rotation_matrix(link.inertial_rpy)
     tensor: np.ndarray = turned @ _own_tensor(link) @ turned.T
     return tensor
 
 
 def principal_axes(link: Link) -> tuple[Vector, Vector]:
-    """Principal moments in kg m^2, none below 0, and the roll, pitch, yaw in rad of their axes in the link's frame.
+    """Principal moments in kg m^2, at least 0, and roll, pitch, yaw of their axes in the link's frame, rad.
 
-    Engines diagonalise a full tensor with tolerances of their own (PyBullet: 1e-10 relative in the mass matrix of a robot of
-    50 links); diagonal ones they take as they are.
+    Engines diagonalise a full tensor with their own tolerances (PyBullet: relative errors of 1e-10 in the mass matrix of a
+    robot of 50 links), but use a diagonal tensor unchanged.
     """
     tensor = _own_tensor(link)
     if not (tensor - np.diag(np.diag(tensor))).any():
@@ -78,6 +78,6 @@ def principal_axes(link: Link) -> tuple[Vector, Vector]:
 
 
 def _own_tensor(link: Link) -> np.ndarray:
-    """(3, 3) kg m^2, along the axes of the inertial frame."""
+    """Inertia tensor (3, 3) along the axes of the inertial frame, kg m^2."""
     xx, xy, xz, yy, yz, zz = link.inertia or (0.0,) * 6
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -1,4 +1,4 @@
-"""Links that fixed joints hold together made one body each, exactly: engines pay for every link, and merge badly themselves."""
+"""Merges links that are connected by fixed joints into one body: engines need time for each link, and merge inexactly."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a link of the file is in the merged robot."""
+    """Position of a link of the file in the merged robot."""
 
     body: str
-    """The merged link that it belongs to: the one of its links that a moving joint carries, or the root."""
+    """Merged link that contains the link. Its name is that of the root, or of the link that a moving joint carries."""
     pose: Pose
-    """The link's frame in the body's."""
+    """Pose of the link's frame in the body's frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MergedRobot:
-    """A robot without fixed joints, and the way back to the links of its file."""
+    """Robot without fixed joints, and the places of the file's links in it."""
 
     robot: Robot
-    """Links are bodies, joints the moving ones, in the order of the file."""
+    """Robot whose links are the bodies and whose joints are the moving joints, in file order."""
     places: Mapping[str, Place]
-    """Link of the file -> its place; a body's own link is at home in it."""
+    """Link of the file -> its place in the merged robot."""
 
 
 def merge_fixed(robot: Robot) -> MergedRobot:
-    """Merge what fixed joints hold together: masses, centres, inertias by parallel axes, shapes and joints put in place.
+    """Robot with merged links: masses, centres, inertias (by the parallel-axis theorem), shapes and joints are combined.
 
-    A body of one link keeps its numbers as they are. A body without any `<inertial>` has none, and one whose links have
-    no mass keeps the sum of their inertias.
+    A body of one link keeps its numbers unchanged. A body without any `<inertial>` has none. A body of massless links has the
+    sum of their inertias.
     """
     links = {link.name: link for link in robot.links}
     moving = robot.moving_joints

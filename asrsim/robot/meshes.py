@@ -1,4 +1,4 @@
-"""Whether a mesh file is one: engines take garbage silently, and some of it makes them crash."""
+"""Checks mesh files: engines accept invalid files silently, and some invalid files crash them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
 MAX_BYTES = 256 * 1024 * 1024
-"""Of a mesh file."""
+"""Largest size of a mesh file, bytes."""
 MAX_LINE = 4000
-"""Bytes: PyBullet's OBJ reader copies words of a line into fixed buffers."""
+"""Longest word in an OBJ file, bytes: PyBullet's reader copies words into buffers of fixed size."""
 _STL_HEAD = 84
-"""Bytes before the triangles of a binary STL: 80 of text, 4 of their count."""
+"""Bytes before the triangles of a binary STL: 80 of text, 4 of the number of triangles."""
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("points", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def mesh_fault(path: Path) -> str | None:
-    """What is wrong with a mesh file (.stl, .obj, .dae), a phrase, or None."""
+    """Fault of a mesh file (.stl, .obj, .dae) as a phrase; None if it is valid."""
     try:
         if path.stat().st_size > MAX_BYTES:
             return f"is larger than {MAX_BYTES // 2**20} MB"
@@ -39,7 +39,7 @@ def _stl_fault(data: bytes) -> str | None:
     if len(data) < _STL_HEAD or len(data) != _STL_HEAD + count * _STL_TRIANGLE.itemsize:
         if data.lstrip().startswith(b"solid") and b"vertex" in data:
             return "is a text STL file, of which PyBullet reads only binary ones"
-        return "is no STL file: its size does not go with its number of triangles"
+        return "is no STL file: its size does not match its number of triangles"
     if count == 0:
         return "has no triangle"
     points = np.frombuffer(data, _STL_TRIANGLE, offset=_STL_HEAD)["points"]
@@ -81,7 +81,7 @@ def _dae_fault(data: bytes) -> str | None:
 
 
 def _primitive_fault(element: Any) -> str | None:
-    """Triangles are numbers that point into arrays; engines do not look whether they do."""
+    """Fault of triangles with indices outside of their arrays, which engines do not check; None if all are valid."""
     mesh = element.getparent()
     names = {part.get("id") for part in mesh.iter() if isinstance(part.tag, str)}
     inputs = list(element.iter("{*}input"))

@@ -1,4 +1,4 @@
-"""The robot as pure data: what the URDF says, before anything is built."""
+"""Robot as pure data, as described in its URDF."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from asrsim.errors import Problem
 Vector = tuple[float, float, float]
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""Value of a parameter with a fault that is already reported; compared by identity, since other NaNs are possible."""
+"""Value of a parameter whose problem is already reported. It is compared by identity, as other NaNs are possible."""
 STRIBECK_VELOCITY = 0.1
-"""rad/s (m/s), where a file gives none."""
+"""Velocity limit of a joint where the file has none, rad/s (m/s)."""
 INERTIAS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""Of a link's inertia, as URDFs name them."""
+"""Names of the entries of an inertia tensor in URDFs."""
 ShapeKind = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterValue:
-    """A parameter of one actuator, with where its value came from."""
+    """Parameter of one actuator, and the source of its value."""
 
     name: str
     value: float
-    """:data:`UNREAD` where what is given has a fault."""
+    """Value; `UNREAD` if the given value is invalid."""
     unit: str
     origin: Origin
     tag: str = ""
-    """The toolbox's tag name, whether the file has it or not."""
+    """Name of the toolbox's tag, also if the file lacks the tag."""
     line: int | None = None
     text: str = ""
-    """The text of the tag, where the value came from one."""
+    """Text of the tag, if the value is from a tag."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,20 +43,20 @@ class ActuatorBlock:
     """One `<gazebo><plugin>` block of the toolbox: an actuator on a joint."""
 
     actuator: str
-    """Registry name: `qbmove` for `libqbmove_plugin.so`."""
+    """Name in the registry: `qbmove` for `libqbmove_plugin.so`."""
     joint: str
     mode: int
     namespace: str = ""
     subscribe_external_torque: bool = False
     sample_time: float | None = None
-    """s, the later dialect's `<t_sample>`; kept as data, the simulation runs at the scenario's step."""
+    """Sampling time in the later dialect's `<t_sample>`, s; stored only, as the simulation uses the scenario's step."""
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
-    """Every parameter of the actuator by name, defaults filled in."""
+    """All parameters of the actuator by name, with defaults."""
     plugin_name: str = ""
     line: int | None = None
 
     def values(self) -> Mapping[str, float]:
-        """Parameter values by name."""
+        """Values of the parameters by name."""
         return self._values
 
     @cached_property
@@ -70,15 +70,15 @@ class Shape:
 
     kind: ShapeKind
     size: tuple[float, ...] = ()
-    """m. box: edges x, y, z; sphere: radius; cylinder and capsule: radius, length; mesh: none."""
+    """Sizes, m. Box: edges x, y, z; sphere: radius; cylinder and capsule: radius, length; mesh: none."""
     origin: Vector = (0.0, 0.0, 0.0)
-    """m, the shape's frame in the link's frame."""
+    """Position of the shape's frame in the link's frame, m."""
     rpy: Vector = (0.0, 0.0, 0.0)
-    """rad, the same frame's orientation."""
+    """Orientation of the shape's frame in the link's frame, rad."""
     mesh: str = ""
-    """The mesh's file as the robot file names it; `Packages.resolve` finds it."""
+    """File of the mesh as named in the robot file; `Packages.resolve` finds it."""
     scale: Vector = (1.0, 1.0, 1.0)
-    """Of a mesh, along its own axes."""
+    """Scale of the mesh along its own axes."""
     colour: tuple[float, float, float, float] | None = None
     """Red, green, blue, opacity, 0 to 1; None where the file gives none."""
     line: int | None = None
@@ -90,13 +90,13 @@ class Link:
 
     name: str
     mass: float | None
-    """kg; None where the file gives no `<inertial>`."""
+    """Mass, kg; None if the file has no `<inertial>`."""
     inertia: tuple[float, float, float, float, float, float] | None
-    """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, in the inertial frame, kg m^2."""
+    """ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the inertial frame, kg m^2."""
     centre_of_mass: Vector = (0.0, 0.0, 0.0)
-    """m, in the link's frame."""
+    """Position of the centre of mass in the link's frame, m."""
     inertial_rpy: Vector = (0.0, 0.0, 0.0)
-    """rad, turns the inertial frame against the link's frame."""
+    """Orientation of the inertial frame in the link's frame, rad."""
     collisions: tuple[Shape, ...] = ()
     visuals: tuple[Shape, ...] = ()
     line: int | None = None
@@ -104,12 +104,12 @@ class Link:
 
 @dataclass(frozen=True, kw_only=True)
 class Mimic:
-    """A joint that is to follow another: position = multiplier * (the other's) + offset. Data only, not simulated."""
+    """Coupling of a joint to another joint: position = multiplier * (the other's position) + offset. It is not simulated."""
 
     joint: str
     multiplier: float
     offset: float
-    """rad or m."""
+    """Offset, rad or m."""
 
     def __str__(self) -> str:
         return f"{self.multiplier:g} * {self.joint} + {self.offset:g}"
@@ -125,51 +125,51 @@ class Joint:
     parent: str
     child: str
     axis: Vector = (1.0, 0.0, 0.0)
-    """Unit vector in the joint's frame."""
+    """Unit vector of the axis in the joint's frame."""
     origin: Vector = (0.0, 0.0, 0.0)
-    """m, the joint's frame in the parent link's frame."""
+    """Position of the joint's frame in the parent link's frame, m."""
     rpy: Vector = (0.0, 0.0, 0.0)
-    """rad, the same frame's orientation."""
+    """Orientation of the joint's frame in the parent link's frame, rad."""
     lower: float | None = None
-    """rad or m; None: no limit, as of every continuous joint."""
+    """Lower limit, rad or m; None: no limit, as for all continuous joints."""
     upper: float | None = None
     effort: float | None = None
-    """N m or N; None: no limit given."""
+    """Effort limit, N m or N; None: no limit."""
     velocity: float | None = None
     damping: float = 0.0
     friction: float = 0.0
-    """N m or N, Coulomb."""
+    """Coulomb friction, N m or N."""
     stribeck_friction: float = 0.0
-    """N m or N: static friction above the Coulomb level, which fades with speed (`<stribeckFriction>`); 0: none."""
+    """Static friction minus Coulomb friction, N m or N, which fades with speed (`<stribeckFriction>`)."""
     stribeck_velocity: float = STRIBECK_VELOCITY
-    """rad/s or m/s at which 37 % of that are left (`<stribeckVelocity>`)."""
+    """Speed at which 37 % of the static excess remain, rad/s or m/s (`<stribeckVelocity>`)."""
     load_friction: float = 0.0
-    """Share of the torque through the joint's drive that adds to the Coulomb level (`<loadFriction>`); 0: none."""
+    """Additional Coulomb friction as a fraction of the torque through the joint's drive (`<loadFriction>`)."""
     spring_stiffness: float = 0.0
-    """N m/rad or N/m, of a passive spring (Gazebo's `<springStiffness>`); 0: none."""
+    """Stiffness of a passive spring, N m/rad or N/m (Gazebo's `<springStiffness>`); 0: no spring."""
     spring_reference: float = 0.0
-    """rad or m where that spring is at rest (`<springReference>`)."""
+    """Rest position of the passive spring, rad or m (`<springReference>`)."""
     mimic: Mimic | None = None
     line: int | None = None
 
     @property
     def frictions(self) -> tuple[float, float, float]:
-        """Coulomb level and static excess in N m (N), and the load's share: all 0 where nothing rubs."""
+        """Coulomb friction and static excess in N m (N), and the fraction of the load; all 0 without friction."""
         return self.friction, self.stribeck_friction, self.load_friction
 
     @property
     def friction_varies(self) -> bool:
-        """Its friction depends on speed or load."""
+        """Whether the friction depends on speed or load."""
         return bool(self.stribeck_friction or self.load_friction)
 
     @property
     def stops(self) -> tuple[float, float]:
-        """Lower and upper limit in rad or m, infinite where there is none."""
+        """Lower and upper limit in rad or m; infinite without limits."""
         return -math.inf if self.lower is None else self.lower, math.inf if self.upper is None else self.upper
 
     @property
     def most_effort(self) -> float:
-        """N m or N, infinite where there is no limit."""
+        """Effort limit, N m or N; infinite without a limit."""
         return math.inf if self.effort is None else self.effort
 
     @property
@@ -180,28 +180,28 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A robot as its file says it; :func:`asrsim.robot.load_robot` gives it without faults."""
+    """Robot as described in its file. `asrsim.robot.load_robot` returns robots without faults."""
 
     name: str
     path: Path
     text: str = field(repr=False)
-    """URDF text as read, for the log; for xacro, as expanded. Engines get the data instead."""
+    """Text of the URDF for the log; for xacro, the expanded text. Engines receive the data instead."""
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
     warnings: tuple[Problem, ...] = ()
     faults: tuple[Problem, ...] = ()
-    """Errors of the file. Parts with a fault have a default value in this robot, or are missing."""
+    """Errors of the file. In this robot, parts with an error have default values or are missing."""
     unread: frozenset[str] = frozenset()
-    """Joints of which it is not known which actuator drives them in which mode, since that has a fault."""
+    """Joints whose actuator or mode is unknown, because the file states it wrongly."""
 
     def joint(self, name: str) -> Joint:
-        """The joint of that name; KeyError if there is none."""
+        """Joint with this name. Raises KeyError if there is none."""
         return {joint.name: joint for joint in self.joints}[name]
 
     @cached_property
     def carried(self) -> Mapping[str, tuple[Joint, ...]]:
-        """Link -> the joints that it is the parent of, in file order; absent: none."""
+        """Link -> its child joints, in file order."""
         found: dict[str, tuple[Joint, ...]] = {}
         for joint in self.joints:
             found[joint.parent] = (*found.get(joint.parent, ()), joint)
@@ -220,7 +220,7 @@ class Robot:
 
     @property
     def root(self) -> Link:
-        """The link that is no joint's child."""
+        """Link that is not the child of any joint."""
         children = {joint.child for joint in self.joints}
         return next(link for link in self.links if link.name not in children)
 

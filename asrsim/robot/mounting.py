@@ -18,7 +18,7 @@ from asrsim.robot.values import parameter_fault, together_faults
 
 
 def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
-    """The block of an actuator with nothing but defaults. Raises InputError where the actuator is unknown."""
+    """Block of an actuator with default values. Raises InputError if the actuator is unknown."""
     cls = ACTUATORS.get(actuator)
     tags = parameter_tags(cls)
     parameters = {one.name: default_parameter(one, mode, tags[one.name]) for one in cls.all_parameters()}
@@ -26,9 +26,9 @@ def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> Actu
 
 
 def block_text(joint: str, actuator: str, mode: int) -> str:
-    """The plugin block of an actuator with all its finite parameters at their defaults, to paste into a URDF.
+    """Plugin block of an actuator with its finite parameters at their defaults, to paste into a URDF.
 
-    Raises InputError where the actuator is unknown.
+    Raises InputError if the actuator is unknown.
     """
     from xml.sax.saxutils import escape, quoteattr
 
@@ -49,10 +49,10 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
 
 
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
-    """The robot with actuators (type, mode) on joints, or on all moving ones by `"*"` (a joint's own entry wins).
+    """Robot with actuators (type, mode) on joints. `"*"` stands for all moving joints; a joint's own entry takes precedence.
 
-    They take the place of the file's; the blocks' warnings join the robot's. Raises ScenarioError, whose keys begin with
-    `actuators`. Whether parameters and modes go together is checked by :func:`with_overrides`.
+    The actuators replace those of the file, and the warnings about them are added to the robot's warnings. Raises ScenarioError
+    with keys that begin with `actuators`. `with_overrides` checks later whether parameters and modes fit together.
     """
     changed, problems = mounted(robot, types, parameters)
     if problems:
@@ -63,7 +63,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
 def mounted(
     robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]
 ) -> tuple[Robot, list[Problem]]:
-    """As :func:`with_actuators`, as far as it goes, and what is wrong."""
+    """Robot as from `with_actuators` without the invalid entries, and the problems of these entries."""
     if not types:
         return robot, []
     moving = {joint.name: joint for joint in robot.moving_joints}
@@ -104,7 +104,7 @@ def mounted(
 
 
 def _with_blocks(robot: Robot, blocks: Sequence[ActuatorBlock]) -> Robot:
-    """The robot with other actuator blocks, without the warnings that no longer apply."""
+    """Robot with other actuator blocks, without the warnings about the old blocks."""
     changed = replace(robot, actuators=tuple(blocks))
     if robot.faults or changed.actuators == robot.actuators:
         return changed
@@ -114,18 +114,18 @@ def _with_blocks(robot: Robot, blocks: Sequence[ActuatorBlock]) -> Robot:
 
 
 def _key(key: str) -> str:
-    """`parameters.JOINT.NAME` as the scenario has it: `actuators.JOINT.parameters.NAME`."""
+    """Key in the scenario: `parameters.JOINT.NAME` becomes `actuators.JOINT.parameters.NAME`."""
     joint, _, name = key.removeprefix("parameters.").rpartition(".")
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
 
 
 def drive_of(block: ActuatorBlock) -> Drive:
-    """The drive of an actuator block, with the parameters that it resolved."""
+    """Drive of an actuator block with the block's parameters."""
     return Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[block.mode], values=block.values())
 
 
 def check_two_motors(robot: Robot, what: str) -> None:
-    """Raise RobotError for actuators with more motors than two, which `what` does not take."""
+    """Raise RobotError for actuators with more than two motors. what: name of the function that cannot use them."""
     problems = [
         Problem(f"{what} takes actuators of one or two motors; {block.actuator} has {ACTUATORS.get(block.actuator).motors}",
                 file=robot.path, key=block.joint, code="motors")
@@ -136,7 +136,7 @@ def check_two_motors(robot: Robot, what: str) -> None:
 
 
 def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
-    """References that count for this actuator: one with one motor and no adjuster has no second."""
+    """Names of the references of a block; an actuator with one motor and no adjuster has no second reference."""
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references_of(actuator.motors)
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
@@ -148,11 +148,11 @@ def with_overrides(
     modes: Mapping[str, int] | None = None,
     parameters: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Robot:
-    """The robot with modes and parameters replaced, per joint or for all joints by `"*"` (a joint's own entry wins).
+    """Robot with other modes and parameters for joints. `"*"` stands for all joints; a joint's own entry takes precedence.
 
-    Parameters are named by our names or the toolbox's tags; under `"*"` those that an actuator does not have are passed
-    over, if some actuator has them. Controller defaults follow a mode that changes to or from 1.
-    Raises ScenarioError with every problem: unknown joints, modes, parameters, values out of range or that do not go together.
+    Parameters have our names or the toolbox's tags. Under `"*"`, parameters that an actuator lacks are ignored if another
+    actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError with all
+    problems: unknown joints, modes and parameters, values out of range, and values that do not fit together.
     """
     changed, problems = overridden(robot, modes or {}, parameters or {})
     problems += block_faults(changed, robot)
@@ -164,10 +164,9 @@ def with_overrides(
 def overridden(
     robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]]
 ) -> tuple[Robot, list[Problem]]:
-    """As :func:`with_overrides`, as far as it goes, and what is wrong with each mode and parameter.
+    """Robot as from `with_overrides` without the invalid entries, and the problem of each invalid mode and parameter.
 
-    A parameter that cannot be used becomes `UNREAD`, as one does that is it; whether the values of a block go together is left
-    to :func:`block_faults`.
+    A parameter with an invalid value becomes `UNREAD`. `block_faults` checks whether the values of a block fit together.
     """
     problems: list[Problem] = []
     joints = tuple(block.joint for block in robot.actuators)
@@ -209,7 +208,9 @@ def overridden(
 
 
 def block_faults(robot: Robot, before: Robot) -> list[Problem]:
-    """What is wrong with the values of each block together. A fault that the joint's block has `before` too is the file's."""
+    """Problems of values in a block that do not fit together. A problem that the block in `before` has too belongs to the
+    robot's file.
+    """
     earlier = {block.joint: block for block in before.actuators}
     found = []
     for block in robot.actuators:

@@ -1,7 +1,6 @@
-"""Numbers in the text of tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
+"""Reads numbers in tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
 
-Nothing is evaluated by Python: the arithmetic is parsed, and only numbers, + - * /, parentheses, signs and `pow(x, y)` are
-calculated.
+Python evaluates nothing: the arithmetic is parsed, and may contain only numbers, + - * /, parentheses, signs and `pow(x, y)`.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any
 from asrsim.robot.xmlfile import BLANKS
 
 MAX_LENGTH = 200
-"""Characters of a number or an expression in a tag."""
+"""Largest length of a number or an expression in a tag, characters."""
 
 _DIGITS = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _LEADING = re.compile(f"[{BLANKS}]*([+-]?{_DIGITS})")
@@ -28,10 +27,10 @@ _OPERATORS: dict[type, Any] = {
 
 
 def plain_number(text: str) -> float:
-    """The number that `text` is, ASCII digits only, with no white space but XML's around it. Raises ValueError if it is none.
+    """Number in the text, with ASCII digits only and no surrounding blanks except those of XML. Raises ValueError for other
+    text.
 
-    Python's own `float` also takes underscores, other scripts' digits and their white space, which engines read as another
-    number or cut off; so nothing of a robot file goes through it without this.
+    Python's `float` also accepts underscores, digits of other scripts and other blanks, which engines read as another number.
     """
     body = text.strip(BLANKS)
     if not _PLAIN.fullmatch(body):
@@ -40,9 +39,9 @@ def plain_number(text: str) -> float:
 
 
 def read_number(text: str) -> tuple[float, bool]:
-    """The value of `text`, and whether it is arithmetic, of which the toolbox reads only the leading number.
+    """Value of the text, and whether it is arithmetic, of which the toolbox reads only the leading number.
 
-    A comment after `#` is left out. Raises ValueError with the reason, a phrase that follows the key.
+    A comment after `#` is ignored. Raises ValueError with the reason, a phrase that follows the key.
     """
     body = text.partition("#")[0].strip(BLANKS)
     if not body:
@@ -67,7 +66,7 @@ def read_number(text: str) -> tuple[float, bool]:
 
 
 def leading_number(text: str) -> float:
-    """What the toolbox's Gazebo makes of the text: its leading number, 0 if there is none."""
+    """Number that the toolbox's Gazebo reads from the text: its leading number, 0 if there is none."""
     match = _LEADING.match(text)
     return float(match.group(1)) if match else 0.0
 

@@ -1,6 +1,6 @@
-"""Where a robot file may read other files: its own folder, its ROS package, and packages that the user named.
+"""Files that a robot file may read: those in its own folder, its ROS package, and packages named by the user.
 
-A stranger's file names paths freely; everything outside these folders is refused.
+A hostile file may name any path. All paths outside these folders are refused.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from urllib.parse import unquote
 
 @dataclass(frozen=True, kw_only=True)
 class Packages:
-    """Folders that a robot file may use."""
+    """Folders that a robot file may read."""
 
     folder: Path
-    """The file's own folder, absolute."""
+    """Folder of the file, absolute."""
     named: Mapping[str, Path]
-    """Package name -> folder, as the user gave them and the file's own package."""
+    """Name of a package -> folder, from the user and from the file's own package."""
     searched: tuple[Path, ...]
-    """Folders of the environment (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH) that hold packages."""
+    """Folders of packages in the environment variables ROS_PACKAGE_PATH and AMENT_PREFIX_PATH."""
 
     @property
     def roots(self) -> tuple[Path, ...]:
-        """All folders that may be read, absolute, links resolved."""
+        """All readable folders, absolute, with symbolic links resolved."""
         return (self.folder, *(path.resolve() for path in self.named.values()), *self.searched)
 
     def find(self, name: str) -> Path | None:
-        """Folder of a package, or None."""
+        """Folder of a package; None if it is unknown."""
         if name in self.named:
             return self.named[name].resolve()
         if not name or "/" in name or name in (".", ".."):
@@ -44,12 +44,12 @@ class Packages:
         return None
 
     def allows(self, path: Path) -> bool:
-        """Whether the path, links resolved, lies in one of the folders."""
+        """Whether the path lies in one of the folders, after symbolic links are resolved."""
         resolved = path.resolve()
         return any(resolved.is_relative_to(root) for root in self.roots)
 
     def resolve(self, filename: str) -> Path | str:
-        """The existing file that `filename` (package://, file://, absolute, relative) means, or why there is none."""
+        """Existing file for a name (package://, file://, absolute or relative), or the reason why there is none."""
         if "\0" in filename:
             return "is no file name"
         scheme, separator, rest = filename.partition("://")
@@ -77,18 +77,18 @@ class Packages:
 
 
 def package_name(filename: str) -> str | None:
-    """The package that a file name counts from, if it names one."""
+    """Name of the package in a file name; None if the name has no package."""
     scheme, separator, rest = filename.partition("://")
     return (rest.lstrip("/").partition("/")[0] or None) if separator and scheme in ("package", "model") else None
 
 
 def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = None) -> Packages:
-    """The folders that the robot file at `path` may use."""
+    """Folders that the robot file at `path` may read."""
     folder = path.resolve().parent
     named: dict[str, Path] = {}
     own = _own_package(folder)
     if own is not None:
-        # What its files call it: some were named before the package was.
+        # The names of the package in its own files, some of which are older than the package.
         named.update({own[1].name: own[1], own[0]: own[1]})
     named.update({name: Path(given) for name, given in (package_paths or {}).items()})
     searched = [
@@ -101,7 +101,7 @@ def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = Non
 
 
 def _own_package(folder: Path) -> tuple[str, Path] | None:
-    """Name and folder of the ROS package that the folder belongs to: the nearest `package.xml` above."""
+    """Name and folder of the ROS package that contains the folder, by the nearest `package.xml` above."""
     from asrsim.errors import RobotError
     from asrsim.robot.xmlfile import elements, parse_xml, read_bytes, text_of
 

@@ -1,4 +1,4 @@
-"""Poses as URDFs write them: positions in m, and roll, pitch, yaw in rad about fixed x, y, z."""
+"""Poses as in URDFs: positions in m, and roll, pitch, yaw in rad about fixed x, y, z."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """A frame in another: a point x of it lies at `position + rotation @ x`."""
+    """Pose of a frame in another frame: a point x lies at `position + rotation @ x`."""
 
     position: Array
-    """(3,) m."""
+    """Position (3,), m."""
     rotation: Array
-    """(3, 3)."""
+    """Rotation matrix (3, 3)."""
 
     def then(self, position: Vector, rpy: Vector) -> Pose:
-        """The pose of a frame that has `position` (m) and `rpy` (rad) relative to this pose, in the same parent frame."""
+        """Pose of a frame with `position` (m) and `rpy` (rad) relative to this pose, in this pose's parent frame."""
         return Pose(position=self.position + self.rotation @ position, rotation=self.rotation @ rotation_matrix(rpy))
 
     @property
     def is_identity(self) -> bool:
-        """Exactly no motion."""
+        """Whether the pose is exactly the identity."""
         return not self.position.any() and bool((self.rotation == np.eye(3)).all())
 
 
@@ -35,7 +35,7 @@ HERE = Pose(position=np.zeros(3), rotation=np.eye(3))
 
 
 def rotation_matrix(rpy: Vector) -> Array:
-    """(3, 3) rotation of URDF's roll, pitch, yaw in rad (about fixed x, y, z)."""
+    """Rotation matrix (3, 3) of roll, pitch, yaw in rad (about fixed x, y, z)."""
     r, p, y = rpy
     return np.array(
         (
@@ -47,9 +47,10 @@ def rotation_matrix(rpy: Vector) -> Array:
 
 
 def roll_pitch_yaw(rotation: Array) -> Vector:
-    """rad, the inverse of :func:`rotation_matrix`, to rounding also where the pitch is 90 degrees and yaw is anything.
+    """Roll, pitch, yaw in rad, the inverse of `rotation_matrix`; accurate also at a pitch of 90 degrees, where yaw is
+    arbitrary.
 
-    Yaw comes first and the rest from the rotation with that yaw taken out, so whatever yaw is, the three belong together.
+    Yaw is computed first. Roll and pitch follow from the rotation without this yaw, so the three angles always fit together.
     """
     yaw = atan2(rotation[1, 0], rotation[0, 0])
     c, s = cos(yaw), sin(yaw)
@@ -59,7 +60,7 @@ def roll_pitch_yaw(rotation: Array) -> Vector:
 
 
 def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
-    """Unit quaternion x y z w of URDF's roll, pitch, yaw in rad."""
+    """Unit quaternion (x, y, z, w) of roll, pitch, yaw in rad."""
     (sr, cr), (sp, cp), (sy, cy) = ((sin(0.5 * angle), cos(0.5 * angle)) for angle in rpy)
     return (
         sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
@@ -67,7 +68,7 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 
 
 def link_poses(robot: Robot) -> dict[str, Pose]:
-    """Pose of every link in the root's frame at the zero pose, parents before children."""
+    """Link -> its pose in the root's frame at the zero pose; parents before children."""
     poses = {robot.root.name: HERE}
     for joint in robot.outward_joints:
         poses[joint.child] = poses[joint.parent].then(joint.origin, joint.rpy)

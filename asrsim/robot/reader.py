@@ -1,4 +1,4 @@
-"""Reads a robot file: URDF or xacro in, :class:`Robot` out, or one RobotError with everything that is wrong."""
+"""Reads a URDF or xacro file as a `Robot`, or raises one RobotError with all problems."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from asrsim.robot.vocabulary import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
 MAX_LINKS = 2000
-"""Links or joints of a robot."""
+"""Largest number of links, and of joints, of a robot."""
 MAX_MOVING = 121
-"""PyBullet's state has 128 places, 7 of them the base's; beyond, it silently mixes up positions and velocities. Links that
-fixed joints hold together are one body to it."""
+"""Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. Beyond that, it silently confuses
+positions and velocities.
+"""
 XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -32,12 +33,11 @@ def load_robot(
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
 ) -> Robot:
-    """Read a `.urdf` or `.xacro` file of which nothing is trusted.
+    """Robot from a `.urdf` or `.xacro` file, which may be hostile.
 
-    `xacro_arguments` are the file's `<xacro:arg>` values; `package_paths` (name -> folder) serve `$(find name)` and
-    `package://name`. Lines in problems are the file's own; those of an expanded xacro file are not known.
-    Raises RobotError with all problems of the file. Whether an actuator's parameters and mode go together is checked later,
-    together with the scenario, which may change both.
+    `xacro_arguments` are values for `<xacro:arg>`; `package_paths` (name -> folder) resolve `$(find name)` and
+    `package://name`. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of
+    the file. Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
     """
     robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths)
     if robot.faults:
@@ -51,9 +51,9 @@ def read_robot(
     xacro_arguments: Mapping[str, str] | None = None,
     package_paths: Mapping[str, Path | str] | None = None,
 ) -> Robot:
-    """As :func:`load_robot`, but with the problems of the file in the robot's `faults`.
+    """Robot as from `load_robot`, but with the problems of the file in its `faults`.
 
-    Raises RobotError where the file has no robot at all, or one that is too large.
+    Raises RobotError if the file contains no robot, or a robot that is too large.
     """
     path = Path(path)
     data = read_bytes(path)
@@ -105,7 +105,7 @@ def _read(root: Any, data: bytes, findings: Findings) -> Robot:
 
 
 def _text(data: bytes, root: Any) -> str:
-    """The document as text that states no encoding other than its own."""
+    """Document as text with a declaration of its actual encoding only."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()

@@ -1,4 +1,4 @@
-"""Shapes of collisions and visuals: read, or refused with the reason."""
+"""Reads the shapes of collisions and visuals, or refuses them with the reason."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import elements, name_of
 
 SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "mesh": ()}
-"""Shape -> attributes that it must have."""
+"""Shape -> its required attributes."""
 LARGEST = 1e6
 """m."""
 Colour = tuple[float, float, float, float]
 
 
 class ShapeError(ValueError):
-    """What is wrong with a shape, a phrase that follows its name."""
+    """Fault of a shape, as a phrase that follows the shape's name."""
 
 
 def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) -> Shape:
-    """A `<collision>` or `<visual>`. colours: of the materials that have a name. Raises ShapeError."""
+    """Shape of a `<collision>` or `<visual>`. colours: colours of named materials. Raises ShapeError."""
     geometries = elements(element, "geometry")
     if len(geometries) != 1:
         raise ShapeError("has no <geometry>" if not geometries else "has more than one <geometry>")
@@ -59,7 +59,7 @@ def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) ->
 
 
 def read_colours(root: Any) -> dict[str, Colour]:
-    """Material name -> colour, of the robot's materials and of those that a visual defines."""
+    """Name of a material -> its colour, for the materials of the robot and of the visuals."""
     colours: dict[str, Colour] = {}
     for material in (*elements(root, "material"), *root.iterfind("link/visual/material")):
         colour = _colour(material)
@@ -93,7 +93,7 @@ def _colour_of(element: Any, colours: Mapping[str, Colour]) -> Colour | None:
 
 
 def _colour(material: Any) -> Colour | None:
-    """Red, green, blue, opacity, each limited to 0 to 1; None if it states none that can be used: a colour moves nothing."""
+    """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid, as colours do not affect the motion."""
     for colour in elements(material, "color"):
         try:
             numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.get("rgba") or "")]

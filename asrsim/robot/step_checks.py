@@ -1,7 +1,7 @@
-"""What a time step means for a robot: natural frequencies, and damping and gains near their limits of stability.
+"""Consequences of a time step for a robot: natural frequencies, and damping and gains near their limits of stability.
 
-Estimates: the inertia is that of the zero pose with a fixed base. The simulation works with exact mass matrices, takes the
-damping of links implicitly, and chooses its substeps by itself.
+These are estimates with the inertia at the zero pose and a fixed base. The simulation uses exact mass matrices, implicit
+damping of links, and substeps.
 """
 
 from __future__ import annotations
@@ -22,23 +22,25 @@ UNSTABLE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class StepFigures:
-    """How one joint and one time step go together; dimensionless unless stated."""
+    """Figures of one joint at one time step; dimensionless unless stated."""
 
     joint: str
     inertia: float
-    """kg m^2, effective (all other joints free), at the zero pose."""
+    """Effective inertia at the zero pose, with all other joints free, kg m^2."""
     natural: float
-    """Hz, of the link on its unloaded spring, the motors locked, an adjuster at its typical value; 0 without spring."""
+    """Natural frequency of the link on its unloaded spring with locked motors, Hz; 0 without a spring. An adjuster has its
+    typical value.
+    """
     damping: float
-    """c h / I of the URDF's damping; the toolbox's explicit damping diverges above 2."""
+    """c h / I of the URDF's damping; above 2, the toolbox's explicit damping diverges."""
     link_gain: float
-    """h (ctrl_D + c) / I in mode 1; diverges above 2 in the toolbox."""
+    """h (ctrl_D + c) / I in mode 1; above 2, the toolbox diverges."""
     motor_gain: float
-    """Largest h (ctrl_D + d) / J of the motors in modes 5 and 6; diverges above 2."""
+    """Largest h (ctrl_D + d) / J of the motors in modes 5 and 6; above 2, the controllers diverge."""
 
 
 def step_figures(robot: Robot, *, step: float) -> tuple[StepFigures, ...]:
-    """Figures of every moving joint at a step in s, in file order."""
+    """Figures of all moving joints at a step in s, in file order."""
     effective = effective_inertia(zero_pose_matrix(robot)).tolist()
     blocks = {block.joint: block for block in robot.actuators}
     joints = zip(robot.moving_joints, effective, strict=True)

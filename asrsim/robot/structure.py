@@ -1,4 +1,4 @@
-"""Links and joints of a URDF: read, each checked to be a body or joint that physics allows."""
+"""Reads the links and joints of a URDF, and checks that each is physically possible."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ from asrsim.robot.xmlfile import elements, name_of, text_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 UNIT = 2e-4
-"""Deviation of an axis from length 1 that gets no warning: 0.707 and 0.7071, as people write them, pass."""
+"""Deviation of an axis from length 1 without a warning: covers rounded values such as 0.707 and 0.7071."""
 LONGEST_NAME = 255
-"""Characters; PyBullet crashes at 1024 bytes."""
+"""Largest length of a name, characters; PyBullet crashes at 1024 bytes."""
 EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"
 """Hint for limits of 0."""
 ROUNDING = 1e-15
-"""kg m^2: the inertia of a link whose entries are all smaller is the rounding error of the program that wrote it."""
+"""Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
-"""A negative principal moment is a slip of digits if it is at most this share of the link's own largest moment of inertia, or
-of the robot's."""
+"""Largest size of a negative principal moment that counts as a rounding error, as a fraction of the largest moment of inertia
+of the link or the robot.
+"""
 X_AXIS: Vector = (1.0, 0.0, 0.0)
 
 
 def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
-    """All links with a name, in file order; of two links with one name the first."""
+    """All links with a name, in file order; of two links with one name, the first."""
     colours, largest = read_colours(root), _largest_moment(root)
     if not elements(root, "link"):
         findings.error("has no link", None, "robot", code="no-links")
@@ -40,7 +41,7 @@ def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
 
 
 def read_joints(findings: Findings, root: Any, links: Sequence[Link]) -> tuple[Joint, ...]:
-    """All joints with a name, in file order; a value with a fault is replaced by its default."""
+    """All joints with a name, in file order; invalid values are replaced by their defaults."""
     names = tuple(link.name for link in links)
     joints = [_joint(findings, element, name, names) for element, name in _named(findings, root, "joint")]
     return _with_passive(findings, root, joints)
@@ -85,7 +86,9 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Col
 
 
 def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
-    """A collision that cannot be made is an error, since contacts would go missing; a visual is left out."""
+    """Collisions or visuals of a link. An invalid collision is an error, as contacts would be lost; an invalid visual is left
+    out.
+    """
     shapes = []
     for shape in elements(element, tag):
         try:
@@ -124,7 +127,7 @@ def _mass(findings: Findings, inertial: Any, name: str) -> float:
 def _inertia(
     findings: Findings, inertial: Any, name: str, mass: float, largest: float
 ) -> tuple[float, float, float, float, float, float]:
-    """kg m^2; largest: of all moments of inertia in the file."""
+    """Six numbers of a link's inertia tensor, kg m^2. largest: largest moment of inertia in the file."""
     tag = _only_tag(findings, inertial, "inertia", name)
     if tag is None:
         return (0.0,) * 6
@@ -150,7 +153,7 @@ def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """The tensor; where a slip of digits made it impossible, the nearest one that a body can have."""
+    """Inertia tensor, kg m^2; a tensor that is impossible by rounding is replaced by the nearest possible one."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{', '.join(f'{moment:.4g}' for moment in moments)} kg m^2"
@@ -172,7 +175,7 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
 
 
 def _largest_moment(root: Any) -> float:
-    """kg m^2, of all moments of inertia in the file that are numbers; 0 without any."""
+    """Largest moment of inertia in the file, kg m^2; 0 if there is none."""
     found = [0.0]
     for value in (tag.get(key, "0") for tag in root.iter("inertia") for key in ("ixx", "iyy", "izz")):
         try:
@@ -207,7 +210,7 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...]) 
 
 
 def _end(findings: Findings, element: Any, tag: str, name: str, links: tuple[str, ...]) -> str:
-    """The link's name; empty: there is no such link."""
+    """Name of the link; empty if there is no such link."""
     tags = elements(element, tag)
     if len(tags) != 1:
         count = "no" if not tags else "more than one"
@@ -283,14 +286,14 @@ def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, 
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
     "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
 }  # fmt: skip
-"""Tag of a joint -> reader of the joint's fields that it gives."""
+"""Tag of a joint -> function that reads the joint's fields in this tag."""
 
 _PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}
 _SIGNED = ("spring_stiffness", "spring_reference")
 
 
 def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """The joints with their passive springs and friction. The last of two equal tags counts, as in Gazebo."""
+    """Joints with the passive springs and friction of `<gazebo reference>`. Of two equal tags the last counts, as in Gazebo."""
     found = {joint.name: joint for joint in joints}
     for gazebo in elements(root, "gazebo"):
         name = name_of(gazebo, "reference")

@@ -1,8 +1,8 @@
-"""The toolbox's tag names and our parameter names: the one place where they meet.
+"""Names of parameters and the toolbox's tags for them.
 
-The released toolbox calls the parameters of one-motor actuators `mot_*`, `ctrl_*` and those of two-motor actuators
-`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that only asrsim has are named in the same way. The spring parameters
-of a user's own actuator have their own names as tags.
+The toolbox calls the parameters of one-motor actuators `mot_*` and `ctrl_*`, and those of two-motor actuators `mot_1_*`,
+`mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. The spring parameters of a user's
+actuator have their own names as tags.
 """
 
 from __future__ import annotations
@@ -63,20 +63,22 @@ JOINT_TAGS = {
     "stribeck_velocity": "stribeckVelocity",
     "load_friction": "loadFriction",
 }
-"""Field of a joint -> tag in its `<gazebo reference>`. Springs are Gazebo's; friction is ours, and Gazebo passes it by."""
+"""Field of a joint -> tag in its `<gazebo reference>`. Gazebo defines the tags of springs; those of friction are asrsim's, and
+Gazebo ignores them.
+"""
 
 REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_tau")
-"""Tags without which the released code crashes; asrsim can do without the last three."""
+"""Required tags: without them the toolbox crashes. asrsim does not need the last three."""
 
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 """Tags that are not numbers of the actuator; the last two belong to the later dialect (AlterEgo)."""
 
 FOREIGN_QBMOVE_TAGS = ("command_topic", "pos_topic")
-"""Tags that give away the older plugin of the same file name (l1va/qbmove_ros)."""
+"""Tags by which the older plugin with the same file name is recognised (l1va/qbmove_ros)."""
 
 
 def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
-    """Parameter name -> tag, for every parameter of the actuator, in the order of `all_parameters`."""
+    """Parameter -> tag, for all parameters of the actuator, in the order of `all_parameters`."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
     tags = {}
@@ -95,10 +97,7 @@ def _motion_tag(name: str, motors: int) -> str:
 
 
 def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
-    """Tag -> parameter name: :func:`parameter_tags` turned round.
-
-    A user's own `max_deflection` is also found under the toolbox's `max_def`.
-    """
+    """Tag -> parameter, the inverse of `parameter_tags`. The toolbox's `max_def` also means a user's `max_deflection`."""
     tags = {tag: name for name, tag in parameter_tags(actuator).items()}
     if "max_deflection" in tags and "max_def" not in tags:
         tags["max_def"] = "max_deflection"
@@ -106,6 +105,6 @@ def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
 
 
 def parameter_name(actuator: type[Actuator], key: str) -> str | None:
-    """The parameter that a scenario means by our name or by the toolbox's tag; None if there is none."""
+    """Parameter with this name or with this tag of the toolbox; None if there is none."""
     names = {parameter.name for parameter in actuator.all_parameters()}
     return key if key in names else tag_parameters(actuator).get(key)

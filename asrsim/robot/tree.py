@@ -1,4 +1,4 @@
-"""The robot as a whole: one tree of links, with mass where joints move."""
+"""Checks of the robot as a whole: one tree of links, and mass behind every moving joint."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ FREEDOMS = {
     "floating": "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario",
     "planar": "Two prismatic joints and a revolute one do the same",
 }
-"""Joint types of several degrees of freedom, and a cure: PyBullet welds the first and has no dynamics of the second."""
+"""Joint type with several degrees of freedom -> hint. PyBullet welds planar joints and has no dynamics of floating joints."""
 
 
 def without_floating_root(
     findings: Findings, links: tuple[Link, ...], joints: tuple[Joint, ...], driven: Collection[str]
 ) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links and joints without a root that has neither mass nor shape and the floating joint under it: these say only that the
-    robot may float, which the scenario decides. Errors for other joints of several degrees of freedom. driven: joints that
+    """Links and joints, without a massless root and the floating joint below it, which only say that the robot may float.
+
+    The scenario decides whether the robot floats. Other joints with several degrees of freedom are errors. driven: joints that
     plugins name.
     """
     children = {joint.child for joint in joints}
@@ -39,7 +40,7 @@ def without_floating_root(
 
 
 def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint]) -> None:
-    """Errors unless joints make one tree of all links: one root, one parent each, no loops."""
+    """Report errors unless the joints connect all links to one tree: one root, one parent for each link, no loops."""
     parents: dict[str, Joint] = {}
     for joint in joints:
         if joint.child in parents:
@@ -65,7 +66,7 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
 
 
 def check_movable(findings: Findings, robot: Robot) -> None:
-    """A moving joint with neither mass nor inertia behind it has no equation of motion: an error."""
+    """Report moving joints with neither mass nor inertia behind them, whose motion is undefined."""
     bodies = {link.name: link for link in robot.links}
     for joint in robot.moving_joints:
         behind = [joint.child]

@@ -1,4 +1,4 @@
-"""Which values of an actuator can be calculated with, whether a file gives them or a scenario."""
+"""Checks whether the values of an actuator, from a file or a scenario, can be used in calculations."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from asrsim.robot.findings import LARGEST, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
 DEFLECTION = 1e-3
-"""rad, from rest, or the limit where that is less."""
+"""Deflection at which the laws are evaluated, rad; the deflection limit if that is smaller."""
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:
-    """Why a parameter cannot have the value, or None: by its own bounds, or since squares and quotients would overflow."""
+    """Reason why a parameter cannot have the value; None if it can. Too large and too small values would overflow."""
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST:
@@ -28,8 +28,9 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
 
 
 def law_fault(block: ActuatorBlock) -> str | None:
-    """Why the actuator's laws give no number with its parameters around rest, or None. Other errors that a user's
-    laws raise are reported where the laws are used.
+    """Reason why the actuator's laws give no number near rest with its parameters; None if they give numbers.
+
+    Other errors of a user's laws are reported where the laws are used.
     """
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     if not MODES[block.mode].spring or any(map(math.isnan, values.values())):
@@ -55,7 +56,7 @@ def law_fault(block: ActuatorBlock) -> str | None:
 
 
 def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
-    """What is wrong with the values of a block together, each of them fine alone."""
+    """Problems of a block's values that are valid alone but do not fit together."""
     for index in range(1, ACTUATORS.get(block.actuator).motors + 1):
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:
@@ -76,7 +77,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
 
 
 def has_spring(block: ActuatorBlock) -> bool:
-    """Whether a deflection makes a torque anywhere up to its limit."""
+    """Whether any deflection up to the limit makes a torque."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     parameters = actuator.law_values(values)
     reach = min(values.get("max_deflection", 1.0), 1.0)

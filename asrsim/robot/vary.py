@@ -1,4 +1,4 @@
-"""A robot with other numbers: parameters of actuators, damping and friction of joints, inertials of links."""
+"""Robot with other numbers: parameters of actuators, damping and friction of joints, inertias of links."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ JOINT_NAMES = {
     "passive_stiffness": "spring_stiffness",
     "passive_reference": "spring_reference",
 }
-"""Name -> field of a joint; the last two are of a joint's own spring (Gazebo's)."""
+"""Name -> field of a joint; the last two belong to a joint's passive spring (Gazebo's)."""
 CENTRES = ("x", "y", "z")
 LINK_NAMES = ("mass", *CENTRES, *INERTIAS)
 _INERTIAS = frozenset(INERTIAS)
 
 
 def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) -> Robot:
-    """`robot` with joint or link -> name -> value replaced, inertias as :func:`physical` keeps them.
+    """Robot with other values: joint or link -> name -> value. `physical` adapts the inertias.
 
-    Raises RobotError with all that is unknown or not physical.
+    Raises RobotError with all unknown names and values that are not physical.
     """
     parameters = physical(robot, parameters)
     problems: list[Problem] = []
@@ -87,7 +87,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
 def names_of(
     owner: str, blocks: Mapping[str, ActuatorBlock], joints: Mapping[str, Joint], links: Mapping[str, Link]
 ) -> tuple[str, ...]:
-    """Names that a joint or link knows."""
+    """Names of the numbers of a joint or link."""
     names: tuple[str, ...] = ()
     if owner in joints:
         names += (*(blocks[owner].parameters if owner in blocks else ()), *JOINT_NAMES)
@@ -98,7 +98,7 @@ def names_of(
 
 @cache
 def _declared(actuator: Any) -> dict[str, Parameter]:
-    """Needed for every number of every evaluation of a fit."""
+    """Parameters of the actuator by name; cached, as each evaluation of a fit needs them."""
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 
@@ -114,9 +114,10 @@ def _with_inertial(link: Link, name: str, value: float) -> Link:
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
-    """Changes of inertias with what they ask of the others: no principal moment is larger than the sum of the other two.
+    """Changes of inertias, with further changes that keep the tensor physical: no principal moment exceeds the sum of the
+    others.
 
-    Diagonal moments that are not among the changes follow, by as little as will do. Raises RobotError where these cannot.
+    Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.
     """
     # Of every evaluation and every run of a sweep, and few change an inertia.
     touched = [owner for owner, values in changes.items() if not _INERTIAS.isdisjoint(values)]

@@ -1,4 +1,4 @@
-"""The elements and attributes of the URDF format: a warning for every one that is unknown or repeated."""
+"""Elements and attributes of the URDF format. Unknown and repeated ones get a warning."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ VOCABULARY: Words = {
     "calibration": (("rising", "falling", "reference_position"), ()),
     "safety_controller": (("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"), ()),
 }
-"""Element -> attributes and child elements that the format has."""
+"""Element -> attributes and child elements in the format."""
 SEVERAL = {"link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor"}
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPAQUE = ("gazebo", "transmission", "sensor")
-"""Elements whose insides belong to others."""
+"""Elements whose content other programs define."""
 FOREIGN = {
     "robot": ("ros2_control", "mujoco", "loop_joint", "self_collision_checking", "group", "gripper", "verbose"),
     "link": ("contact", "inertia_scaling", "self_collision_checking", "collision_checking", "verbose", "gravity"),
@@ -57,11 +57,11 @@ FOREIGN = {
     "limit": ("acceleration", "jerk", "deceleration", "has_velocity_limits"),
     "dynamics": ("armature", "spring_stiffness", "spring_reference"),
 }
-"""Element -> children and attributes that other programs have added to it; they have no effect here, and are no slips."""
+"""Element -> children and attributes that other programs add. They have no effect here and get no warning."""
 
 
 def check_words(findings: Findings, root: Any) -> None:
-    """Warn of every unknown attribute and element in the robot's own part of the file; names of other name spaces pass."""
+    """Warn about unknown attributes and elements of the URDF format. Names in other name spaces are ignored."""
     _check(findings, root, "robot", "")
 
 

@@ -1,4 +1,4 @@
-"""Run as a script by :mod:`asrsim.confined`: expands one xacro file under restrictions.
+"""Run as a script by `asrsim.confined`: expands one xacro file under restrictions.
 
 Reads a JSON request on stdin, writes a JSON answer on stdout. It imports nothing of asrsim.
 
@@ -30,7 +30,7 @@ _STRING_METHODS = (
 _TABLE_METHODS = ("get", "items", "keys", "values", "index", "count")
 _GUARD = "asrsim_attribute"
 _MAX_EXPRESSION = 10_000
-"""Characters of an expression in a xacro file."""
+"""Largest length of an expression in a xacro file, characters."""
 
 
 class RefusedError(Exception):
@@ -43,7 +43,7 @@ class RefusedError(Exception):
 
 
 class _Guarding(ast.NodeTransformer):
-    """Turns `a.b` into a guarded call."""
+    """Replaces each attribute access `a.b` by a guarded call."""
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         self.generic_visit(node)
@@ -64,7 +64,7 @@ def _attribute(owner: Any, name: str) -> Any:
 
 
 def _checked_eval(expression: str, table: Any, _local: Any = None) -> Any:
-    """Replaces xacro's `safe_eval`."""
+    """Value of an expression; replaces xacro's `safe_eval`."""
     if len(expression) > _MAX_EXPRESSION:
         raise RefusedError("an expression is too long", code="xacro-refused")
     tree = ast.parse(expression.strip(), "<expression>", "eval")
@@ -174,7 +174,7 @@ class _Guards:
 
 
 def _restrict(request: dict[str, Any]) -> None:
-    """Put the guards in their places."""
+    """Replace xacro's functions by the guarded ones."""
     import xacro
     import xacro.substitution_args as substitution
 
@@ -204,7 +204,7 @@ def _expand(request: dict[str, Any]) -> str:
 
 
 def _cause(error: BaseException) -> BaseException:
-    """The refusal inside xacro's wrappers, or the error itself."""
+    """Refusal inside xacro's exceptions, or the exception itself."""
     inner: BaseException | None = error
     while inner is not None:
         if isinstance(inner, RefusedError):

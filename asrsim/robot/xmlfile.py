@@ -1,4 +1,4 @@
-"""Reads a stranger's XML without letting it do anything: no entities, no DTD, no network, bounded size and depth."""
+"""Reads hostile XML safely: no entities, no DTD, no network, limited size and depth."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from asrsim.document.mistaken import mistaken
 from asrsim.errors import Problem, RobotError, similar_file
 
 MAX_BYTES = 64 * 1024 * 1024
-"""Of a robot's file."""
+"""Largest size of a robot file, bytes."""
 BLANKS = " \t\r\n"
-"""What XML calls white space; any other blank (a non-breaking space) is a character like every other."""
+"""White space in XML; other blanks, such as non-breaking spaces, are ordinary characters."""
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's content; raises RobotError if it is missing, no plain file, unreadable or too large."""
+    """Content of the file. Raises RobotError if it is missing, no regular file, unreadable or too large."""
     try:
         if not path.exists():
             raise RobotError("no such file", file=path, hint=similar_file(path), code="missing-file")
@@ -35,9 +35,9 @@ def read_bytes(path: Path) -> bytes:
 
 
 def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
-    """Root element of the document (lxml); raises RobotError with the line for malformed or hostile XML.
+    """Root element of the document (lxml). Raises RobotError with the line for malformed or hostile XML.
 
-    large: texts of more than 10 MB are allowed, as meshes have them; the size of the file bounds them.
+    large: texts of more than 10 MB are valid, as in meshes.
     """
     # PyBullet's own tools write a version that XML does not have.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
@@ -68,11 +68,11 @@ def _declares(path: Path, line: int | None) -> RobotError:
 
 
 class _RootReachedError(Exception):
-    """Ends the look at the prolog."""
+    """Raised at the end of the prolog, to stop the parser."""
 
 
 def _refuse_declarations(data: bytes, path: Path) -> None:
-    """Raise RobotError for a document type with declarations (entities): they are only allowed before the root."""
+    """Raise RobotError for a document type with declarations (entities)."""
     parser = expat.ParserCreate()
 
     def document_type(_name: str, _system: str | None, _public: str | None, has_internal_subset: int) -> None:
@@ -104,18 +104,18 @@ def _malformed(path: Path, reason: str, line: int | None) -> RobotError:
 
 
 def text_of(element: Any) -> str:
-    """The element's own text without comments, stripped."""
+    """Text of the element without comments and surrounding blanks."""
     parts = [element.text or ""]
     parts.extend(child.tail or "" for child in element)
     return "".join(parts).strip(BLANKS)
 
 
 def name_of(element: Any, key: str = "name") -> str:
-    """An attribute that names something, without the blanks around it; empty if it is absent."""
+    """Attribute that contains a name, without surrounding blanks; empty if it is absent."""
     text: str = (element.get(key) or "").strip(BLANKS)
     return text
 
 
 def elements(parent: Any, tag: str | None = None) -> list[Any]:
-    """Child elements (no comments), all or those of one tag."""
+    """Child elements without comments, all or those with one tag."""
     return [child for child in parent if isinstance(child.tag, str) and (tag is None or child.tag == tag)]

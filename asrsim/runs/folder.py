@@ -143,10 +143,9 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
     return tuple(file for file in files if file is not None)
 
 
-def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Sequence[Path] = ()) -> tuple[Path, ...]:
+def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[Path, ...]:
     """Files of an earlier run in the folder, which `new_log` will remove.
 
-    inputs: Files that the command reads in addition to those of the scenario.
     Raises OutputError if the folder contains results of another scenario or variant (unless `overwrite`), a foreign file with
     a name that the run needs, or an input file of this run under such a name.
     """
@@ -154,7 +153,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool, inputs: Se
     files = {path: kind for path in there if (kind := _kind(path.name))}
     names = {folder / LOG: "log", folder / SUMMARY: "json", **files}
     for path, kind in names.items():
-        check_output(path, kind, inputs=(*inputs, *inputs_of(scenario)))
+        check_output(path, kind, inputs=inputs_of(scenario))
     if files and not overwrite:
         require_same(folder, scenario, *_found(folder))
     return tuple(path for path in files if path.name != ASIDE)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
@@ -12,17 +11,14 @@ from typing import Any
 
 from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, DivergenceError, LogError
-from asrsim.log import LogReader, LogWriter, open_log
+from asrsim.log import LogReader, open_log
 from asrsim.plain import one_or_more
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
-from asrsim.runs.execute import PLUGINS, result_metadata
-from asrsim.runs.folder import LOG, new_log, open_folder
-from asrsim.runs.lock import owned
+from asrsim.runs.execute import PLUGINS
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
-from asrsim.simulation.recording import Sink
 from asrsim.simulation.run import Run, simulate
 
 
@@ -45,8 +41,6 @@ class Repetition:
     """Differing series, in the order of their first difference."""
     versions: Mapping[str, tuple[str, str]]
     """Library -> (version that wrote the log, installed version), where they differ."""
-    log: Path | None = None
-    """Log of the repeated run; None if it was not written."""
 
     @property
     def identical(self) -> bool:
@@ -67,17 +61,14 @@ class Repetition:
             "missing": self.missing,
             "differences": [difference.as_dict() for difference in self.differences],
             "versions": {name: list(pair) for name, pair in self.versions.items()},
-            "repeated": str(self.log) if self.log is not None else None,
         }
 
 
 def repeat(
     path: str | Path,
     *,
-    out: str | Path | None = None,
     plugins: Sequence[str | Path] = (),
     trust_plugins: bool = False,
-    overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Repetition:
@@ -88,10 +79,8 @@ def repeat(
 
     Args:
         path: The log.
-        out: Folder for the repeated run's log; None: no log is written.
         plugins: Python files with users' actuators, instead of those in the log.
         trust_plugins: Run the Python files in the log.
-        overwrite: Replace the results of another run in `out`.
         progress: Called with the simulated time, s.
         stop: Called now and then; the comparison ends early when it returns True.
 
@@ -99,76 +88,37 @@ def repeat(
         LogError: The file is damaged or not a log of asrsim.
         ActuatorError: The log contains a user's actuator, and neither `plugins` nor `trust_plugins` is given.
         InputError, SimulationError: The run cannot be built any more.
-        OutputError: `out` cannot be written.
     """
     reader = open_log(path)
-    folder = Path(out) if out is not None else None
     if UNREPEATABLE in reader.metadata:
         message = f"the run cannot be repeated: the log lacks changes of the run ({reader.metadata[UNREPEATABLE]})"
         raise LogError(message, file=reader.path, code="unrepeatable")
-    with TemporaryDirectory(prefix="asrsim-rerun-") as temporary, ExitStack() as stack:
+    comparer = Comparer(reader)
+
+    def ended() -> bool:
+        return (reader.status != "complete" and comparer.exhausted) or (stop is not None and stop())
+
+    # A live run lasts as long as its log, and receives the commands recorded in the log.
+    live = LIVE in reader.metadata
+    with TemporaryDirectory(prefix="asrsim-rerun-") as temporary:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
         scenario, robot = restore(reader.info, Path(temporary))
         _require_engine(reader, scenario.engine)
-        new: Path | None = None
-        if folder is not None:
-            stack.enter_context(owned(folder))
-            earlier = open_folder(folder, scenario, overwrite=overwrite, inputs=(reader.path,))
-            new = stack.enter_context(new_log(folder, earlier))
-        comparer = Comparer(reader)
-        writers: list[LogWriter] = []
-
-        def sinks(info: RunInfo) -> Sequence[Sink]:
-            if new is not None:
-                writers.append(stack.enter_context(LogWriter(new, _as_the_original(info, reader.info))))
-            return [comparer, *writers]
-
-        def ended() -> bool:
-            return (reader.status != "complete" and comparer.exhausted) or (stop is not None and stop())
-
-        run, error = _simulated(reader, scenario, robot, sinks=sinks, progress=progress, stop=ended)
-        for writer in writers:
-            writer.close(result_metadata(run, error))
-    return _repetition(reader, run, comparer, folder / LOG if folder is not None else None)
+        try:
+            run = simulate(
+                scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
+                commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
+            )  # fmt: skip
+        except DivergenceError as error:
+            # The logged run may have diverged too.
+            if not isinstance(error.run, Run):
+                raise
+            run = error.run
+    return _repetition(reader, run, comparer)
 
 
-def _as_the_original(info: RunInfo, logged: RunInfo) -> RunInfo:
-    """Description of the repeated run, with the scenario of the original run in place of the restored copy."""
-    return replace(
-        info,
-        scenario=logged.scenario,
-        scenario_path=logged.scenario_path,
-        resolved=logged.resolved,
-        attachments={**logged.attachments, **info.attachments},
-    )
-
-
-def _simulated(
-    reader: LogReader,
-    scenario: Scenario,
-    robot: Robot,
-    *,
-    sinks: Callable[[RunInfo], Sequence[Sink]],
-    progress: Callable[[float], None] | None,
-    stop: Callable[[], bool],
-) -> tuple[Run, DivergenceError | None]:
-    """Repeated run, and the error that ended it if it diverged, as the logged run may have diverged too."""
-    # A live run lasts as long as its log, and receives the commands recorded in the log.
-    live = LIVE in reader.metadata
-    try:
-        run = simulate(
-            scenario, robot, sinks=sinks, keep=False, progress=progress, stop=stop,
-            commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
-        )  # fmt: skip
-    except DivergenceError as error:
-        if not isinstance(error.run, Run):
-            raise
-        return error.run, error
-    return run, None
-
-
-def _repetition(reader: LogReader, run: Run, comparer: Comparer, log: Path | None) -> Repetition:
-    """Result of the comparison. log: Log of the repeated run, if written."""
+def _repetition(reader: LogReader, run: Run, comparer: Comparer) -> Repetition:
+    """Result of the comparison."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
     here, there = run.info.metadata, reader.info.metadata
@@ -186,7 +136,6 @@ def _repetition(reader: LogReader, run: Run, comparer: Comparer, log: Path | Non
             for name in ("asrsim", "engine_version", "numpy")
             if name in there and name in here and there[name] != here[name]
         },
-        log=log,
     )
 
 

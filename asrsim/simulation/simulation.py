@@ -15,10 +15,9 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.chunks import LONGEST, chunk_at
-from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
-from asrsim.simulation.observation import Observation, Snapshot, observe
+from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink

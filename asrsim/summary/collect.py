@@ -49,17 +49,16 @@ class Collector:
         self._stride = max(1, -(-samples * len(joints) // KEPT))
         self._peaks = np.full(len(joints), np.nan)
         self._seen = 0
-        thinned = samples // self._stride + 1
-        self._time = _Rows(thinned)
-        self._positions, self._references = (_Rows(thinned, len(joints)) for _ in range(2))
+        self._time = _Rows()
+        self._positions, self._references = (_Rows(len(joints)) for _ in range(2))
         wanted, self._needs_bodies = needs
         derived = (source for name in ("deflection", "position_error") for source in DERIVED_SOURCES[name])
         self.quantities = frozenset(("link_position", *derived, *(quantity for quantity, _ in wanted)))
         """Names of the collected quantities."""
-        self._whole_time = _Rows(samples if wanted else 0)
-        self._whole = {key: _Rows(samples) for key in wanted}
+        self._whole_time = _Rows()
+        self._whole = {key: _Rows() for key in wanted}
         self._bodies: list[Samples] = []
-        self._tip_errors = _Rows(0)
+        self._tip_errors = _Rows()
 
     def write(self, samples: Samples) -> None:
         """Collect the next steps of the run."""
@@ -134,26 +133,21 @@ class Collector:
 
 
 class _Rows:
-    """Array that receives its values in pieces, (n,) or (rows, n), and is allocated once."""
+    """Array that receives its values in pieces, (n,) or (rows, n)."""
 
-    def __init__(self, capacity: int, *rows: int) -> None:
-        self._array = np.empty((*rows, max(capacity, 1)))
-        self._count = 0
+    def __init__(self, *rows: int) -> None:
+        self._parts: list[Array] = [np.empty((*rows, 0))]
 
     def add(self, values: Array) -> None:
-        """Append values."""
-        end = self._count + values.shape[-1]
-        room = self._array.shape[-1]
-        if end > room:
-            more = np.empty((*self._array.shape[:-1], max(end - room, room)))
-            self._array = np.concatenate([self._array, more], axis=-1)
-        self._array[..., self._count : end] = values
-        self._count = end
+        """Append a copy of the values."""
+        self._parts.append(values.copy())
 
     @property
     def values(self) -> Array:
         """All values received."""
-        return self._array[..., : self._count]
+        if len(self._parts) > 1:
+            self._parts = [np.concatenate(self._parts, axis=-1)]
+        return self._parts[0]
 
 
 def step_start(reference: Array, initial: float) -> int | None:

@@ -277,12 +277,9 @@ def test_rerun_needs_nothing_but_the_log(tiny, asrsim_command) -> None:
     shutil.move(log_of(tiny), log)
     tiny.scenario.unlink()
     tiny.robot.unlink()
-    outcome = asrsim_command("rerun", log, "--out", "again")
+    outcome = asrsim_command("rerun", log)
     assert outcome.code == 0
-    assert "identical" in outcome.out
-    again = read_log(tiny.folder / "again" / "log.mcap")
-    assert again.samples.time[-1] == 0.4
-    assert asrsim_command("rerun", tiny.folder / "again" / "log.mcap").code == 0
+    assert "801 samples compared: identical" in outcome.out
 
 
 def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
@@ -316,9 +313,8 @@ def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
     assert refused.code == 1
     assert "--trust-plugins" in refused.err
     assert "my_drive" not in ACTUATORS.names()
-    trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins", "--out", "again")
+    trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins")
     assert "identical" in trusted.out
-    assert read_log(tiny.folder / "again" / "log.mcap").info.attachments == read_log(log_of(tiny)).info.attachments
 
 
 def test_version_and_unknown_commands(asrsim_command) -> None:

@@ -50,7 +50,6 @@ def place(made: Path, tmp_path: Path) -> Path:
 
 WRITERS = {
     "run": ("run step.yaml --set duration=0.1 --out out --report", ["log.mcap", "summary.json", "report.html", "joints.png"]),
-    "rerun": ("rerun made/log.mcap --out out", ["log.mcap"]),
     "plot": ("plot made/log.mcap --out out", ["joints.png", "energy.png"]),
     "plot pdf svg": ("plot made/log.mcap --out out --format pdf --format svg", ["joints.pdf", "joints.svg"]),
     "render": ("render made/log.mcap --out out --frames 2 --gif", ["filmstrip.png", "motion.gif"]),
@@ -68,7 +67,7 @@ def test_files_of_somebody_else_stay(place: Path, asrsim_command, name: str) -> 
     (place / "out").mkdir()
     for file in files:
         (place / "out" / file).write_text(HAND)
-    outcome = asrsim_command(*arguments.split(), *(["--overwrite"] if name in ("run", "rerun", "ilc") else []))
+    outcome = asrsim_command(*arguments.split(), *(["--overwrite"] if name in ("run", "ilc") else []))
     assert outcome.code == 1
     assert any(file in outcome.err for file in files)
     assert all((place / "out" / file).read_text() == HAND for file in files)
@@ -103,7 +102,6 @@ def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, na
     [
         "bench pendulum.urdf motion.csv --out pendulum.urdf", "bench pendulum.urdf motion.csv --out motion.csv",
         "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
-        "rerun made/log.mcap --out made", "rerun made/log.mcap --out made --overwrite",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
     ],
 )  # fmt: skip
@@ -118,7 +116,6 @@ def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str
     ("arguments", "said"),
     [
         ("render made --out film.gif", "must be a folder, but film.gif has the suffix of a file"),
-        ("rerun made/log.mcap --out made/log.mcap", "log.mcap has the suffix of a file"),
         ("init pendulum.urdf --out here", "must end in .yaml or .yml, not here"),
         ("report made --out page", "must end in .html or .htm, not page"),
     ],
@@ -151,7 +148,7 @@ def test_a_summary_names_nothing_to_be_removed(place: Path, asrsim_command) -> N
 
 def test_a_folder_in_use_is_refused(place: Path, asrsim_command) -> None:
     with owned(place / "made"):
-        for arguments in ("run step.yaml --out made", "rerun made/log.mcap --out made", "ilc lift.yaml --out made"):
+        for arguments in ("run step.yaml --out made", "ilc lift.yaml --out made"):
             outcome = asrsim_command(*arguments.split())
             assert outcome.code == 1
             assert "is in use" in outcome.err

@@ -119,7 +119,7 @@ def test_example_is_registered_and_its_urdf_finds_it(tmp_path: Path) -> None:
     assert any(problem.code == "unknown-tag" and "<cubic>" in str(problem) for problem in robot.warnings)
 
 
-def test_example_passes_the_checker_and_the_documentation_has_the_same_laws(tmp_path: Path) -> None:
+def test_the_documented_example_passes_the_checker(tmp_path: Path) -> None:
     (example,) = load_plugin_file(EXAMPLE)
     assert check_actuator(example).passed
     shown = DOCS.read_text().split("```python\n")[1].split("```")[0]
@@ -132,7 +132,7 @@ def test_example_passes_the_checker_and_the_documentation_has_the_same_laws(tmp_
     assert documented.stiffness(*arguments) == example.stiffness(*arguments)
 
 
-def test_a_file_may_be_loaded_again_but_takes_no_others_name(tmp_path: Path) -> None:
+def test_a_plugin_may_be_loaded_again_under_its_own_name(tmp_path: Path) -> None:
     path = write(tmp_path, DECLARATION + LAWS)
     load_plugin_file(path)
     assert load_plugin_file(path) == (ACTUATORS.get("mine"),)
@@ -309,7 +309,7 @@ def test_each_fault_is_found_by_its_check(actuator: type[Actuator], failed: str)
     assert check.detail
 
 
-def test_what_init_writes_for_an_actuator_of_one_s_own_is_run_as_it_says(tmp_path, asrsim_command):
+def test_init_of_a_user_s_actuator_prints_a_command_that_runs(tmp_path, asrsim_command):
     law = shutil.copy(EXAMPLE, tmp_path)
     robot = shutil.copy(EXAMPLE.parents[1] / "urdf/plain_arm.urdf", tmp_path)
     said = asrsim_command("init", robot, "--actuator", "my_vsa", "--plugin", law, "--out", "arm.yaml").out
@@ -359,7 +359,7 @@ class Slack(Actuator):
 
 @pytest.mark.parametrize("most", [0.05, 0.4, 0.9])
 @pytest.mark.parametrize("play", [0.0, 0.03, 0.3, 0.8, 5.0])
-def test_a_spring_is_one_if_it_pulls_anywhere_up_to_its_limit(play: float, most: float) -> None:
+def test_a_spring_with_play_beyond_its_limit_is_no_spring(play: float, most: float) -> None:
     ACTUATORS.add("slack", Slack)
     block = SimpleNamespace(actuator="slack", values=lambda: {"play": play, "max_deflection": most})
     assert has_spring(block) == (play < most)
@@ -381,13 +381,13 @@ def test_laws_of_three_motors_pass_every_check(tmp_path: Path) -> None:
     assert [check.name for check in report.checks if not check.passed] == []
 
 
-def test_a_law_of_three_motors_names_the_positions_that_it_must_take(tmp_path: Path) -> None:
+def test_a_law_with_too_few_positions_is_named(tmp_path: Path) -> None:
     missing = THREE.replace("stiffness(q, theta_1, theta_2, theta_3, parameters)", "stiffness(q, theta_1, theta_2, parameters)")
     assert "must take q, theta_1, theta_2, theta_3, parameters" in str(failure(write(tmp_path, missing)))
 
 
 @pytest.mark.parametrize("mode", [2, 5])
-def test_a_log_of_three_motors_tells_where_all_of_them_hold_the_link(tmp_path: Path, mode: int) -> None:
+def test_the_equilibrium_of_three_motors_is_logged(tmp_path: Path, mode: int) -> None:
     """Springs of one stiffness rest at the mean of the motors: .3, .25 and .05 rad."""
     scenario = three_motor_arm(tmp_path, mode, reference_1=0.3, reference_2=0.25, reference_3=0.05)
     samples = asrsim.run(scenario).run.samples

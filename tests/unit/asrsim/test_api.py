@@ -144,7 +144,7 @@ def test_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert names["stopped"].status == "interrupted"
 
 
-def test_what_takes_several_takes_one(tiny, tmp_path: Path) -> None:
+def test_arguments_of_several_values_take_one(tiny, tmp_path: Path) -> None:
     """A text is no row of letters: in identification, sweeps, runs and recordings."""
     recording = tmp_path / "lab.csv"
     np.savetxt(recording, np.ones((9, 2)) * np.arange(9)[:, None], delimiter=",", header="time [s],elbow", comments="")

@@ -13,7 +13,7 @@ from asrsim.outfile import MARKS, check_output, is_ours, make_folder, write_text
 PAGE = '<meta name="generator" content="asrsim 1">'
 
 
-def test_a_file_of_ours_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):
+def test_an_own_file_is_replaced_without_remains(tmp_path: Path):
     path = tmp_path / "page.html"
     write_text(path, PAGE, "page")
     write_text(path, "naïve ω", "page")
@@ -68,7 +68,7 @@ def test_a_device_is_written_to_as_it_is():
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-def test_what_fails_leaves_the_earlier_file(tmp_path: Path, error: BaseException):
+def test_a_failed_write_leaves_the_earlier_file(tmp_path: Path, error: BaseException):
     path = tmp_path / "page.html"
     path.write_text(PAGE)
 
@@ -103,6 +103,6 @@ def test_a_folder_that_is_not_there_is_an_output_error(tmp_path: Path):
         write_text(tmp_path / "nowhere" / "page.html", "text", "page")
 
 
-def test_what_cannot_be_read_is_not_ours(tmp_path: Path):
+def test_an_unreadable_file_is_not_overwritten(tmp_path: Path):
     assert not is_ours(tmp_path, "page")
     assert not is_ours(tmp_path / "nowhere", "page")

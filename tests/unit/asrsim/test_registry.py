@@ -81,7 +81,7 @@ def test_a_stepping_of_another_package_runs(installed: Path) -> None:
     assert summary["ok"]
 
 
-def test_what_is_not_installed_or_no_engine_is_an_error_that_says_so(installed: Path) -> None:
+def test_a_missing_or_wrong_engine_is_named(installed: Path) -> None:
     (error,) = run(installed, "--engine", "missing")["errors"]
     assert "needs 'no_such_library', which is not installed" in json.dumps(error)
     answer = json.dumps(run(installed, "--engine", "nothing"))

@@ -109,7 +109,7 @@ def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
     assert seen[1].time == pytest.approx(0.04)
 
 
-def test_an_episode_that_ends_with_its_last_step_is_not_cut_off(scenario):
+def test_an_episode_terminated_in_its_last_step_is_not_truncated(scenario):
     """10 steps of 20 ms; an action is seen as it was given, though its references are cut to their ranges."""
     seen = []
     env = make_env(scenario, reward=lambda state: seen.append(state.action) or 0.0, terminated=lambda state: state.time > 0.19)

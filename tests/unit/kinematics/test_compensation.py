@@ -101,7 +101,7 @@ def test_springs_at_their_deflection_limit_still_have_statics():
 
 
 @pytest.mark.parametrize("wanted", [0.5, 3.0, 90.0])
-def test_motors_rest_where_springs_without_a_limit_let_them_however_far_they_are_told_to_go(wanted: float):
+def test_motors_rest_in_balance_however_far_their_references_are(wanted: float):
     """sinh(11 x 90) is beyond every number; the motor gives way until its torque is the spring's, on either side alike."""
     spring = (11.0, 0.02, 11.0, 0.02, 300.0)
     drive = drive_with(QbMove, mode=6, spring=spring, proportional=(125.0,) * 2, integral=(0.0,) * 2, max_torque=(1e9,) * 2)
@@ -113,7 +113,7 @@ def test_motors_rest_where_springs_without_a_limit_let_them_however_far_they_are
         assert 125.0 * (wanted - theta) == pytest.approx(torque, rel=1e-6)
 
 
-def test_motors_far_beyond_their_springs_limit_droop_by_the_limit_s_torque():
+def test_motors_beyond_the_deflection_limit_droop_by_its_torque():
     generator = np.random.default_rng(5)
     for _ in range(60):
         drive, preset = random_drive(generator)

@@ -63,7 +63,7 @@ def box_push():
     return scenario, load_robot(scenario.robot)
 
 
-def test_the_planned_tip_is_on_the_path_from_start_to_goal():
+def test_the_planned_tip_stays_on_the_path():
     scenario, robot = box_push()
     planned = plan_task(scenario, robot)
     assert planned.path.position_error.max() < 1e-4

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from asrsim.kinematics import ClikSettings, PoseTrajectory, follow
+from asrsim.kinematics import PoseTrajectory, follow
 from asrsim.kinematics.trajectory import INTERPOLATIONS
 from asrsim.robot.poses import roll_pitch_yaw
 from asrsim.scenario.data import CartesianPose
@@ -54,7 +54,7 @@ class SixJoints:
 
 
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
-def test_between_poses_the_turn_is_the_great_circle_of_their_quaternions(interpolation: str) -> None:
+def test_orientations_between_poses_follow_the_great_circle(interpolation: str) -> None:
     begin = Rotation.from_euler("xyz", START[1])
     trajectory = PoseTrajectory.through(POSES, interpolation, (START[0], begin.as_matrix()))
     times = [0.0, *(pose.time for pose in POSES)]
@@ -70,7 +70,7 @@ def test_between_poses_the_turn_is_the_great_circle_of_their_quaternions(interpo
     assert beyond == pytest.approx(turns[[0, -1]].as_matrix(), abs=1e-12)
 
 
-def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:
+def test_an_arm_of_six_joints_reaches_the_orientation() -> None:
     model, point = SixJoints(), (0.05, 0.02, -0.01)
     start = np.array([0.3, 0.4, 0.6, -0.5, 1.1, 0.2])
     knots = {1.0: (0.6, 0.2, 0.9, -0.1, 0.9, 0.7), 1.8: (-0.1, 0.5, 0.5, -0.6, 1.3, -0.4), 3.0: (0.3, 0.6, 0.4, 0.2, 1.0, -0.9)}
@@ -82,7 +82,7 @@ def test_an_arm_of_six_joints_turns_as_it_is_told() -> None:
     worst = []
     for step in (4e-3, 2e-3):
         time = np.arange(0.0, 3.3, step)
-        path = follow(model, "tool", point, trajectory, start, time, settings=ClikSettings(damping=1e-5))
+        path = follow(model, "tool", point, trajectory, start, time, damping=1e-5)
         wanted, rotations = trajectory.at(time)
         reached = [model.pose(q, "tool", point) for q in path.positions]
         error = np.array([np.r_[p - w, (r - m).ravel()] for (p, r), w, m in zip(reached, wanted, rotations, strict=True)])

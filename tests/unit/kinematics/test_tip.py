@@ -37,7 +37,7 @@ def closed_form(result) -> np.ndarray:
     return np.stack([x, np.zeros_like(x), z], axis=1)
 
 
-def test_the_tip_is_where_the_links_put_it_and_its_goal_is_the_path(tmp_path):
+def test_tip_and_goal_are_those_of_chain_and_path(tmp_path):
     result = asrsim.run(arm_task(tmp_path))
     assert result.bodies[TIP][:, :3] == pytest.approx(closed_form(result), abs=1e-12)
     goal = result.bodies[TIP_GOAL]

@@ -5,27 +5,17 @@ from __future__ import annotations
 import os
 import re
 import resource
-import signal
-import subprocess
-import sys
-import textwrap
-import time
 from itertools import cycle
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from asrsim.errors import LogError, OutputError
 from asrsim.log import LogWriter, open_log, read_log
-from asrsim.log.chunks import read_chunk
-from asrsim.log.columns import ColumnReader
-from asrsim.log.structure import split_records
 from asrsim.samples import Samples
 from support.log_example import INFO, assert_same, example_samples, part
-from support.paths import ROOT
 
 COUNT = 6000
 
@@ -47,48 +37,6 @@ def official_times(path: Path) -> list[float]:
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         return [np.frombuffer(message.data, "<f8", 1, 4)[0] for _, _, message in reader.iter_messages("/asrsim/time")]
-
-
-WRITE_FOREVER = textwrap.dedent(
-    """
-    import sys
-    from dataclasses import replace
-    sys.path.insert(0, {tests!r})
-    from support.log_example import INFO, example_samples
-    from asrsim.log import LogWriter
-    writer = LogWriter({path!r}, INFO)
-    step = INFO.step * INFO.log_every
-    chunk = example_samples(500)
-    index = 0
-    print("begun", flush=True)
-    while True:
-        writer.write(replace(chunk, time=chunk.time + index * 500 * step))
-        index += 1
-    """
-)
-
-
-def test_a_killed_writer_leaves_whole_chunks(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    code = WRITE_FOREVER.format(tests=str(ROOT / "tests"), path=str(path))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
-        until = time.monotonic() + 30
-        while path.stat().st_size < 5_000_000 and time.monotonic() < until:
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    log = read_log(path)
-    assert (log.truncated, log.status) == (True, "truncated")
-    assert log.info == INFO
-    count = len(log.samples.time)
-    assert count >= 1000
-    index = np.tile(np.arange(500), count // 500 + 1)[:count]
-    expected = example_samples(500).values["motor_1_position"][index]
-    np.testing.assert_array_equal(log.samples.values["motor_1_position"], expected)
-    assert official_times(path) == log.samples.time.tolist()
 
 
 def test_a_log_is_readable_while_it_is_written(tmp_path: Path, samples: Samples) -> None:
@@ -292,28 +240,3 @@ def test_memory_does_not_grow_with_duration(tmp_path: Path) -> None:
     short, long = peaks(10), peaks(400)
     assert long[0] < short[0] + 2_000_000
     assert long[1] < short[1] + 2_000_000
-
-
-@pytest.mark.parametrize(("place", "value"), [(0, 0x06), (0, 0xFF), (1, 0x01), (9, 0xEE)])
-def test_a_row_with_another_record_in_it_is_refused(whole: bytes, tmp_path: Path, place: int, value: int) -> None:
-    """Opcode, length and channel of every record must be those of the first row: numbers are read by their place alone."""
-    path = tmp_path / "run.mcap"
-    path.write_bytes(whole)
-    log = open_log(path)
-    with path.open("rb") as file:
-        data = bytearray(read_chunk(file, log._structure.chunks[0]))
-    names = {name for joint in INFO.joints for name in joint.quantities}
-    joints = {joint.name for joint in INFO.joints}
-    reader = ColumnReader(log._structure.channels)
-    assert reader.read(bytes(data), names, joints)
-    messages = [
-        start
-        for opcode, start, _ in split_records(bytes(data))
-        if opcode == Opcode.MESSAGE and reader._columns.get(int.from_bytes(data[start : start + 2], "little"))
-    ]
-    # Of the second row on.
-    for start in (messages[len(messages) // 2], messages[-3]):
-        changed = bytearray(data)
-        changed[start - 9 + place] = value if changed[start - 9 + place] != value else value - 1
-        with pytest.raises(ValueError, match="rows of a chunk differ"):
-            reader.read(bytes(changed), names, joints)

@@ -31,17 +31,6 @@ def samples() -> Samples:
     return example_samples(3000, bodies=("box", "ball"), contacts=("box/ground", "box/finger-1"))
 
 
-def test_round_trip_is_exact(tmp_path: Path, samples: Samples) -> None:
-    path = tmp_path / "run.mcap"
-    with LogWriter(path, INFO) as writer:
-        for start in range(0, 3000, 700):
-            writer.write(part(samples, slice(start, start + 700)))
-    log = read_log(path)
-    assert_same(log.samples, samples)
-    assert log.info == INFO
-    assert (log.status, log.truncated) == ("complete", False)
-
-
 def test_result_and_run_metadata(log_path: Path) -> None:
     reader = open_log(log_path)
     assert reader.result == {"status": "complete", "samples": "3000", "summary": "fine", "error_estimate": "1e-6"}
@@ -92,12 +81,6 @@ def test_selection_by_time_and_stride(
     np.testing.assert_array_equal(log.samples.bodies["ball"], samples.bodies["ball"][chosen])
 
 
-def test_iteration_is_the_whole_in_parts(log_path: Path, samples: Samples) -> None:
-    parts = list(open_log(log_path).iter_samples())
-    assert len(parts) >= 3
-    assert_same(concatenate(parts), samples)
-
-
 def test_unknown_names_are_all_listed(log_path: Path) -> None:
     with pytest.raises(LogError) as caught:
         read_log(log_path, quantities=["link_positon"], joints=["shoulder", "hip"])
@@ -119,15 +102,6 @@ def test_bodies_and_contacts_may_come_and_go(tmp_path: Path) -> None:
     log = read_log(path).samples
     assert_same(log, concatenate([first, second, third]))
     assert np.isnan(log.bodies["ball"]).all(axis=1).tolist() == [True] * 50 + [False] * 50 + [True] * 50
-
-
-def test_log_without_samples(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    with LogWriter(path, INFO):
-        pass
-    log = read_log(path)
-    assert log.samples.time.shape == (0,)
-    assert log.info == INFO
 
 
 def test_joint_names_that_look_alike_to_ros_stay_apart(tmp_path: Path) -> None:

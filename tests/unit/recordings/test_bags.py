@@ -218,13 +218,6 @@ def test_a_number_that_is_named_as_a_time_is_used_where_that_is_stated(tmp_path:
     np.testing.assert_allclose(read_recording(path, mapping=["/state/t=time [ms]"]).time, TIME, atol=1e-6)
 
 
-def test_messages_with_other_numbers_are_a_table_of_their_own(tmp_path: Path) -> None:
-    path = mcap(tmp_path / "a.mcap", {"/state": lambda i, t: {"q": [0.5] * (2 + i % 2)}})
-    assert {name: len(one.time) for name, one in read_recording(path).channels.items()} == {
-        "/state/q[0]": 20, "/state/q[1]": 20, "/state/q[0]#2": 20, "/state/q[1]#2": 20, "/state/q[2]": 20
-    }  # fmt: skip
-
-
 def test_a_topic_whose_clock_restarts_is_not_read(tmp_path: Path) -> None:
     messages = {
         "/state": lambda i, t: {"q": Q[0, i]},

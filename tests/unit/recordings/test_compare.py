@@ -72,14 +72,6 @@ def test_alignment_prefers_the_reference_so_that_the_delay_of_the_response_stays
     assert series.metrics["delay"] == pytest.approx(-0.05, abs=2e-3)  # the simulation comes earlier
 
 
-def test_alignment_takes_what_moves_in_both(tmp_path: Path) -> None:
-    """The command stands still in the laboratory's file, whatever it did in the simulation."""
-    t = np.arange(0, 5, 0.005)
-    result = compare(simulation(), read(write(tmp_path, "time,elbow_pos,elbow_cmd", t, motion(t - 0.1), 0.0 * t + 0.8)))
-    assert result.alignment.how == "cross-correlation of elbow.link_position"
-    assert result.alignment.lag == pytest.approx(0.1, abs=3e-4)
-
-
 @pytest.mark.parametrize(("correlation", "believed"), [(0.4, False), (0.53, False), (0.67, True), (0.9, True)])
 def test_a_lag_of_little_correlation_is_not_believed(correlation: float, believed: bool) -> None:
     generator = np.random.default_rng(2)
@@ -120,15 +112,6 @@ def test_of_a_periodic_signal_the_smallest_lag_is_taken_and_said(tmp_path: Path)
     result = compare(samples, read(path))
     assert result.alignment.lag == pytest.approx(0.04, abs=1e-3)
     assert any("periodic" in f.message for f in result.findings)
-
-
-def test_metrics_of_known_differences(tmp_path: Path) -> None:
-    result = compare(simulation(), read(laboratory(tmp_path, offset=0.02)), lag="off")
-    metrics = result.find("elbow", "link_position").metrics  # type: ignore[union-attr]
-    assert metrics["bias"] == pytest.approx(-0.02, abs=1e-9)
-    assert metrics["rmse"] == pytest.approx(0.02, abs=1e-9)
-    assert metrics["maximum_error"] == pytest.approx(0.02, abs=1e-9)
-    assert metrics["nrmse"] == pytest.approx(0.02 / np.ptp(motion(TIME)), rel=1e-3)
 
 
 def test_the_coarser_one_keeps_its_samples(tmp_path: Path) -> None:
@@ -312,12 +295,3 @@ def test_a_unit_of_the_other_kind_of_joint_is_an_error(tmp_path: Path, unit: str
     result = compare(both, recording, infos=infos)
     assert result.find("elbow", "link_position") is None
     assert any("is not compared" in finding.message for finding in result.findings)
-
-
-def test_energies_are_compared_only_where_they_are_asked_for(tmp_path: Path) -> None:
-    """Only another simulation has them, and they follow from what is compared."""
-    path = write(tmp_path, "time,elbow.link_position,elbow.link_work", TIME, motion(TIME), reference(TIME))
-    values = {"link_position": motion(TIME)[:, None], "link_work": reference(TIME)[:, None]}
-    samples = Samples(time=TIME, joints=("elbow",), values=values)
-    for asked, found in ((None, ["link_position"]), (["link_work"], ["link_work"])):
-        assert [one.quantity for one in compare(samples, read(path), quantities=asked, lag="off").series] == found

@@ -54,10 +54,6 @@ WRITERS = {
     "lab.feather": parquet,
     "vectors.mat": lambda path: savemat(path, {"time": TIME, "q1": Q1[:, None], "q2_deg": np.degrees(Q2)}),
     "struct.mat": lambda path: savemat(path, {"run": {"time": TIME, "gain": 3.0, "q1": Q1, "q2_deg": np.degrees(Q2)}}),
-    "nested.mat": lambda path: savemat(
-        path, {"log": {"t": TIME, "joints": {"a": {"q1": Q1}, "b": {"q2_deg": np.degrees(Q2)}}}}
-    ),
-    "milliseconds.mat": lambda path: savemat(path, {"time_ms": TIME * 1e3, "q1": Q1, "q2_deg": np.degrees(Q2)}),
     "ascii.mat": lambda path: np.savetxt(path, ROWS, header="time q1 q2_deg"),
     "lab73.mat": hdf5,
     "lab.npz": lambda path: np.savez(path, time=TIME, q1=Q1, q2_deg=np.degrees(Q2)),
@@ -138,17 +134,6 @@ def test_a_sheet_is_named_by_the_document_and_dates_in_cells_are_its_time(tmp_pa
     (tmp_path / "lab.xlsx.yaml").write_text("sheet: third\n")
     with pytest.raises(RecordingError, match="no such sheet"):
         read_recording(path)
-
-
-def test_lists_in_cells_of_parquet_are_columns(tmp_path: Path) -> None:
-    pyarrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet as writer
-
-    table = {"time": TIME, "q": np.stack([Q1, Q2], axis=1).tolist(), "task": ["a"] * 50}
-    writer.write_table(pyarrow.table(table), tmp_path / "a.parquet")
-    recording = read_recording(tmp_path / "a.parquet")
-    np.testing.assert_allclose(recording.column("joint_2", "link_position").values, Q2)
-    assert [one.key for one in recording.findings if one.code == "text-column"] == ["task"]
 
 
 def test_two_structs_with_unix_times_keep_what_lies_between_them(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ DEGREES = 180 / math.pi
 TIME = np.arange(0.0, 5.0, 0.005)
 Q = 0.6 * np.sin(3 * TIME) + 0.2 * np.sin(11 * TIME) + 0.3
 V = 1.8 * np.cos(3 * TIME) + 2.2 * np.cos(11 * TIME)
-FOLLOWED = np.r_[Q[5:], Q[-5:]]
 SUSPECTED = {
     "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times the slope of 'q1'"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
@@ -23,8 +22,6 @@ SUSPECTED = {
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
     "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
-    "a command in degrees": ("q1,q1_ref", (Q, FOLLOWED * DEGREES), "q1_ref: is 57.3 times as large as 'q1', which follows it"),
-    "a followed one in degrees": ("q1,q1_ref", (Q * DEGREES, FOLLOWED), "q1_ref: is 0.0174. times as large as 'q1'"),
 }
 """Header, columns behind the time, and what is said."""
 NOISE = np.random.default_rng(0).normal(size=(2, len(TIME)))
@@ -32,12 +29,11 @@ FINE = {
     "what was measured": ("q1,dq1", (Q + 0.002 * NOISE[0], V + 0.3 * NOISE[1] + 0.05)),
     "a slow filter": ("q1,dq1", (Q, np.convolve(V, np.ones(9) / 9, "same"))),
     "numbers missing": ("q1,dq1", (np.where(TIME % 1 < 0.2, np.nan, Q), V)),
-    "units that are stated": ("q1 [deg],dq1 [deg/s],q1_ref [rad]", (Q * DEGREES, V * DEGREES, FOLLOWED)),
+    "units that are stated": ("q1 [deg],dq1 [deg/s]", (Q * DEGREES, V * DEGREES)),
     "a link at rest": ("q1,dq1", (0 * Q + 0.3, V)),
     "a motor that moves for itself": ("q1,dq1,theta_m1", (Q, V, DEGREES * Q)),
     "an angle that jumps by turns": ("q1,dq1", ((9 * Q) % math.tau, 9 * V)),
     "a few samples": ("q1,dq1", (Q[:15], 50 * V[:15])),
-    "a command that is not followed": ("q1,q1_ref", (Q, DEGREES * np.sign(np.sin(TIME)))),
 }
 
 

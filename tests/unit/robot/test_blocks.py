@@ -80,13 +80,6 @@ def test_defaults_are_the_released_codes(read: Callable[[str], Robot]) -> None:
     assert values["spring_a_1"].tag == "spring_a1"
 
 
-def test_mode_1_has_the_link_controllers_defaults_for_gains_not_given(read: Callable[[str], Robot]) -> None:
-    values = read(block("<ctrl_1_P>500</ctrl_1_P>", mode="1")).actuators[0].parameters
-    assert [values[f"controller_1_{gain}"].value for gain in ("proportional", "integral", "derivative")] == [500.0, 0.0, 0.2]
-    assert values["controller_1_derivative"].origin == "mode default"
-    assert values["controller_2_derivative"].value == 4.5
-
-
 def test_free_text_comments_blanks_and_infinity(read: Callable[[str], Robot]) -> None:
     robot = read(
         block(
@@ -97,7 +90,6 @@ def test_free_text_comments_blanks_and_infinity(read: Callable[[str], Robot]) ->
     values = robot.actuators[0].values()
     assert (values["spring_a_1"], values["max_deflection"]) == (11.0, 0.5)
     assert (values["motor_1_min_position"], values["motor_1_max_position"]) == (-math.inf, math.inf)
-    assert "misread-value" in codes(robot)
 
 
 def test_later_dialect(read: Callable[[str], Robot]) -> None:
@@ -195,9 +187,6 @@ def test_all_problems_come_at_once(read: Callable[[str], Robot]) -> None:
     ("tags", "code", "says"),
     [
         ("<spring_k3>1</spring_k3>", "unknown-tag", "spring_k"),
-        ("<mot_1_maxVel>5</mot_1_maxVel>", "ignored-by-toolbox", "never enforces"),
-        ("<mot_2_D>0.0019</mot_2_D>", "template-value", "0.2698"),
-        ("<mot_1_tauFric>0.5</mot_1_tauFric>", "template-value", "0.02"),
         ("<ctrl_1_P>99</ctrl_1_P>", "one-controller-set", "motor 2 keeps"),
     ],
 )
@@ -205,16 +194,6 @@ def test_warnings_of_a_block(read: Callable[[str], Robot], tags: str, code: str,
     (warning,) = read(block(tags)).warnings
     assert warning.code == code
     assert says in str(warning)
-
-
-def test_unused_rest_length_is_said(read: Callable[[str], Robot]) -> None:
-    assert codes(read(block("<spring_l_0>1</spring_l_0>", actuator="awas_ii"))) == {"unused-tag"}
-
-
-def test_toolbox_block_inside_a_reference_is_not_simulated(read: Callable[[str], Robot]) -> None:
-    robot = read(block().replace("<gazebo>", '<gazebo reference="hand">'))
-    assert robot.actuators == ()
-    assert "plugin-in-reference" in codes(robot)
 
 
 def test_effort_limits_that_matter_to_an_actuator(tmp_path: Path) -> None:

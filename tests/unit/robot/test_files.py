@@ -96,12 +96,6 @@ def test_malformed_files(read: Callable[..., Robot], text: str, code: str) -> No
     assert fails(read, text) == [code]
 
 
-def test_malformed_xml_has_its_line(read: Callable[..., Robot]) -> None:
-    with pytest.raises(RobotError) as caught:
-        read("<robot>\n<link>\n</robot>")
-    assert caught.value.problems[0].line == 3
-
-
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     for path, code in ((tmp_path / "none.urdf", "missing-file"), (tmp_path, "not-a-file")):
         with pytest.raises(RobotError) as caught:
@@ -124,25 +118,18 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
         (link("a") + link("b") + joint("j", "a", "b") + joint("k", "b", "a"), "loop"),
         (link("a", "") + joint("j", "a", "b", kind="hinge") + link("b"), "joint-type"),
         (link("a", "") + joint("j", "a", "b", '<axis xyz="0 0 0"/>' + LIMIT) + link("b"), "zero-axis"),
-        (link("a", "") + joint("j", "a", "b", '<axis xyz="0 1"/>' + LIMIT) + link("b"), "not-a-number"),
         (link("a", "") + joint("j", "a", "b", LIMIT.replace('"-1"', '"2"')) + link("b"), "limits-crossed"),
         (link("a", "") + joint("j", "a", "b", LIMIT + '<dynamics damping="-1"/>') + link("b"), "negative-damping"),
         (link("a", "") + joint("j", "a", "b", LIMIT + '<dynamics damping="nan"/>') + link("b"), "not-finite"),
         (GOOD.replace('mass value="1"', 'mass value="-1"'), "negative-mass"),
         (GOOD.replace('ixx="0.1"', 'ixx="-0.1"'), "negative-inertia"),
-        (GOOD.replace('ixx="0.1"', 'ixx="0.1" ixy="0.5"'), "negative-inertia"),
-        (GOOD.replace('ixx="0.1"', 'ixx="inf"'), "not-finite"),
         (GOOD.replace('ixx="0.1"', 'ixx="much"'), "not-a-number"),
         (GOOD.replace(' izz="0.1"', ""), "missing-attribute"),
         (GOOD.replace('mass value="1"', 'mass value="1e308"'), "out-of-range"),
         (GOOD + link("c") + joint("k", "b", "c", '<parent link="a"/>' + LIMIT), "missing-tag"),
-        (GOOD + link("c") + joint("k", "b", "c", '<child link="a"/>' + LIMIT), "missing-tag"),
-        (link("a", "") + joint("j", "a", "b") + link("b", ""), "massless-joint"),
         (link("a", "") + joint("j", "a", "b") + link("b", MASSLESS), "massless-joint"),
-        (link("a", "") + joint("j", "a", "b", kind="planar") + link("b"), "joint-type"),
         (GOOD.replace('"j"', f'"{"j" * 300}"'), "long-name"),
         (GOOD.replace(INERTIAL, INERTIAL * 2), "duplicate-tag"),
-        (GOOD.replace('<mass value="1"/>', ""), "missing-tag"),
         (GOOD.replace('<inertia ixx="0.1" iyy="0.1" izz="0.1"/>', ""), "missing-tag"),
     ],
 )  # fmt: skip
@@ -228,15 +215,6 @@ def test_a_floating_root_says_that_the_robot_may_float(read: Callable[..., Robot
         link("top") + joint("t", "top", "world", "", "fixed") + link("world", "") + floating,
     ):
         assert "joint-type" in fails(read, robot(other))
-
-
-def test_axis_is_normalised_and_frames_are_kept(read: Callable[..., Robot]) -> None:
-    text = robot(
-        link("a", "") + joint("j", "a", "b", f'<axis xyz="0 3 4"/>{LIMIT}<origin xyz="1 2 3" rpy="0.1 0 0"/>') + link("b")
-    )
-    found = read(text).joint("j")
-    assert found.axis == pytest.approx((0.0, 0.6, 0.8))
-    assert (found.origin, found.rpy) == ((1.0, 2.0, 3.0), (0.1, 0.0, 0.0))
 
 
 # -- xacro -------------------------------------------------------------------------------------------------------------
@@ -360,11 +338,8 @@ SHAPES: dict[str, tuple[str, dict[str, object] | None]] = {
     ),
     "mesh": ('<geometry><mesh filename="a.stl"/></geometry>', {"mesh": "a.stl", "scale": (1, 1, 1), "size": ()}),
     "one scale": ('<geometry><mesh filename="a.stl" scale="2"/></geometry>', {"scale": (2, 2, 2)}),
-    "three scales": ('<geometry><mesh filename="a.stl" scale="1 -2 3"/></geometry>', {"scale": (1, -2, 3)}),
     "flat mesh": ('<geometry><mesh filename="a.stl" scale="1 0 3"/></geometry>', None),
     "colour": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("2 -1 .5 .25")}', {"colour": (1, 0, 0.5, 0.25)}),
-    "no opacity": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("1 1 1")}', {"colour": None}),
-    "words": (f'<geometry><sphere radius="1"/></geometry>{WHITE.format("a b c d")}', {"colour": None}),
 }
 
 

@@ -50,7 +50,7 @@ def compared(logged: Samples, made: Samples, seed: int = 0) -> Comparer:
     return comparer
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
     """Zero of either sign differs; one NaN is as good as another; joints and quantities are matched by name."""
     logged = example_samples(COUNT, bodies=("box",), contacts=("box/ground",))
@@ -87,7 +87,7 @@ def test_every_bit_that_differs_is_found_wherever_chunks_end(seed: int) -> None:
     )
 
 
-def test_what_one_side_does_not_have_differs_and_what_comes_too_early_to_an_end_is_counted() -> None:
+def test_missing_series_differ_and_missing_samples_are_counted() -> None:
     logged = example_samples(COUNT, bodies=("box",))
     made = copy(logged)
     fewer = replace(made, values={name: table for name, table in made.values.items() if name != "stiffness"}, bodies={})
@@ -109,7 +109,7 @@ def log_in(folder: Path, *, origin: str = "", variant: str = "soft", text: str =
     return folder / "log.mcap"
 
 
-def test_logs_of_variants_come_as_their_scenario_lists_them_and_strange_ones_last(tmp_path: Path) -> None:
+def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path: Path) -> None:
     text = "robot: r.urdf\nvariants: {soft: {}, rigid: {}, hard: {}}\n"
     for name in ("hard", "alone", "soft", "rigid"):
         log_in(tmp_path / name, variant=name, text=text)

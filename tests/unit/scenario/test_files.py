@@ -140,7 +140,7 @@ expect:
         ("log_rate: 300", 3, "log_rate", "1000 Hz / 300 Hz = 3.33333333"),
         ("gravity: 9.81", 3, "gravity", "must be a list [x, y, z]"),
         ("compiled: 1", 3, "compiled", "must be true or false"),
-        ("modes: {a: 9}", 3, "modes.a", "whole number 0 to 8"),
+        ("modes: {a: 9}", 3, "modes.a", "whole number >= 0 and <= 8"),
         ("motion: {a: 1}", 3, "motion", "needs 'engine: bench'"),
         ("references:\n  a:\n    x: {stp: 1}", 5, "references.a.x.stp", "Did you mean 'step'?"),
         ("references: {a: {'*': 1}}", 3, "references.a.*", "cannot stand for a reference"),
@@ -241,15 +241,14 @@ def test_half_a_character_is_no_text(text: str) -> None:
         parse_yaml(text)
 
 
-def test_aliases_and_merges_work():
-    node = parse_yaml("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\nc: *a\n")
-    assert node.plain() == {"a": {"x": 1, "y": 2}, "b": {"x": 1, "y": 3}, "c": {"x": 1, "y": 2}}
+def test_aliases_work():
+    assert parse_yaml("a: &a {x: 1, y: 2}\nc: *a\n").plain() == {"a": {"x": 1, "y": 2}, "c": {"x": 1, "y": 2}}
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-3", 1e-3), ("1E5", 1e5), ("-1", -1), (".5", 0.5), ("5.", 5.0), ("+3", 3), ("0x1F", 31), (".inf", float("inf")),
+        ("1e-3", 1e-3), ("1E5", 1e5), ("-1", -1), (".5", 0.5), ("5.", 5.0), ("+3", 3), ("0x1F", "0x1F"), (".inf", float("inf")),
         ("on", "on"), ("yes", "yes"), ("No", "No"), ("12:30:00", "12:30:00"), ("1_000", "1_000"), ("010", 10),
         ("true", True), ("False", False), ("~", None), ("", None), ("2024-01-01", "2024-01-01"), ("e5", "e5"),
     ],

@@ -284,10 +284,10 @@ def test_warnings_of_a_replaced_actuator_end_and_those_of_joints_stay(tmp_path: 
     text = plain.read_text(encoding="utf-8")
     mimic = f'<joint name="{first}" type="revolute"><mimic joint="{second}"/>'
     text = text.replace(f'<joint name="{first}" type="revolute">', mimic)
-    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_maxVel>5</mot_1_maxVel></plugin>")
+    block = PLUGIN.format("bavs", second, 3).replace("</plugin>", "<mot_1_tauMax>1e6</mot_1_tauMax></plugin>")
     (tmp_path / "other.urdf").write_text(text.replace("</robot>", f"{block}</robot>"), encoding="utf-8")
     robot = load_robot(tmp_path / "other.urdf")
-    assert {"mimic-joint", "ignored-by-toolbox"} <= {one.code for one in robot.warnings}
+    assert {"mimic-joint", "unusual-value"} <= {one.code for one in robot.warnings}
     scenario = make_scenario(tmp_path / "other.urdf", duration=1.0, actuators={second: "sea"})
     assert [one.code for one in apply_to_robot(scenario, robot).warnings] == ["mimic-joint"]
 

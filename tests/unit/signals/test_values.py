@@ -79,12 +79,6 @@ def test_chirp_sweeps_its_instantaneous_frequency(law):
         assert chirp.values(np.array([-1.0, 0.0])) == pytest.approx([first, first], abs=1e-12)
 
 
-def test_logarithmic_chirp_between_equal_frequencies_is_a_sinusoid():
-    chirp = Chirp(amplitude=1.0, start_frequency=2.0, end_frequency=2.0, duration=5.0, law="logarithmic")
-    time = np.linspace(0, 5, 50)
-    assert chirp.values(time) == pytest.approx(np.sin(4 * math.pi * time))
-
-
 def test_multisine_has_its_lines_and_low_peaks_with_schroeder_phases():
     frequencies = tuple(float(k) for k in range(1, 21))
     low = Multisine(frequencies=frequencies, amplitudes=1.0)
@@ -195,12 +189,6 @@ def test_faults_name_the_key_and_what_is_right(data, message):
     with pytest.raises(ScenarioError) as caught:
         parse_signal(data)
     assert message in str(caught.value)
-
-
-def test_all_faults_of_a_signal_are_told_at_once():
-    with pytest.raises(ScenarioError) as caught:
-        parse_signal({"sum": [{"step": {"to": "x", "att": 1}}, {"ramp": {"to": 1, "duration": -1}}]})
-    assert len(caught.value.problems) == 3
 
 
 def test_constructors_check_relations_too():

@@ -51,7 +51,7 @@ def record(scenario: Scenario, sizes: Sequence[int], *, compiled: bool = False, 
 
 @pytest.mark.parametrize("fixed", [True, False])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_however_time_is_cut(tmp_path: Path, engine: str, fixed: bool) -> None:
+def test_results_do_not_depend_on_the_steps_per_call(tmp_path: Path, engine: str, fixed: bool) -> None:
     scenario = busy(tmp_path, engine, fixed=fixed)
     whole = record(scenario, WHOLE)
     assert {"motor_work", "friction_loss", "damping_loss", "energy_residual"} <= whole.values.keys()
@@ -61,7 +61,7 @@ def test_however_time_is_cut(tmp_path: Path, engine: str, fixed: bool) -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_things_that_touch_go_on_from_a_snapshot(tmp_path: Path, engine: str) -> None:
+def test_contacts_continue_from_a_snapshot(tmp_path: Path, engine: str) -> None:
     """A pile that slides on the ground: the solver's start is the last step's end."""
     scenario = busy(tmp_path, engine, seed=1)
     boxes = {

@@ -137,7 +137,7 @@ def test_a_law_that_only_python_can_run_stays_plain(tmp_path: Path, monkeypatch:
     assert [warning.code for warning in run.warnings] == ["slow-loop"]
 
 
-def test_a_long_run_without_numba_says_that_its_loop_is_slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_run_without_numba_warns_of_its_slow_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robot = make_robot(tmp_path, ("sea",), 6)
     scenario = make_scenario(robot, 6)
     monkeypatch.setattr("asrsim.simulation.core.available", lambda: False)
@@ -156,7 +156,7 @@ def test_equal_bits_on_the_bench(tmp_path: Path) -> None:
     assert_equal(*both(robot, make_scenario(robot, 6, engine="bench", motion=motion)))
 
 
-@pytest.mark.parametrize("mode", range(7))
+@pytest.mark.parametrize("mode", [1, 4, 6])
 def test_equal_bits_in_the_released_order(tmp_path: Path, mode: int) -> None:
     robot = make_robot(tmp_path, ("qbmove", "sea"), mode)
     assert_equal(*both(robot, make_scenario(robot, mode, stepping="toolbox")))
@@ -194,9 +194,7 @@ def test_a_changed_law_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.Monk
 
 @pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and permissions of files")
 @pytest.mark.parametrize("fault", ["folder of others", "writable folder", "linked folder", "linked file", "writable file"])
-def test_code_that_others_can_have_written_is_not_loaded_and_told_of(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
-) -> None:
+def test_code_that_other_users_can_write_is_not_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     kept = cache_file("0")
     assert kept is not None

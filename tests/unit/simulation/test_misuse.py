@@ -41,7 +41,7 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
 )
-def test_what_is_refused_changes_nothing(simulation, call, error, said) -> None:
+def test_a_refused_call_changes_nothing(simulation, call, error, said) -> None:
     before = simulation.observe()
     with pytest.raises(error, match=said):
         call(simulation)

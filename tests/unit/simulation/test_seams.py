@@ -83,7 +83,7 @@ def test_a_substep_has_an_odd_number_of_motor_steps(asked: int, taken: int) -> N
     assert prepared(motor_substeps=asked).resolution.motor_substeps == taken
 
 
-def test_a_motor_at_its_stop_carries_what_it_can_from_the_start() -> None:
+def test_an_equilibrium_start_respects_the_motor_s_stop() -> None:
     """A start at equilibrium with a reference beyond the motor's stop: the link rests on the spring of the stopped motor."""
     result = run(
         chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
@@ -195,7 +195,7 @@ def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
         np.testing.assert_array_equal(found[name][0], values, err_msg=name)
 
 
-def test_worlds_that_nobody_watches_move_like_those_that_somebody_does() -> None:
+def test_unwatched_worlds_have_the_same_bits() -> None:
     """Energies and counts follow from the motion, so what is not asked for changes no bit of it; counts are refused."""
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.05, engine="mujoco", compiled=False, modes=6,
@@ -243,7 +243,7 @@ def test_a_rollout_takes_references_and_external_torques_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_them_over(engine: str) -> None:
+def test_the_model_of_a_world_has_its_own_inertias(engine: str) -> None:
     """Whichever was there before, and whatever else differs: friction and damping are no part of it."""
     prepared = prepare(make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine=engine, modes={"*": 1}))
     worlds, robot = Worlds(prepared, 1, compiled=False), prepared.robot
@@ -268,7 +268,7 @@ def test_the_model_of_other_inertials_is_theirs_whether_or_not_the_engine_takes_
     worlds.close()
 
 
-def test_numbers_that_come_again_give_the_same_bits_from_rest() -> None:
+def test_repeated_parameters_give_the_same_bits() -> None:
     """Other numbers in between, in the other world or in the same one, leave nothing behind."""
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium",

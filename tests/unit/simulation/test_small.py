@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 import asrsim
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.errors import RobotError
-from asrsim.signals import PulseTrain, Step
+from asrsim.signals import PulseTrain
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import COARSE, TARGET, _stiffer_than_foreseen
 from asrsim.simulation.simulation import Simulation
@@ -48,7 +48,7 @@ def test_a_joint_s_own_spring_gives_the_links_their_energy(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("engine", INSTALLED[:1])
-def test_a_motor_that_comes_to_its_stop_and_leaves_it_closes_its_balance(engine: str) -> None:
+def test_a_motor_at_its_stop_closes_its_energy_balance(engine: str) -> None:
     """In the step in which it comes and in that in which it leaves, the stop takes what is left."""
     result = run(
         chain(BODY), mode=4, duration=1.0, engine=engine, substeps=1, motor_substeps=1,
@@ -91,7 +91,7 @@ def test_a_jump_on_a_damped_joint_wherever_it_falls(tmp_path: Path, engine: str,
 # -- substeps ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_load_may_deflect_a_spring_twice_as_far_as_it_does_slowly() -> None:
+def test_expected_stiffness_allows_for_twice_the_static_load() -> None:
     """sinh springs: what is foreseen is the stiffness at the torque of twice the weight."""
     robot = chain(replace(BODY, actuator="qbmove"))
     references = {"equilibrium_position": 0.0, "stiffness_preset": 0.0}
@@ -118,7 +118,7 @@ def test_bristles_count_for_the_motors_substeps() -> None:
 
 
 @pytest.mark.parametrize(("actuator", "mode"), [("qbmove", 3), ("qbmove", 6), ("bavs", 5), ("awas_ii", 6), ("sea", 4)])
-def test_where_a_free_joint_stands_does_not_matter_to_its_springs(actuator: str, mode: int) -> None:
+def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator: str, mode: int) -> None:
     """Start and references moved together: what can be reached is the same. A start off its reference reaches more."""
     name = {3: "equilibrium_position", 6: "equilibrium_position", 5: "reference_1", 4: "motor_1_torque"}[mode]
     found = []
@@ -143,7 +143,7 @@ SHAPES = {
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("name", SHAPES)
-def test_a_floating_base_rests_on_its_shape_wherever_its_centre_is(tmp_path: Path, engine: str, name: str) -> None:
+def test_a_floating_base_rests_on_its_shape(tmp_path: Path, engine: str, name: str) -> None:
     """Its centre of mass is off the link's frame, in which the shape is placed: a millimetre of softness, 3 cm of a mistake."""
     geometry, place, height = SHAPES[name]
     robot = tmp_path / "robot.urdf"
@@ -296,7 +296,7 @@ def test_a_delay_is_the_nearest_number_of_substeps(tmp_path: Path, delay: float,
     np.testing.assert_allclose(torque[10:], -5.0 * q[10 - substeps : len(q) - substeps], atol=1e-12)
 
 
-@pytest.mark.parametrize("start", [0.34, 0.36, -0.34, -0.36])
+@pytest.mark.parametrize("start", [0.34, -0.36])
 def test_quantised_readings_are_the_nearest(tmp_path: Path, start: float) -> None:
     gains = {"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0}
     first = joint("j1", start=start, actuator="sea", mode=1, parameters=gains, references=(NEVER,))
@@ -310,7 +310,7 @@ def test_quantised_readings_are_the_nearest(tmp_path: Path, start: float) -> Non
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_reference_set_from_outside_acts_from_the_next_step_on(tmp_path: Path, engine: str) -> None:
+def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path: Path, engine: str) -> None:
     given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=0, references=(NEVER,)),), 0.1)
     scenario = asrsim.make_scenario(given.write(tmp_path), engine=engine, **(given.keys() | {"gravity": [0, 0, 0]}))
     prepared = prepare(scenario, ranges={"*": {"link_torque": (-0.5, 0.5)}})
@@ -331,17 +331,8 @@ def test_a_reference_set_from_outside_acts_from_the_next_step_on(tmp_path: Path,
 # -- certificates ------------------------------------------------------------------------------------------------------
 
 
-def test_a_jump_of_a_torque_from_outside_counts_from_its_time() -> None:
-    """Momentum of what a torque gave, to rounding, though it begins and ends between steps."""
-    result = run(
-        chain(replace(BODY, actuator=None)), duration=0.1, gravity=0.0, substeps=1,
-        external={"joint_1": Step(at=0.0203, after=0.3)},
-    )  # fmt: skip
-    assert column(result, "link_velocity")[-2] * TOTAL == pytest.approx(0.3 * (0.099 - 0.0203), rel=1e-9)
-
-
-@pytest.mark.parametrize("seen", [1.0, 90.0, 100.0, 110.0, 350.0, 450.0, 4e4])
-def test_a_spring_that_got_stiffer_than_foreseen_is_told_where_the_step_is_coarse_for_it(seen: float) -> None:
+@pytest.mark.parametrize("seen", [90.0, 110.0, 450.0, 4e4])
+def test_a_spring_too_stiff_for_the_step_is_warned_of(seen: float) -> None:
     """By the root of its stiffness; and how many substeps would have done."""
     resolution = SimpleNamespace(omega_h=0.25, substeps=3, stiffness=[100.0, 0.0])
     prepared = SimpleNamespace(

@@ -61,7 +61,7 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal: str) -> None:
     assert math.isfinite(measures.steady_state_error)
 
 
-def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_reference() -> None:
+def test_the_error_in_a_task_is_measured_from_the_path() -> None:
     """The planned references are off the path by the springs' and motors' sag; the arm itself ends on the path."""
     poses = [{"time": 0.0, "position": [0.3, -0.1, 0.1565]}, {"time": 1.0, "position": [0.3, -0.08, 0.1565]}]
     task = {"link": "link_5", "point": [0.094, 0.0, 0.0], "poses": poses, "preset": 0.4}
@@ -76,7 +76,7 @@ def test_the_error_in_a_task_counts_from_the_path_not_from_the_compensated_refer
     assert abs(joint.steady_state_error) < min(0.5 * sag, 0.01)
 
 
-def test_a_constant_reference_is_no_step_where_the_run_begins_in_equilibrium(tiny) -> None:
+def test_an_equilibrium_start_has_no_step(tiny) -> None:
     """The link hangs below its reference from the start and a push shakes it: there is no step to overshoot."""
     start = ["initial=equilibrium", "references={elbow: {equilibrium_position: 0.5}}", "duration=3"]
     push = "external_torques={elbow: {pulse_train: {high: 0.05, start: 0.1, period: 10, width: 0.1}}}"
@@ -119,7 +119,7 @@ def test_two_saturated_motors_are_one_saturated_joint() -> None:
         assert 0.9 < result.summary.joint(name).saturation / result.summary.total_substeps <= 1.0
 
 
-def test_undefined_numbers_are_null_in_json_and_a_dash_in_the_table(tiny) -> None:
+def test_undefined_numbers_are_null_in_json(tiny) -> None:
     result = asrsim.run(tiny.scenario, overrides=["modes=0", "references={elbow: {link_torque: 0}}", "duration=0.1"])
     joint = result.summary.as_dict()["joints"][0]
     assert joint["steady_state_error"] is None
@@ -150,7 +150,7 @@ def test_a_long_run_is_thinned_but_its_peak_is_kept(tiny, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("kept", [40, 150, 10**6])
-def test_a_summary_does_not_depend_on_the_pieces_in_which_a_run_comes(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_summary_does_not_depend_on_the_chunks(kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(collect, "KEPT", kept)
     info = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
     time = np.arange(1001) * 1e-3
@@ -251,7 +251,7 @@ def test_claims_about_objects_and_tips_see_every_step(tmp_path: Path) -> None:
         assert np.array_equal(thin.contacts[name], forces[::50]), name
 
 
-def test_a_run_is_ok_where_nothing_contradicts(tiny) -> None:
+def test_a_run_is_ok_without_contradiction(tiny) -> None:
     """Neither its end, nor a claim, nor another engine."""
     claimed = "expect=[{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 9}]"
     summary = asrsim.run(tiny.scenario, overrides=["duration=0.1", claimed]).summary
@@ -283,7 +283,9 @@ JUDGED = [
 
 
 @pytest.mark.parametrize(("usual", "otherwise", "said"), JUDGED)
-def test_where_a_joint_ends_is_judged(tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None) -> None:
+def test_a_joint_that_ends_on_a_stop_or_stuck_is_warned_of(
+    tiny, usual: dict[str, Any], otherwise: dict[str, Any], said: str | None
+) -> None:
     now = SimpleNamespace(**{"balanced": False, **usual, **otherwise})
     run = simulate(load_scenario(tiny.scenario)[0], duration=0.001)
     joints = [

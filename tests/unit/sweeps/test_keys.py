@@ -103,7 +103,7 @@ BAD = {
     "joint_1.damping": (0.1, -0.1, "at least 0"),
     "effects.sensors.joint_1.delay": (0.0, -0.1, ">= 0"),
     "duration": (0.02, -1.0, "> 0"),
-    "modes.joint_1": (6, 99, "whole number 0 to"),
+    "modes.joint_1": (6, 99, "whole number >= 0 and <= "),
 }
 
 
