@@ -10,6 +10,10 @@ from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
 
+MEASURES = 7
+"""Number of columns of the table of joints before those of the limits."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """Column of the table: its heading and a cell for each joint."""
