@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
-
 MEASURES = 7
 """Number of columns of the table of joints before those of the limits."""
 
