@@ -26,6 +26,7 @@ MARKS = {
     "bench": rb"\Atime,[^\n]+\.link_position,[^\n]+\.link_torque,",
     "learned input": rb"\A# asrsim ilc( --guess-only| --next)?: ",
     "learned scenario": rb"\A# Plays what `asrsim ilc` (found|learned)",
+    "limits": rb"\A# Limits of `asrsim design`",
     "designed motion": rb"\A# asrsim design: ",
     "designed scenario": rb"\A# Plays the experiment that `asrsim design` found",
     "learning state": rb"a\0\0\0s\0\0\0r\0\0\0s\0\0\0i\0\0\0m\0\0\0 \0\0\0l\0\0\0e\0\0\0a\0\0\0r\0\0\0n",

@@ -2,7 +2,7 @@
 
 python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
 python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
-python benchmarks/design.py fits [ROBOT]          promised intervals against what fits of simulated recordings scatter
+python benchmarks/design.py fits [ROBOT]          promised intervals against the scatter of fits of simulated recordings
 python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
 """
 
@@ -24,7 +24,7 @@ from asrsim.design import design
 from asrsim.design.limits import read_limits
 from asrsim.design.plant import Plant
 from asrsim.design.run import _read, _task, off
-from asrsim.design.search import Search
+from asrsim.design.search import SMALL, Search
 from asrsim.design.write import write_design
 
 URDF = Path(__file__).parent.parent / "examples" / "urdf"
@@ -72,7 +72,7 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
 def searcher(
     scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
 ) -> Search:
-    """The robot within its limits, as the search sees it."""
+    """Search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
     plant = Plant(ready, given, layout, read, seconds)
@@ -84,7 +84,7 @@ def searcher(
 
 
 def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and shares (references, rows) of what people record, full size."""
+    """Name and shares (references, rows) of plain motions of full size."""
     t = plant.step * np.arange(plant.rows)
     whole = t[-1]
     slots = [one.slot for one in plant.references]
@@ -116,10 +116,13 @@ def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def fitting(search: Search, shares: np.ndarray) -> float:
-    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection."""
+    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection.
+
+    Of the informations that small and larger changes of the parameters give, the least counts, as for a design.
+    """
     plant = search.plant
     slots = np.array([one.slot for one in plant.references])
-    size, best = np.zeros(len(shares)), np.inf
+    size, best, largest = np.zeros(len(shares)), np.inf, None
     joints = [slots == 0, *(np.eye(len(slots), dtype=bool)[slots == 0] if np.sum(slots == 0) > 1 else [])]
     for mine in joints:
         low, high = float(size[mine][0]), 1.0
@@ -129,12 +132,17 @@ def fitting(search: Search, shares: np.ndarray) -> float:
             motion = np.array(
                 [p.values(np.clip(f * s, -1, 1)) for p, f, s in zip(plant.references, there, shares, strict=True)]
             )
-            found = search.play(motion, information=True)
+            found = search.play(motion, changes=SMALL)
             if found is not None and found.use.max() <= 1.0 and found.information is not None:
-                best, low, size = min(best, float(search.score(found.information))), middle, there
+                low, size = middle, there
+                if float(search.score(found.information)) < best:
+                    best, largest = float(search.score(found.information)), motion
             else:
                 high = middle
-    return best
+    changes = [(h, -h) for h in (1e-4, 1e-3) if largest is not None]
+    outcomes = [search.play(largest, changes=both) for both in changes]
+    scores = [float(search.score(one.information)) for one in outcomes if one is not None and one.information is not None]
+    return max([best, *scores])
 
 
 def tighter(names: list[str]) -> None:

@@ -82,6 +82,8 @@ def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[li
     from asrsim.robot import load_robot
 
     modes = {one.joint: MODES[one.mode].references_of(ACTUATORS.get(one.actuator).motors) for one in load_robot(file).actuators}
+    if not modes:
+        raise RecordingError("the robot has no actuator", file=file, code="no-actuator")
     valid = ["time", *(f"{joint}.{name}" for joint in modes for name in INPUTS)]
     joints = {joint: ([name for name in INPUTS if f"{joint}.{name}" in header], modes[joint]) for joint in modes}
     joints = {joint: found for joint, found in joints.items() if found[0]}
@@ -91,10 +93,10 @@ def _joints(path: Path, header: Sequence[str], file: Path) -> dict[str, tuple[li
         for name in header if name not in valid and not name.endswith(".velocity")
     ]  # fmt: skip
     problems += [
-        Problem("column is missing", file=path, line=1, key=name, code="missing-column")
+        Problem("column of numbers is missing", file=path, line=1, key=name, code="missing-column")
         for name in ("time", *(f"{joint}.position" for joint in joints or [*modes][:1]))
         if name not in header
     ]
-    if problems or not joints:
-        raise RecordingError(problems or "the robot has no actuator", file=None if problems else file)
+    if problems:
+        raise RecordingError(problems)
     return joints

@@ -1,4 +1,4 @@
-"""Experiments designed: the motion within limits that tells most of what is not known (`asrsim design`)."""
+"""Experiment design: the motion within limits that gives the most information about unknown parameters (`asrsim design`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limits file: within what a joint may move, what sensors are worth, and what the design may choose."""
+"""The limits file: limits of joints, noise of sensors, and the gains and sensors that a design may choose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem, did_you_mean
 
 SENSORS = "sensors"
-"""Key of `choose` that lists sensors; all others are gains."""
+"""Key of `choose` that lists sensors; all other keys are gains."""
 _RANGE = Either(((is_list, ListOf(of=NUMBER, length=2, names=("low", "high"))), (lambda _: True, POSITIVE)))
 
 
@@ -30,29 +30,29 @@ class Limits:
 
     limits: Mapping[str, Mapping[str, Any]] = declare(
         MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False)),
-        doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for that of each motor",
+        doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for the torque of each motor",
     )
     choose: Mapping[str, Any] = declare(
         MapOf(
             of=Either(((_has_names, ListOf(of=Text())), (lambda _: True, ListOf(of=NUMBER, minimum=1)))), noun="key", star=False
         ),
         default={},
-        doc="`joint.parameter` -> values that it may be given; `sensors` -> quantities that could be recorded, too",
+        doc="`joint.parameter` -> values to choose from; `sensors` -> list of additional quantities that could be recorded",
     )
     noise: Mapping[str, float] = declare(
         MapOf(of=POSITIVE, noun="quantity", star=False), default={}, shown="1 mrad on the positions of link and motors",
-        doc="quantity, or `joint.quantity` -> standard deviation of its noise; these are recorded, but for those of `choose`",
+        doc="quantity, or `joint.quantity` -> standard deviation of its noise; all but the sensors of `choose` are recorded",
     )  # fmt: skip
     rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="of the recording")
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Quantities that could be recorded, too."""
+        """Additional quantities that could be recorded."""
         return tuple(map(str, self.choose.get(SENSORS, ())))
 
     @property
     def gains(self) -> dict[str, tuple[float, ...]]:
-        """`joint.parameter` -> values to choose from."""
+        """Values to choose from, by `joint.parameter`."""
         return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
 
 
@@ -60,7 +60,7 @@ LIMITS: Block[Limits] = block_of(Limits, "limits")
 
 
 def read_limits(path: Path) -> Limits:
-    """Raises InputError with every problem."""
+    """Limits of a file. Raises InputError with every problem."""
     found = read_file(LIMITS, path)
     problems = list(_faults(found, path))
     if problems:
@@ -79,7 +79,11 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
         if sensor not in limits.noise:
             hint = f"Add to `noise`: {sensor}: its standard deviation"
             yield Problem(
-                "has no noise: what it would tell is unknown", file=path, key=f"choose.{sensor}", hint=hint, code="noise"
+                "has no noise: the information that it would give is unknown",
+                file=path,
+                key=f"choose.{sensor}",
+                hint=hint,
+                code="noise",
             )
     for key, values in limits.gains.items():
         if any(isinstance(value, str) for value in values):
@@ -88,18 +92,18 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
 
 
 def interval(given: Any) -> tuple[float, float]:
-    """Low and high of a size, or of both."""
+    """Low and high limit from a size, or from both limits."""
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
 
 
 def located(problems: Sequence[Problem], path: Path) -> list[Problem]:
-    """Problems of a limits file's keys, with their lines."""
+    """Problems of keys of a limits file, with their lines."""
     root, _ = read_yaml(path)
     return [replace(problem, file=path, line=_line(root, problem.key or "")) for problem in problems]
 
 
 def _line(node: Node, key: str) -> int | None:
-    """Of the longest part of a dotted key that the file has; names may have dots themselves."""
+    """Line of the longest part of a dotted key that the file contains; names may contain dots."""
     if isinstance(node.value, dict):
         for name, inner in node.value.items():
             if key == name or key.startswith(f"{name}."):

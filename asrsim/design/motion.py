@@ -1,109 +1,112 @@
-"""Motions of references: families of segments with free numbers, which begin and end at rest at the start's references."""
+"""Motions of references: segments of levels and sines, which begin and end at rest at the references of the start."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from asrsim.samples import Array
 
-NUMBERS = 8
-"""Free numbers of a segment in each reference, from 0 to 1."""
-FASTEST, SLOWEST = 0.004, 0.25
-"""s that a change of level takes at least; share of the segment that it takes at most."""
-HIGHEST = 25.0
-"""Hz of sines."""
+KNOTS = 3
+"""Number of levels of a segment; its amplitude and its frequency are interpolated between as many values."""
+LEVELS, AMPLITUDES, FREQUENCIES = slice(0, KNOTS), slice(KNOTS, 2 * KNOTS), slice(2 * KNOTS, 3 * KNOTS)
+PHASE, RISE = 3 * KNOTS, 3 * KNOTS + 1
+NUMBERS = RISE + 1
+"""Free numbers of a segment for each reference, from 0 to 1. Levels: 0.5 is the reference of the start."""
+SLOWEST, FASTEST = 0.4, 16.0
+"""Range of frequencies, Hz."""
+QUICKEST, LONGEST = 0.01, 0.25
+"""Shortest change of level, s; longest change, as a fraction of the segment."""
 
 
-def ramp(place: Array) -> Array:
-    """From 0 to 1 between 0 and 1, with continuous acceleration."""
-    s = np.clip(place, 0.0, 1.0)
+def ramp(share: Array) -> Array:
+    """Smooth step from 0 to 1 for arguments from 0 to 1, with continuous acceleration."""
+    s = np.clip(share, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
-
-
-def _window(time: Array, length: float) -> Array:
-    return np.asarray(ramp(time / (0.1 * length)) * ramp((0.95 * length - time) / (0.1 * length)))
-
-
-def _frequency(number: float, length: float) -> float:
-    low = 1.0 / length
-    return float(low * (max(HIGHEST, 2.0 * low) / low) ** number)
-
-
-def levels(u: Array, time: Array, length: float) -> Array:
-    """Three levels one after the other, and back."""
-    edges = length * np.array([0.02, 0.05 + 0.4 * u[0], 0.3 + 0.4 * u[1], 0.9 - 0.3 * u[2]])
-    edges.sort()
-    heights = np.append(2.0 * u[3:6] - 1.0, 0.0)
-    rise = FASTEST * (SLOWEST * length / FASTEST) ** u[6]
-    jumps = np.diff(heights, prepend=0.0)
-    return np.asarray(sum(jump * ramp((time - edge) / rise) for jump, edge in zip(jumps, edges, strict=True)))
-
-
-def sines(u: Array, time: Array, length: float) -> Array:
-    """Three sines of one window."""
-    parts = [u[3 + i] * np.sin(2.0 * np.pi * (_frequency(u[i], length) * time + u[6] * i)) for i in range(3)]
-    return np.asarray(sum(parts) * _window(time, length) / max(float(u[3:6].sum()), 1e-9))
-
-
-def chirp(u: Array, time: Array, length: float) -> Array:
-    """A sine of growing or falling frequency, on an offset."""
-    first, last = _frequency(u[0], length), _frequency(u[1], length)
-    phase = first * time + 0.5 * (last - first) * time**2 / length
-    return np.asarray((0.5 * (u[2] - 0.5) + (0.4 + 0.6 * u[3]) * np.sin(2.0 * np.pi * (phase + u[4]))) * _window(time, length))
-
-
-FAMILIES: tuple[Callable[[Array, Array, float], Array], ...] = (levels, sines, chirp)
-LEVELS, CHIRP = 0, 2
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A piece of motion of all references."""
+    """Part of a motion, for all references."""
 
-    families: tuple[int, ...]
-    """Of each reference."""
     numbers: Array
     """(references, NUMBERS)."""
     scales: Array
-    """(references,) sizes, 1: the reference's whole range."""
+    """(references,) sizes; 1: the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
-        """(references, n), from -1 to 1 over the range of each reference."""
-        rows = [FAMILIES[f](u, time, length) for f, u in zip(self.families, self.numbers, strict=True)]
-        return np.clip(self.scales[:, None] * np.array(rows), -1.0, 1.0)
+        """Fractions (references, n) of each reference's range, from -1 to 1."""
+        rows = [scale * _row(numbers, time, length) for numbers, scale in zip(self.numbers, self.scales, strict=True)]
+        return np.asarray(np.clip(rows, -1.0, 1.0))
 
-    def scaled(self, factors: Array | float) -> Segment:
-        """Larger or smaller in each reference."""
+    def scaled(self, factors: Array) -> Segment:
+        """Segment with each reference's motion multiplied by a factor."""
         return replace(self, scales=np.minimum(self.scales * factors, 4.0))
 
-
-def fresh(generator: np.random.Generator, references: int) -> Segment:
-    """Some segment."""
-    families = tuple(generator.integers(len(FAMILIES), size=references).tolist())
-    return Segment(families, generator.random((references, NUMBERS)), generator.uniform(0.3, 1.0, references))
+    def beyond(self, old: Segment) -> Segment:
+        """Segment that differs from this one as this one differs from an old one."""
+        return Segment(np.clip(2.0 * self.numbers - old.numbers, 0.0, 1.0), self.scales**2 / np.maximum(old.scales, 1e-9))
 
 
-def beside(segment: Segment, generator: np.random.Generator) -> Segment:
-    """A segment with some numbers a little different."""
-    size = 0.3 * generator.random()
-    moved = segment.numbers + size * generator.normal(size=segment.numbers.shape) * (
-        generator.random(segment.numbers.shape) < 0.5
-    )
-    # Reflected at the ends, so that they are not met too often.
-    return replace(
-        segment,
-        numbers=1.0 - np.abs(1.0 - np.abs(moved) % 2.0),
-        scales=segment.scales * np.exp(0.2 * generator.normal(size=len(segment.scales))),
-    )
+def _row(u: Array, time: Array, length: float) -> Array:
+    edges, knots = np.linspace(0.0, 0.9 * length, KNOTS + 1), np.linspace(0.0, length, KNOTS)
+    rise = QUICKEST * (max(LONGEST * length / QUICKEST, 1.0)) ** u[RISE]
+    jumps = np.diff(np.append(2.0 * u[LEVELS] - 1.0, 0.0), prepend=0.0)
+    levels = sum(jump * ramp((time - edge) / rise) for jump, edge in zip(jumps, edges, strict=True))
+    frequency = SLOWEST * (FASTEST / SLOWEST) ** np.interp(time, knots, u[FREQUENCIES])
+    cycles = np.cumsum(frequency) * (time[1] - time[0]) + u[PHASE]
+    window = ramp(time / (0.05 * length)) * ramp((0.95 * length - time) / (0.08 * length))
+    sine = np.interp(time, knots, u[AMPLITUDES]) * np.sin(2.0 * np.pi * cycles) * window
+    return np.asarray(levels * ramp((0.97 * length - time) / (0.02 * length)) + sine)
+
+
+def chirp(presets: Array, first: float, last: float, preset: Array | float = 0.0) -> Segment:
+    """Sine from one frequency to another, Hz, while presets stay at a fraction of their range, from -1 to 1."""
+    numbers = np.full((len(presets), NUMBERS), 0.5)
+    octaves = np.log(np.array([first, last]) / SLOWEST) / np.log(FASTEST / SLOWEST)
+    numbers[:, FREQUENCIES] = np.linspace(octaves[0], octaves[1], KNOTS)
+    numbers[:, AMPLITUDES] = np.where(presets, 0.0, 1.0)[:, None]
+    numbers[:, LEVELS] += 0.5 * np.where(presets, preset, 0.0)[:, None]
+    numbers[:, PHASE] = 0.0
+    return Segment(numbers, np.where(presets, 1.0, 0.3))
+
+
+def step(presets: Array) -> Segment:
+    """One quick step; presets rest."""
+    numbers = np.full((len(presets), NUMBERS), 0.5)
+    numbers[:, LEVELS] = np.where(presets, 0.5, 1.0)[:, None]
+    numbers[:, AMPLITUDES] = numbers[:, RISE] = 0.0
+    return Segment(numbers, np.where(presets, 1.0, 0.3))
+
+
+def fresh(generator: np.random.Generator, presets: Array) -> Segment:
+    """Random chirp, with constant presets, some of whose levels, amplitudes and frequencies are random."""
+    first, last = SLOWEST * (FASTEST / SLOWEST) ** np.sort(generator.random(2))
+    simple = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0, 1.0], len(presets)))
+    numbers = generator.random(simple.numbers.shape)
+    for row, known in zip(numbers, simple.numbers, strict=True):
+        for part in (LEVELS, AMPLITUDES, FREQUENCIES):
+            if generator.random() < 0.7:
+                row[part] = known[part]
+    return replace(simple, numbers=numbers)
+
+
+def varied(segment: Segment, generator: np.random.Generator, presets: Array) -> Segment:
+    """Segment with some numbers changed a little."""
+    size = 0.4 * 20.0 ** -generator.random()
+    some = generator.random(segment.numbers.shape) < max(1.5 / segment.numbers.size, 0.5 * generator.random() ** 2)
+    moved = segment.numbers + size * some * generator.normal(size=some.shape)
+    factors = np.where(presets, 1.0, np.exp(0.5 * size * generator.normal(size=len(presets))))
+    # Numbers are reflected at their bounds, so that the bounds are not reached too often.
+    return Segment(1.0 - np.abs(1.0 - np.abs(moved) % 2.0), segment.scales * factors)
 
 
 def joined(segments: Sequence[Segment], step: float, rows: int) -> Array:
-    """(references, rows) of segments of equal length, one after the other; the last row is at rest."""
+    """Motion (references, rows) of segments of equal length, one after the other; the last row is at rest."""
     edges = np.round(np.linspace(0, rows - 1, len(segments) + 1)).astype(int)
-    found = np.zeros((len(segments[0].scales), rows))
+    motion = np.zeros((len(segments[0].scales), rows))
     for segment, first, last in zip(segments, edges, edges[1:], strict=False):
-        found[:, first:last] = segment.values(step * np.arange(last - first), step * (last - first))
-    return found
+        motion[:, first:last] = segment.values(step * np.arange(last - first), step * (last - first))
+    return motion

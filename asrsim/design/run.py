@@ -1,4 +1,4 @@
-"""A design from beginning to end: files are read, earlier recordings counted, gains tried, and the motion is found."""
+"""A design: reads the files, adds the information of earlier recordings, tries gains, and searches for the motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from asrsim.design.limits import Limits, located, read_limits
 from asrsim.design.plant import Plant, Reference
-from asrsim.design.search import FIRST, PRIOR, Found, Search
+from asrsim.design.search import BATCH, Found, Search
 from asrsim.document.mistaken import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.keys import CLOCK, free_parameters, parameters_of
@@ -28,21 +28,21 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
-ROUNDS = 30
+ROUNDS = 25
 """Rounds of the search; a fifth of them for each choice of gains."""
 SHORTEST, PROBE = 0.5, 0.2
-"""s of an experiment, at least; s in which a robot must keep the limits while its references stand still."""
+"""Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
 CHECKS, FACTOR = 24, 2.0
-"""Further robots on which a robust design keeps its limits; factor by which their numbers are off at most."""
+"""Number of further robots on which a robust design keeps its limits; largest factor by which their parameters differ."""
 MANY = 27
-"""Choices of gains that are tried, at most."""
+"""Largest number of choices of gains."""
 WANTED = 0.05
-"""Half-width of the interval for which the needed time is computed."""
+"""Half-width of the interval for which the necessary time is computed, relative to the value."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """A motion, and what it promises."""
+    """A motion, and the intervals that it promises."""
 
     task: Task
     scenario: Scenario
@@ -52,7 +52,7 @@ class Design:
     keys: tuple[str, ...]
     found: Found
     intervals: Mapping[str, Array]
-    """`design`, plain motions, further sensors -> half-width of each key's 95 % interval, over its value or typical size."""
+    """Half-widths of the 95 % intervals, relative to value or typical size; by `design`, plain motion, or additional sensor."""
     remarks: tuple[str, ...]
     interrupted: bool
 
@@ -63,8 +63,8 @@ class Design:
 
     @property
     def needed(self) -> Array:
-        """s after which each half-width is :data:`WANTED`, if the motion is repeated."""
-        return np.asarray(self.seconds * (self.intervals["design"] / WANTED) ** 2)
+        """Times after which the half-widths are `WANTED`, if the motion is repeated, s; not less than `SHORTEST`."""
+        return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals["design"] / WANTED) ** 2))
 
 
 def design(
@@ -80,20 +80,20 @@ def design(
     stop: Callable[[], bool] = lambda: False,
     **options: Any,
 ) -> Design:
-    """The motion of the references, within limits, after which the free numbers are known best.
+    """Design of the motion, within limits, that gives the smallest intervals of the free parameters.
 
     Args:
-        scenario: Scenario, with `free` among the options, or a fit file, whose recordings count as made.
+        scenario: Scenario, with `free` among the options; or a fit file, whose recordings count as earlier experiments.
         limits: File with `limits:`, and `noise:` and `choose:`.
         seconds: Length of the experiment.
-        after: Recordings that exist.
-        robust: Number of further robots, each number off by up to a factor of 2, for which the motion is designed too.
-        rounds, seed: Of the search.
-        progress: Receives the fraction that is done. stop: is called often; True ends the search with the best so far.
-        options: As :func:`asrsim.identification.task_of` takes them.
+        after: Recordings of earlier experiments.
+        robust: Number of further robots for which the motion is designed, too; their parameters differ by up to a factor of 2.
+        rounds, seed: Length and random seed of the search.
+        progress: Receives the finished fraction. stop: Is called often; True ends the search with the best motion so far.
+        options: Options of `asrsim.identification.task_of`.
 
     Raises:
-        InputError: What is wrong with the files; a free number changes nothing that is recorded; no motion keeps the limits.
+        InputError: The files are wrong, no recorded quantity depends on a free parameter, or no motion keeps the limits.
     """
     path, read = Path(limits), read_limits(Path(limits))
     task = _task(Path(scenario), after, options)
@@ -104,7 +104,7 @@ def design(
             known = _of_recordings(set_up(task, stack).problem, layout)
             remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
         if not seconds >= SHORTEST:
-            message = f"is too short for any segment: a motion that begins and ends at rest takes {SHORTEST:g} s"
+            message = f"is too short: a motion that begins and ends at rest takes at least {SHORTEST:g} s"
             raise InputError(message, key="seconds", value=seconds, code="seconds")
         try:
             plant = Plant(ready, robot, layout, read, seconds)
@@ -119,26 +119,21 @@ def design(
             _probe(searches[0])
         except InputError as error:
             raise InputError(located(error.problems, path)) from None
-        search, best, plain, tried = _searched(searches, rounds, progress)
+        search, best, tried = _searched(searches, rounds, progress)
         sizes = np.array([_size(entry) for entry in layout.entries])
-
-        def interval(matrix: Array) -> Array:
-            variance = np.diagonal(np.linalg.inv(matrix + known + PRIOR * np.eye(len(layout))))
-            return np.asarray(1.96 * np.sqrt(variance) * sizes)
-
-        intervals = {"design": interval(best.information[0, 0])}
-        intervals |= {one.name: interval(one.information[0, 0]) for one in plain}
+        known_by = {"design": best.information} | {name: one.information for name, one in search.plain.items()}
         for group, sensor in enumerate(read.sensors, start=1):
-            intervals[f"with {sensor}"] = interval(best.information[0, 0] + best.information[0, group])
+            known_by[f"with {sensor}"] = best.information + best.information[:, [group]]
+        intervals = {name: 1.96 * search.deviations(one)[0] * sizes for name, one in known_by.items()}
         keys = tuple(entry.name for entry in layout.entries)
         remarks += tried
         unknown = [key for key, half in zip(keys, intervals["design"], strict=True) if half > 1.0]
         if unknown:
-            remarks.append(f"this motion does not show by itself: {', '.join(unknown)}")
+            remarks.append(f"this motion does not identify: {', '.join(unknown)}")
         missing = [name for name in ("one step", "chirp") if name not in intervals]
-        remarks += [f"{name}: no size that was tried keeps the limits, or its information is not believed" for name in missing]
+        remarks += [f"{name}: no tried size keeps the limits with reliable information" for name in missing]
         if best.name != "design":
-            remarks.append(f"nothing better was found than {best.name}")
+            remarks.append(f"no motion was found that is better than: {best.name}")
         return Design(
             task=task, scenario=ready, references=plant.references, step=plant.step, gains=search.gains, keys=keys, found=best,
             intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
@@ -155,7 +150,7 @@ def _task(scenario: Path, after: Sequence[str | Path], options: Mapping[str, Any
 
 
 def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str]]:
-    """Scenario, robot as its file says, what is free, remarks. Raises InputError."""
+    """Scenario, robot as its file says, free parameters, remarks. Raises InputError."""
     from asrsim.scenario import apply_to_robot, checked_robot, load_scenario, only_variant
 
     scenario = only_variant(load_scenario(task.scenario, variant=task.variant, overrides=task.overrides))
@@ -174,12 +169,12 @@ def _read(task: Task, limits: Limits) -> tuple[Scenario, Robot, Layout, list[str
     wrong = [key for key in limits.gains if key not in known]
     if wrong:
         raise InputError([Problem("is no parameter of the robot", key=f"choose.{key}", code="choose") for key in wrong])
-    remarks = [f"{key} belongs to a recording: no motion is designed for it" for key in own]
+    remarks = [f"{key} belongs to a recording: the design ignores it" for key in own]
     return scenario, given, make_layout(free, ties, ["design"], [{}]), remarks
 
 
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
-    """(n, n) Fisher matrix of recordings, after what belongs to the recordings themselves is estimated too."""
+    """Fisher matrix (n, n) of recordings whose own parameters, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     matrix = slopes.T @ slopes
@@ -191,7 +186,7 @@ def _of_recordings(fit: Fit, layout: Layout) -> Array:
 
 
 def off(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """A robot whose numbers are each off by a factor of :data:`FACTOR` at most; corner: each by all of it."""
+    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each by exactly this factor."""
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]
     return np.clip(places, *layout.bounds)
@@ -205,50 +200,48 @@ def _choices(limits: Limits) -> Iterator[dict[str, float]]:
 
 
 def _probe(search: Search) -> None:
-    """Raises InputError where the start breaks limits, no segment keeps them, or a number changes nothing."""
+    """Raise InputError if the start exceeds limits, no motion keeps them, or no recorded quantity depends on a parameter."""
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
     resting = search.play(home, checked=True)
     if resting is None:
-        raise InputError("the motion at the start is not sane", key="limits", code="start-limit")
+        raise InputError("the simulation of the resting robot diverges", key="limits", code="start-limit")
     if resting.use.max(initial=0.0) > 1.0:
         bound = plant.bounds[int(np.argmax(resting.use))]
-        message = f"the robot exceeds it at {resting.when:.3g} s while its references stand still: {bound.quantity} reaches "
+        message = (
+            f"the robot exceeds this limit at {resting.when:.3g} s while its references stand still: {bound.quantity} reaches "
+        )
         message += f"{resting.use.max():.3g} times its limit"
         hint = None if plant.scenario.initial_equilibrium else "Let it begin at rest: `initial: equilibrium` in the scenario"
         raise InputError(message, key=f"limits.{bound.joint}.{bound.quantity}", hint=hint, code="start-limit")
-    search.extend(FIRST)
-    if not search.library:
-        raise InputError("no motion keeps them", key="limits", code="limits")
-    seen = np.diagonal(sum(one.information[0].sum(axis=0) for one in search.library) + search.known)
+    search.start()
+    search.extend(BATCH)
+    tried = [*search.plain.values(), *search.library]
+    if not tried:
+        raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
+    seen = np.diagonal(sum(one.information[0].sum(axis=0) for one in tried) + search.known)
     none = [entry.name for entry, shown in zip(plant.layout.entries, seen, strict=True) if shown < 1e-8]
     if none:
-        message = "no motion shows it: nothing that is recorded depends on it"
-        raise InputError([Problem(message, key=key, hint="Do not free it, or record more", code="no-effect") for key in none])
+        message, hint = "no motion identifies it: no recorded quantity depends on it", "Do not free it, or record more"
+        raise InputError([Problem(message, key=key, hint=hint, code="no-effect") for key in none])
 
 
-def _searched(
-    searches: Sequence[Search], rounds: int, progress: Callable[[float], None]
-) -> tuple[Search, Found, list[Found], list[str]]:
-    """The search with the best gains, its best motion, plain motions, and a remark about each choice of gains."""
-    tried: list[tuple[Search, Found]] = []
+def _searched(searches: Sequence[Search], rounds: int, progress: Callable[[float], None]) -> tuple[Search, Found, list[str]]:
+    """Search with the best gains, its best motion, and a remark about each choice of gains. Raises InputError."""
     several = len(searches) > 1
     for i, one in enumerate(searches if several else []):
-        if (short := one.run(rounds // 5)) is not None:
-            tried.append((one, short))
+        one.run(rounds // 5)
         progress(0.5 * (i + 1) / len(searches))
-    search = min(tried, key=lambda pair: pair[1].score)[0] if tried else searches[0]
-    longest = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
-    plain = search.plain()
-    candidates = [*(found for one, found in tried if one is search), *([longest] if longest else []), *plain]
-    if not candidates:
-        message = (
-            "no motion that was tried keeps the limits, with information that small and larger changes of numbers agree on"
-        )
-        raise InputError(message, key="limits", code="limits")
+    tried = [(one, one.best.score) for one in searches if one.best is not None]
+    search = min(tried, key=lambda pair: pair[1])[0] if tried else searches[0]
+    best = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
+    if best is None:
+        message = "no motion that was tried keeps the limits with reliable information"
+        hint = "Widen the limits, free fewer parameters, or add damping to the scenario"
+        raise InputError(message, key="limits", hint=hint, code="limits")
     remarks = [f"gains: {_named(search.gains)}"] if several else []
-    remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(found.score):.2g} % in the mean" for one, found in tried]
-    return search, min(candidates, key=lambda one: one.score), plain, remarks
+    remarks += [f"with {_named(one.gains)}: ± {196.0 * np.exp(score):.2g} % in the mean" for one, score in tried if several]
+    return search, best, remarks
 
 
 def _named(gains: Mapping[str, float]) -> str:
@@ -256,5 +249,5 @@ def _named(gains: Mapping[str, float]) -> str:
 
 
 def _size(entry: Entry) -> float:
-    """Change by a step of the vector, over the value, or over its typical size where the value is zero."""
+    """Relative change of a value for a unit change of the vector; relative to the typical size where the value is zero."""
     return float(entry.slope(0.0) / (abs(entry.value(0.0)) or entry.parameter.size))

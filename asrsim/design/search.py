@@ -1,33 +1,37 @@
-"""The search: Fisher matrices of segments within the limits add up; the best set is picked and joined to a motion."""
+"""The search: whole chirps, and segments whose Fisher matrices add up, within the limits; the best motions are varied."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
-from asrsim.design.motion import CHIRP, LEVELS, Segment, beside, fresh
+from asrsim.design.motion import Segment, chirp, fresh, step, varied
 from asrsim.design.plant import Outcome, Plant
 from asrsim.identification.door import Substeps
 from asrsim.samples import Array
 
-SEGMENT, MOST = 1.0, 12
-"""s that a segment lasts, at least; segments of a motion, at most."""
-FIRST, BATCH = 60, 20
-"""Segments that are tried before any is picked, and in each round afterwards."""
-FULL = 0.97
-"""Share of a limit that a motion may use."""
-TRIES, SHRINKS = 5, 40
-"""Runs in which a segment, and a whole motion, are scaled into the limits."""
-SECANTS, AGREE = (1e-4, 3e-4, 1e-3), 1.25
-"""Relative changes of the numbers for which information is computed again; factor by which deviations may then differ.
+SEGMENT, MOST = 2.0, 8
+"""Shortest segment, s; largest number of segments of a motion."""
+FIRST, BATCH, VARIED = 160, 12, 28
+"""Number of segments before any is varied; segments, and variations of the whole motion, that are tried in each round."""
+FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 8
+"""First and last frequencies of chirps, Hz; number of chirps that are tried as whole motions."""
+FULL, NEAR = 0.97, 0.9
+"""Fraction of a limit that a motion is scaled to; fraction from which on it is not enlarged any more."""
+TRIES = 6
+"""Simulations in which a motion is scaled into the limits."""
+SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
+"""Relative changes of the parameters for sensitivities; larger changes by which promises are examined, as fractions of the
+promised standard deviation, or of `LARGEST` where this is less; ratios of deviations that are then accepted.
 
-Where friction sticks and slips, small changes find slopes that do not last up to the ends of the intervals: fits scattered 2.2
+Where friction sticks and slips, small changes give slopes that do not last up to the ends of the intervals: fits scattered 2.2
 times as far as one motion promised whose deviations differed by a factor of 1.8, and 9.4 times where they differed by 9.5.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about each number beforehand: its order of magnitude is known."""
+"""Information about each parameter before any experiment: its order of magnitude is known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,190 +50,223 @@ class Found:
 
 @dataclass(eq=False)
 class Search:
-    """A search with given gains. What was found is kept: another run goes on from there."""
+    """A search with given gains. Its results are kept: another run continues from them."""
 
     plant: Plant
     gains: Mapping[str, float]
     robots: Sequence[Array]
-    """Numbers of the robots on which the motion is to show much."""
+    """Parameter vectors of the robots for which the motion is designed."""
     checks: Sequence[Array]
-    """Further robots on which it must keep its limits."""
+    """Further robots on which the motion must keep the limits."""
     substeps: Substeps
     known: Array
     """(n, n) Fisher matrix of earlier recordings."""
     generator: np.random.Generator
     stop: Callable[[], bool] = lambda: False
+    plain: dict[str, Found] = field(default_factory=dict)
+    """Best step and best chirps."""
     library: list[Found] = field(default_factory=list)
+    """Segments within the limits."""
     picked: list[int] = field(default_factory=list)
-    examined: dict[int, bool] = field(default_factory=dict)
-    """Segment of the library that was picked -> whether its information is believed."""
+    """Indices of the library's segments that make the joined motion."""
+    best: Found | None = None
+    """Best confirmed whole motion."""
+    success: tuple[Found, int, Segment] | None = None
+    """Motion that the last variation improved, index of the segment that was varied, and the segment before."""
 
     @property
     def count(self) -> int:
-        """Segments of the motion."""
+        """Number of segments of the motion."""
         return min(MOST, max(2, round((self.plant.rows - 1) * self.plant.step / SEGMENT)))
 
     def deviations(self, information: Array) -> Array:
-        """(..., robots, n) of matrices (..., robots, groups, n, n) of what is recorded."""
+        """Standard deviations (..., robots, n) for Fisher matrices (..., robots, groups, n, n) of the recorded sensors."""
         matrices = information[..., 0, :, :] + self.known + PRIOR * np.eye(len(self.known))
         variances = np.diagonal(np.linalg.inv(matrices), axis1=-2, axis2=-1)
         return np.asarray(np.sqrt(np.maximum(variances, 1e-30)))
 
     def score(self, information: Array) -> Array:
-        """(...,) mean logarithm of the deviations, over robots and numbers, of matrices (..., robots, groups, n, n)."""
+        """Mean logarithms (...,) of the deviations, over robots and parameters."""
         return np.asarray(np.log(self.deviations(information)).mean(axis=(-1, -2)))
 
-    def play(self, motion: Array, *, information: bool = False, checked: bool = False) -> Outcome | None:
-        """Of a motion on the robots; checked: on the further ones too."""
+    def play(self, motion: Array, *, changes: Sequence[Array | float] = (), checked: bool = False) -> Outcome | None:
+        """Outcome of a motion on the robots; checked: on the further robots, too."""
         robots = [*self.robots, *self.checks] if checked else self.robots
-        return self.plant.play(motion, self.gains, robots, self.substeps, information=information)
+        return self.plant.play(motion, self.gains, robots, self.substeps, changes)
 
-    def scaled(self, segments: Sequence[Segment], rows: int) -> list[Segment] | None:
-        """As large as the limits allow, each reference by those of its own joint; None where no size keeps them all."""
+    def fitted(self, segments: Sequence[Segment], rows: int, tries: int = TRIES) -> list[Segment] | None:
+        """Segments within the limits; None if no tried size keeps them.
+
+        Segments that exceed limits become smaller. A single segment becomes as large as the limits of each joint allow.
+        """
         plant, there, best = self.plant, list(segments), None
-        for _ in range(TRIES):
-            outcome = self.play(plant.motion(there, rows))
+        edges = np.linspace(0.0, (rows - 1) * plant.step, len(there) + 1)[1:-1]
+        single = len(there) == 1
+        for _ in range(tries):
+            outcome = self.play(plant.motion(there, rows), checked=rows == plant.rows)
             if outcome is None:
-                factors = np.full(len(plant.references), 0.5)
-            else:
-                own = np.array([outcome.use[mine].max(initial=0.0) for mine in plant.own])
-                most = float(outcome.use.max(initial=0.0))
-                if most <= 1.0:
-                    best = there
-                    if own.min() > 0.9 * FULL:
-                        break
-                factors = np.clip(FULL / np.maximum(own, 1e-6), 0.2, 1.6)
-                if own.max() <= 1.0 < most:
-                    factors = np.minimum(factors, FULL / most)
-            there = [one.scaled(np.where(plant.presets, 1.0, factors)) for one in there]
+                there = [one.scaled(np.where(plant.presets, 1.0, 0.5)) for one in there]
+                continue
+            own = np.array([outcome.use[mine].max(initial=0.0) for mine in plant.own])
+            most = float(outcome.use.max(initial=0.0))
+            if most <= 1.0:
+                best = list(there)
+                if not single or own.min() > NEAR:
+                    break
+            factors = np.clip(FULL / np.maximum(own, 1e-6), 0.2, 1.6 if single else 1.0)
+            if own.max() <= 1.0 < most:
+                factors = np.minimum(factors, FULL / most)
+            at = int(np.searchsorted(edges, outcome.when, side="right"))
+            there[at] = there[at].scaled(np.where(plant.presets, 1.0, factors))
         return best
 
-    def segment(self, segment: Segment) -> Found | None:
-        """The segment within the limits; None where that is not found, or sensitivities cannot be believed."""
-        rows = (self.plant.rows - 1) // self.count + 1
-        fitting = self.scaled([segment], rows)
-        return None if fitting is None else self.judged("segment", fitting, rows)
+    def judged(self, name: str, segments: Sequence[Segment], rows: int) -> Found | None:
+        """Motion with its information; None if a robot is near chaos."""
+        motion = self.plant.motion(segments, rows)
+        outcome = self.play(motion, changes=SMALL)
+        if outcome is None or outcome.information is None:
+            return None
+        return Found(name, tuple(segments), motion, outcome.information, float(self.score(outcome.information)))
 
-    def believed(self, found: Found) -> Found | None:
-        """The motion with the least information that any of :data:`SECANTS` finds; None where they do not agree."""
+    def confirmed(self, found: Found) -> Found | None:
+        """Motion with the least information that small or larger changes give; None if they do not agree."""
         least, small = found, self.deviations(found.information)
-        for secant in SECANTS:
-            outcome = self.plant.play(found.motion, self.gains, self.robots, self.substeps, secant=secant)
+        size = np.minimum(small.min(axis=0), LARGEST)
+        for share in LARGER:
+            outcome = self.play(found.motion, changes=(share * size, -share * size))
             if outcome is None or outcome.information is None:
                 return None
-            if np.abs(np.log(self.deviations(outcome.information) / small)).max() > np.log(AGREE):
+            ratios = self.deviations(outcome.information) / small
+            if ratios.min() < AGREE[0] or ratios.max() > AGREE[1]:
                 return None
             score = float(self.score(outcome.information))
             least = replace(found, information=outcome.information, score=score) if score > least.score else least
         return least
 
-    def judged(self, name: str, segments: Sequence[Segment], rows: int) -> Found | None:
-        """The motion with its information; None where sensitivities cannot be believed."""
-        motion = self.plant.motion(segments, rows)
-        outcome = self.play(motion, information=True)
-        if outcome is None or outcome.information is None:
-            return None
-        return Found(name, tuple(segments), motion, outcome.information, float(self.score(outcome.information)))
+    def whole(self, name: str, segments: Sequence[Segment], tries: int = TRIES, above: float = np.inf) -> Found | None:
+        """Joined motion within the limits on all robots, with confirmed information; None unless its score is below `above`."""
+        rows = self.plant.rows
+        if self.checks and above < np.inf:
+            # The further robots take long to simulate, and a motion that becomes smaller does not score better.
+            found = self.judged(name, segments, rows)
+            if found is None or found.score >= above:
+                return None
+        fitting = self.fitted(segments, rows, tries)
+        found = None if fitting is None else self.judged(name, fitting, rows)
+        return None if found is None or found.score >= above else self.confirmed(found)
 
-    def whole(self, name: str, segments: Sequence[Segment]) -> Found | None:
-        """The joined motion, within the limits on all robots; segments that exceed them are made smaller.
+    def start(self) -> None:
+        """Try what people record: one step, and chirps with presets at rest or at an end of their range.
 
-        None where that is not found, or its information is not believed.
+        Chirps are tried as segments first; the best of them then last for the whole motion.
         """
-        there, plant = list(segments), self.plant
-        edges = np.linspace(0.0, (plant.rows - 1) * plant.step, len(there) + 1)[1:-1]
-        for _ in range(SHRINKS):
-            outcome = self.play(plant.motion(there, plant.rows), checked=True)
-            if outcome is None:
-                there = [one.scaled(0.9) for one in there]
-                continue
-            most = float(outcome.use.max(initial=0.0))
-            if most <= 1.0:
-                found = self.judged(name, there, plant.rows)
-                return None if found is None else self.believed(found)
-            at = int(np.searchsorted(edges, outcome.when, side="right"))
-            there[at] = there[at].scaled(max(0.5, FULL / most))
-        return None
+        presets = self.plant.presets
+        chirps = dict[str, list[Found]]()
+        for preset, (first, last) in product((0.0, 1.0, -1.0) if presets.any() else (0.0,), product(FREQUENCIES, repeat=2)):
+            if first <= last and (found := self.try_segment(chirp(presets, first, last, preset))) is not None:
+                chirps.setdefault("chirp, preset moved" if preset else "chirp", []).append(found)
+        best = {name: sorted(some, key=lambda one: one.score)[:WHOLE] for name, some in chirps.items()}
+        motions = [("one step", step(presets)), *((name, one.segments[0]) for name, some in best.items() for one in some)]
+        for name, segment in motions:
+            if self.stop() and self.best:
+                return
+            above = self.plain[name].score if name in self.plain else np.inf
+            whole = self.whole(name, [segment], above=above)
+            if whole is not None and whole.score < above:
+                self.plain[name] = whole
+                self.better(whole)
+
+    def try_segment(self, segment: Segment) -> Found | None:
+        """Segment within the limits, added to the library; None if it cannot be used, or the search is stopped."""
+        if self.stop() and self.library:
+            return None
+        rows = (self.plant.rows - 1) // self.count + 1
+        fitting = self.fitted([segment], rows)
+        found = None if fitting is None else self.judged("segment", fitting, rows)
+        self.library += [] if found is None else [found]
+        return found
 
     def extend(self, count: int) -> None:
-        """Try more segments, until stopped: new ones, and variations of those that are picked."""
+        """Try more segments: at first new segments, then more often variations of the picked ones."""
+        presets = self.plant.presets
         for _ in range(count):
-            if self.stop() and self.library:
-                return
-            base = int(self.generator.choice(self.picked)) if self.picked and self.generator.random() < 0.8 else None
-            segment = (
-                fresh(self.generator, len(self.plant.references))
-                if base is None
-                else beside(self.library[base].segments[0], self.generator)
-            )
-            found = self.segment(segment)
-            if found is not None:
-                self.library.append(found)
-
-    def run(self, rounds: int, progress: Callable[[float], None] = lambda _: None) -> Found | None:
-        """The best motion after so many rounds, or when stopped; None where no segment keeps the limits."""
-        for number in range(rounds + 1):
-            self.extend(BATCH if self.library else FIRST)
-            if not self.library:
-                return None
-            self.pick()
-            progress((number + 1) / (rounds + 1))
-            if self.stop():
-                break
-        for _ in range(TRIES):
-            whole = self.whole("design", [self.library[i].segments[0] for i in self.picked]) if self.picked else None
-            if whole is not None or not self.picked:
-                return whole
-            # The joined motion is not believed, though its parts are: do without one of them.
-            self.examined[int(self.generator.choice(self.picked))] = False
-            self.pick()
-        return None
+            if self.picked and len(self.library) >= FIRST and self.generator.random() < 0.9:
+                base = self.library[int(self.generator.choice(self.picked))].segments[0]
+                self.try_segment(varied(base, self.generator, presets))
+            else:
+                self.try_segment(fresh(self.generator, presets))
 
     def pick(self) -> None:
-        """Choose the believed segments whose sum scores best, beginning from the last choice, and from nothing."""
-        while True:
-            usable = [i for i in range(len(self.library)) if self.examined.get(i, True)]
-            if not usable:
-                self.picked = []
+        """Choose the segments whose sum scores best; segments whose information is not confirmed leave the library."""
+        while self.library:
+            matrices = np.array([one.information for one in self.library])
+            chosen = [self._exchanged(matrices, begin) for begin in (self.picked, [])]
+            self.picked = min(chosen, key=lambda picked: float(self.score(matrices[picked].sum(axis=0))))
+            new = sorted({i for i in self.picked if self.library[i].name == "segment"}, reverse=True)
+            for i in new:
+                found = self.confirmed(self.library[i])
+                if found is None:
+                    del self.library[i]
+                    self.picked = [k - (k > i) for k in self.picked if k != i]
+                else:
+                    self.library[i] = replace(found, name="confirmed segment")
+            if not new:
                 return
-            matrices = np.array([self.library[i].information for i in usable])
-            last = [usable.index(i) for i in self.picked if i in usable]
-            choices = [self._exchanged(matrices, begin) for begin in (last, [])]
-            self.picked = [usable[i] for i in min(choices, key=lambda choice: choice[0])[1]]
-            unseen = sorted({*self.picked} - self.examined.keys())
-            if not unseen:
-                return
-            for i in unseen:
-                found = self.believed(self.library[i])
-                self.examined[i] = found is not None
-                self.library[i] = found or self.library[i]
 
-    def _exchanged(self, matrices: Array, begin: Sequence[int]) -> tuple[float, list[int]]:
-        """Score and numbers of segments, one after the other exchanged for a better one until none is."""
-        chosen = list(begin)
+    def _exchanged(self, matrices: Array, begin: Sequence[int]) -> list[int]:
+        """Indices of segments, exchanged for better ones until there are none."""
+        chosen, before = list(begin), np.inf
         while len(chosen) < self.count:
-            # What is picked first is judged as if it were repeated.
+            # The first segments are judged as if they were repeated.
             total = matrices[chosen].sum(axis=0) + matrices
             chosen.append(int(np.argmin(self.score(total * (self.count / (len(chosen) + 1))))))
-        best, before = float(self.score(matrices[chosen].sum(axis=0))), np.inf
+        best = float(self.score(matrices[chosen].sum(axis=0)))
         while best < before - 1e-6:
             before = best
-            for place in range(self.count):
-                scores = self.score(matrices[[*chosen[:place], *chosen[place + 1 :]]].sum(axis=0) + matrices)
+            for at in range(self.count):
+                scores = self.score(matrices[[*chosen[:at], *chosen[at + 1 :]]].sum(axis=0) + matrices)
                 if float(scores.min()) < best - 1e-9:
-                    chosen[place], best = int(np.argmin(scores)), float(scores.min())
-        return best, chosen
+                    chosen[at], best = int(np.argmin(scores)), float(scores.min())
+        return chosen
 
-    def plain(self) -> list[Found]:
-        """What people record, as large as the limits allow: one step, and the best of some chirps; presets rest."""
-        plant, found = self.plant, dict[str, Found]()
-        step = ("one step", LEVELS, [0.0, 0.2, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0])
-        sweeps = (("chirp", CHIRP, [0.0, last, 0.5, 1.0, 0.0, 0.0, 0.0, 0.0]) for last in (0.5, 0.7, 0.85))
-        for name, family, numbers in (step, *sweeps):
-            count = len(plant.references)
-            segment = Segment((family,) * count, np.tile(np.array(numbers), (count, 1)), np.where(plant.presets, 0.0, 1.0))
-            fitting = self.scaled([segment], plant.rows)
-            one = None if fitting is None else self.whole(name, fitting)
-            if one is not None and (name not in found or one.score < found[name].score):
-                found[name] = one
-        return list(found.values())
+    def run(self, rounds: int, progress: Callable[[float], None] = lambda _: None) -> Found | None:
+        """Best motion after so many rounds, or when stopped; None if no confirmed motion keeps the limits."""
+        if not self.plain:
+            self.start()
+        for number in range(rounds):
+            progress(0.5 * number / rounds)
+            self.extend(BATCH)
+            self.pick()
+        segments = [self.library[i].segments[0] for i in self.picked]
+        for _ in range(TRIES if segments else 0):
+            found = self.whole("design", segments, 4 * TRIES)
+            if found is not None:
+                self.better(found)
+                break
+            # The information of the joined motion is not confirmed: do without one of its segments.
+            segments = [*segments[1:], segments[-1]]
+        count = VARIED * rounds
+        for number in range(count):
+            if self.stop() or self.best is None:
+                break
+            progress(0.5 + 0.5 * number / count)
+            self.vary(self.best)
+        return self.best
+
+    def better(self, found: Found) -> bool:
+        """Whether a motion is the best one so far; then keep it."""
+        better = self.best is None or found.score < self.best.score
+        self.best = found if better else self.best
+        return better
+
+    def vary(self, base: Found) -> None:
+        """Try a variation of one of the segments of the best motion."""
+        segments = list(base.segments)
+        if self.success is not None and self.success[0] is base:
+            _, at, old = self.success
+            segments[at] = segments[at].beyond(old)
+        else:
+            at = int(self.generator.integers(len(segments)))
+            segments[at] = varied(segments[at], self.generator, self.plant.presets)
+        found = self.whole("design", segments, above=base.score)
+        self.success = (found, at, base.segments[at]) if found is not None and self.better(found) else None

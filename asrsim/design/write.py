@@ -1,4 +1,4 @@
-"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of what it promises."""
+"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the promised intervals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MARK = "# asrsim design: references of an experiment"
 
 
 def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
-    """CSV, scenario and picture, beside each other. Raises OutputError."""
+    """Write CSV, scenario and picture into one folder, and return their paths. Raises OutputError."""
     import yaml
 
     time = found.step * np.arange(found.found.motion.shape[1])
@@ -52,7 +52,7 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
 
 
 def columns(found: Design) -> list[tuple[str, list[str], bool]]:
-    """Columns of the table: heading, a cell for each key, whether cells are right-aligned."""
+    """Columns of the table: heading, a cell for each parameter, whether cells are right-aligned."""
     cells = [("parameter", list(found.keys), False)]
     for name, halves in found.intervals.items():
         cells.append(("promised" if name == "design" else name, [f"± {100.0 * half:.2g} %" for half in halves], True))

@@ -25,7 +25,9 @@ MUCH = 0.5
 STAIRS = 0.9
 """Largest fraction of the mean square error that remains if a command is played as a staircase."""
 EXPLAINED = 0.9
-"""Fraction of the squared misfit beyond the noise that the suspected causes must explain together."""
+"""Fraction of the squared misfit beyond the noise that makes the suspected causes complete."""
+PARTLY = 0.5
+"""Largest fraction of the squared misfit beyond the noise that remains with causes that are named."""
 FURTHER = 0.8
 """Largest fraction of the mean square error that remains after each suspected cause."""
 CAUSES, ROUNDS = 3, 15
@@ -36,11 +38,15 @@ DIFFERENT = 0.05
 """Relative difference of two tied parameters above which the tie is reported as wrong."""
 BITES, REACHED = (0.75, 0.3), 0.999
 """Fractions of the largest torque or speed at which a lower limit is tried; fraction of a limit above which it is reached."""
-LAGS, TREND, PARTS = 0.3, 0.6, 12
-"""Fraction of a torque's squared error that follows the direction of its change, above which hysteresis is reported;
-rank correlation of a spring's stiffness with the deflection, above which it is reported; parts of a recording that are
-estimated separately.
+TREND, CHANCE, PARTS = 0.6, 2.9, 12
+"""Rank correlation of a spring's stiffness with the deflection, above which it is reported; its smallest ratio to the
+correlation of random parts; parts of a recording that are estimated separately.
 """
+CALLED = {
+    "passive_stiffness": "a passive spring of {}", "hysteresis_torque": "hysteresis of the springs of {}",
+    "stribeck_friction": "static friction of {}", "damping": "another damping of {}", "friction": "another friction of {}",
+    "motor_1_friction_torque": "another motor friction of {}", "motor_1_damping": "another motor damping of {}",
+}  # fmt: skip
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
@@ -88,63 +94,102 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
         problem, x, _causes, most=CAUSES, rounds=ROUNDS,
         enough=lambda wider, there: mean_square(wider, there) <= target,
     )  # fmt: skip
-    if found.chosen and mean_square(found.problem, found.x) <= target:
-        yield _suspected(found, base)
-    yield from _limits_met(problem, x)
+    rest = mean_square(found.problem, found.x)
+    if rest - 1.0 <= PARTLY * (base - 1.0):
+        yield _suspected(found, base, complete=rest <= target)
     yield from _amplitude(problem, x)
-    yield from _hysteresis(problem, x)
 
 
-def _suspected(found: Extended, base: float) -> str:
+def _suspected(found: Extended, base: float, *, complete: bool) -> str:
     texts, flags, layout = [], [], found.problem.layout
     values = dict(zip((entry.name for entry in layout.entries), layout.values(found.x).tolist(), strict=True))
     for cause in found.chosen:
         entry = cause.problem.layout.entries[-1]
-        value, unit = values[entry.name], entry.parameter.unit
+        value, unit = values[entry.name], entry.parameter.unit.removeprefix("1")
         # Delays and offsets are small: show them in ms, mrad.
         size = f"{1e3 * value:.3g} m{unit}" if entry.parameter.key.endswith((".delay", ".offset")) else f"{value:.4g} {unit}"
         texts.append(cause.text if entry.track is not None else f"{cause.text} ({size.strip()})")
         flags.append(cause.flags.replace("START", f"{value:.4g}"))
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    return f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({' '.join(flags)})"
+    rest = "" if complete else "; more is missing"
+    return f"{' and '.join(texts)} {verb} the error to {percent((found.cost / base) ** 0.5)} ({' '.join(flags)}){rest}"
 
 
 def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions that each free one more parameter of a problem."""
-    layout, tracks = problem.layout, [problem.tracks[i] for i in problem.fitted]
-    free = {entry.parameter.key for entry in layout.entries}
-    commands = list(dict.fromkeys(c.key for track in tracks for c in track.data.commands))
-    if commands and not any(key.endswith(".delay") or key == "clock" for key in free):
-        first, *others = (f"{key}.delay" for key in commands)
-        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
-        ties = [Tie(key=key, to=first) for key in others]
-        yield replace(_cause("a delay of the commands", problem, parameter, ties), begins=(2.0,))
-    for key, unit in {c.key: c.unit for track in tracks for c in track.channels}.items():
-        offset = Parameter(key=f"{key}.offset", unit=unit, start=0.0)
-        gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
-        zeroed = key.endswith(MEASURED_FROM_ZERO)
-        if zeroed and offset.key not in free:
-            yield _cause(f"a zero offset of {key}", problem, offset)
-        for name, parameter in (("zero", offset), ("gain", gain)):
-            # A shared parameter stays free; each recording but the first gets a separate value in addition.
-            if (
-                len(tracks) > 1
-                and (zeroed or name == "gain")
-                and not any(entry.parameter.key == parameter.key and entry.track is not None for entry in layout.entries)
-            ):
-                wider = freed(problem, [parameter], tracks=list(problem.fitted)[parameter.key in free :])
-                text = f"a {name} of {key} in each recording"
-                yield Extension(text=text, flags=f"--own {parameter.key}", problem=wider, share=FURTHER)
-    for drive in tracks[0].door.drives:
-        key, linear = f"{drive.name}.passive_stiffness", drive.joint.kind == "prismatic"
-        taken = free | {tie.key for tie in layout.ties}
-        if drive.joint.spring_stiffness == 0.0 and key not in taken and not (drive.mode and drive.mode.spring):
-            parameter = Parameter(key=key, unit="N/m" if linear else "N m/rad", start=0.0, low=0.0)
-            yield replace(_cause(f"a passive spring of {drive.name}", problem, parameter), flags=f"--free {key}=START")
+    """Extensions of a problem, each by one cause."""
+    yield from _delay(problem)
+    yield from _sensors(problem, x)
+    yield from _robot(problem)
     yield from _limits(problem, x)
     for tie, wider in _without_ties(problem, x):
         text = f"{tie.key} other than {'' if tie.factor == 1.0 else f'{tie.factor:g} * '}{tie.to}, to which it is tied"
         yield Extension(text=text, flags=f"--free {tie.key}", problem=wider, begins=(0.0,), share=FURTHER)
+
+
+def _delay(problem: Problem) -> Iterator[Extension]:
+    """A common delay of all commands."""
+    commands = list(dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands))
+    if commands and not any(key.endswith(".delay") or key == "clock" for key in _taken(problem)):
+        first, *others = (f"{key}.delay" for key in commands)
+        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
+        yield replace(
+            _cause("a delay of the commands", problem, parameter, [Tie(key=key, to=first) for key in others]), begins=(2.0,)
+        )
+
+
+def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
+    """Zeros and gains of channels, shared by all recordings, or separate for each."""
+    layout, free = problem.layout, _taken(problem)
+    own = {entry.parameter.key for entry in layout.entries if entry.track is not None}
+    first = problem.fitted[0]
+    left = errors(problem, x, first) or [np.zeros(1)] * len(problem.tracks[first].channels)
+    for channel, off in zip(problem.tracks[first].channels, left, strict=True):
+        key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
+        offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
+        gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        if zeroed and offset.key not in free:
+            yield _cause(f"a zero offset of {key}", problem, offset)
+        if zeroed and not {offset.key, gain.key} & free and channel.guide is None:
+            recorded = channel.values[: len(off)]
+            slope, zero = np.polyfit(recorded + off, recorded, 1).tolist()
+            if 1e-3 < slope < 1e3:
+                flags = f"--free {offset.key}={zero:.4g} --free {gain.key}=START"
+                yield Extension(
+                    text=f"another scale and zero of {key}", flags=flags, problem=freed(problem, [offset, gain]), finite=True,
+                    begins=((zero / offset.size, -float(np.log(slope))),), share=FURTHER,
+                )  # fmt: skip
+        for name, parameter in (("zero", offset), ("gain", gain)):
+            # A shared parameter stays free; each recording but the first gets a separate value in addition.
+            if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
+                wider = freed(problem, [parameter], tracks=list(problem.fitted)[parameter.key in free :])
+                text = f"a {name} of {key} in each recording"
+                yield Extension(text=text, flags=f"--own {parameter.key}", problem=wider, share=FURTHER)
+
+
+def _robot(problem: Problem) -> Iterator[Extension]:
+    """Springs, friction, damping and hysteresis that the robot does not have, or that are not free."""
+    door, free = problem.tracks[0].door, _taken(problem)
+    known = parameters_of(door.robot, (), {})
+    for drive in door.drives:
+        spring, motor = bool(drive.mode and drive.mode.spring), bool(drive.mode and drive.mode.motor)
+        moves = problem.tracks[0].scenario.engine != "bench"
+        wanted = {
+            "passive_stiffness": moves and not spring and drive.joint.spring_stiffness == 0.0,
+            "hysteresis_torque": spring, "damping": moves, "friction": moves, "stribeck_friction": moves,
+            "motor_1_friction_torque": motor, "motor_1_damping": motor,
+        }  # fmt: skip
+        for name, possible in wanted.items():
+            parameter = known.get(f"{drive.name}.{name}")
+            if possible and parameter is not None and parameter.key not in free:
+                cause, absent = _cause(CALLED[name].format(drive.name), problem, parameter), parameter.start == 0.0
+                flags = f"--free {parameter.key}=START"
+                yield replace(cause, flags=flags, finite=absent, begins=(1.0,) if absent else ())
+
+
+def _taken(problem: Problem) -> set[str]:
+    """Keys that are free or tied."""
+    layout = problem.layout
+    return {*(entry.parameter.key for entry in layout.entries), *(tie.key for tie in layout.ties)}
 
 
 def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie] = ()) -> Extension:
@@ -193,24 +238,18 @@ def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, floa
                 yield drive, name, values.get(f"{drive.name}.{name}", drive.values[name]), float(np.abs(series).max())
 
 
-def _limits_met(problem: Problem, x: Array) -> Iterator[str]:
-    for drive, name, level, reached in _motor_limits(problem, x):
-        if reached >= REACHED * level:
-            yield f"the model reaches {drive.name}.{name} of {level:g}: is this limit the robot's?"
-
-
 def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Extensions with motor limits below the simulated maximum; both motors share a limit."""
-    free = {entry.parameter.key for entry in problem.layout.entries}
-    for drive, name, _, reached in _motor_limits(problem, x):
+    """Limits of motors below the simulated maximum, or above it if the simulation reaches the limit; both motors share it."""
+    for drive, name, level, reached in _motor_limits(problem, x):
         key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
-        if key not in free and reached > 0.0:
-            low, high = min(BITES) * reached, 2.0 * reached
-            parameter = Parameter(key=key, unit=unit, start=reached, low=0.1 * low, high=high, logarithmic=True)
+        if key not in _taken(problem) and reached > 0.0:
+            low, high = 0.1 * min(BITES) * reached, 4.0 * reached
+            parameter = Parameter(key=key, unit=unit, start=reached, low=low, high=high, logarithmic=True)
             ties = [Tie(key=key.replace("motor_1", "motor_2"), to=key)] * (drive.dynamic_motors > 1)
             cause = _cause(f"a limit {name} of {drive.name}", problem, parameter, ties)
             flags = cause.flags.replace(key, f"{key}=START", 1)
-            yield replace(cause, flags=flags, finite=True, begins=tuple(np.log(BITES)))
+            begins = (*BITES, 2.0) if reached >= REACHED * level else BITES
+            yield replace(cause, flags=flags, finite=True, begins=tuple(np.log(begins)))
 
 
 def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
@@ -232,7 +271,8 @@ def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
             continue
         moves, deviation = -pulls[known, i] / sizes[known, i], float(np.median(sizes[known, i] ** -0.5))
         trend, extent = _rank_correlation(reach[known], moves), float(np.ptp(moves))
-        if abs(trend) > TREND and extent > max(6.0 * deviation, 0.02):
+        # Noise alone rarely orders the parts.
+        if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             late, hard = (abs(float(np.corrcoef(reach[known] ** power, moves)[0, 1])) for power in (-1.0, 2.0))
             way = "falls" if trend < 0.0 else "grows"
@@ -242,26 +282,3 @@ def _amplitude(problem: Problem, x: Array) -> Iterator[str]:
 
 def _rank_correlation(a: Array, b: Array) -> float:
     return float(np.corrcoef(np.argsort(np.argsort(a)), np.argsort(np.argsort(b)))[0, 1])
-
-
-def _hysteresis(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences on torques whose error follows the direction of their change: hysteresis or friction."""
-    found: dict[str, tuple[float, str]] = {}
-    for number in problem.fitted:
-        track = problem.tracks[number]
-        modes = {drive.name: drive.mode for drive in track.door.drives}
-        for channel, left in zip(track.channels, errors(problem, x, number) or (), strict=False):
-            if "torque" not in channel.quantity:
-                continue
-            sign = np.sign(np.gradient(np.convolve(channel.values[: len(left)], np.ones(5) / 5.0, "same")))
-            size = abs(float(np.mean(left * sign)))
-            if size**2 <= LAGS * max(float(np.mean(left**2)), 1e-300) or size < found.get(channel.key, (0.0, ""))[0]:
-                continue
-            mode = modes.get(channel.joint)
-            names = {"hysteresis": "hysteresis_torque"} if mode and mode.spring else {}
-            if track.scenario.engine != "bench":
-                names["friction"] = "stribeck_friction"
-            flags = " ".join(f"--free {channel.joint}.{name}={size:.2g}" for name in names.values())
-            text = f"{channel.unit} off by the direction of its change: {' or '.join(names)} is missing ({flags})"
-            found[channel.key] = size, text
-    yield from (f"{key} is {size:.3g} {text}" for key, (size, text) in found.items())

@@ -269,6 +269,8 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
+        if early.source not in mapped and np.array_equal(early.values, late.values):
+            continue  # a copy of the same measurement, such as another topic of a log
         a, b = (c.values - c.values.mean() for c in (early, late))
         if float(np.linalg.norm(b - a * float(a @ b / (a @ a)))) < COMPUTED * float(np.linalg.norm(b)):
             found[late.source] = f"'{early.source}'"

@@ -32,8 +32,8 @@ class Extension:
     flags: str = ""
     """Options of `asrsim identify` that add this extension."""
     problem: Problem
-    begins: tuple[float, ...] = ()
-    """Start values of the new entry; empty: the linearised optimum."""
+    begins: tuple[float | tuple[float, ...], ...] = ()
+    """Start values of the new entries; empty: the linearised optimum."""
     finite: bool = False
     """Whether its effect is simulated at the start values, since derivatives do not show it."""
     restepped: bool = False

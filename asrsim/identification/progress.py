@@ -46,8 +46,8 @@ class Watch:
         self.began = self._reported = clock.perf_counter()
         self._stage, self._before = "start", 0
         self.best: Best | None = None
-        self.ignore_stop = False
-        """Whether requests to stop are ignored, while the fit is judged."""
+        self.ignore_stop = self.ignore_time = False
+        """Whether requests to stop, or the time limit, are ignored."""
 
     def stage(self, name: str) -> None:
         """Begin a stage, or a start of the search."""
@@ -58,22 +58,24 @@ class Watch:
 
     def tick(self) -> None:
         """Report progress after an evaluation. Raises Stopped if the user stops the fit or its time is over."""
-        late = clock.perf_counter() - self.began > self._seconds
+        late = not self.ignore_time and clock.perf_counter() - self.began > self._seconds
         if not self.ignore_stop and (late or (self._stop is not None and self._stop())):
             self.ended = UNFINISHED if late else INTERRUPTED
             raise Stopped
         if clock.perf_counter() - self._reported > OFTEN:
             self._report()
 
-    def unless_stopped(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
-        """Optional results; empty if the user stops the fit meanwhile."""
-        self.ignore_stop = False
+    def in_time(self, found: Callable[[], Iterable[Any]]) -> tuple[Any, ...]:
+        """Optional results; empty if the time limit is reached meanwhile."""
+        self.ignore_time = False
         try:
             return tuple(found())
         except Stopped:
+            if self.ended == INTERRUPTED:
+                raise
             return ()
         finally:
-            self.ignore_stop = True
+            self.ignore_time = True
 
     def _report(self) -> None:
         self._reported = clock.perf_counter()

@@ -16,7 +16,7 @@ from asrsim.errors import SimulationError
 from asrsim.identification.causes import missing_causes, ties_that_are_none
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.problem import Errors, Problem, errors, jacobian, mean_square
-from asrsim.identification.progress import Progress, Watch
+from asrsim.identification.progress import INTERRUPTED, Progress, Watch
 from asrsim.identification.result import ACCEPTABLE, Result
 from asrsim.identification.search import Best, Stopped, refined, search, settle
 from asrsim.identification.setup import Setup, set_up
@@ -73,8 +73,13 @@ def identify(
         problem.meter.tell = watch.tick
         watch.best = best = Best(problem, start.copy())
         status = "checked" if check else _searched(best, setup, watch)
-        watch.ignore_stop = True
-        return _judged(setup, best, before, status, watch, accept=accept)
+        watch.ignore_time, watch.ignore_stop = True, status == INTERRUPTED
+        try:
+            return _judged(setup, best, before, status, watch, accept=accept)
+        except Stopped:
+            # The search is over, but the user does not wait for the judgement.
+            watch.ignore_stop = True
+            return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
 
 
 def _searched(best: Best, setup: Setup, watch: Watch) -> str:
@@ -103,7 +108,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
     causes = []
     if misfit:
         watch.stage("what may be missing")
-        causes = [*foreign(fits), *watch.unless_stopped(lambda: _causes(problem, trained))]
+        causes = [*foreign(fits), *watch.in_time(lambda: _causes(problem, trained))]
     final, x, found, met = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -155,7 +160,8 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
     if status != "complete":
         # In a check an entry may start at a bound, such as a delay of 0; it was not driven there.
         met = [status != "checked" and one for one in bounds_met(problem.layout, trained)]
-        return problem, trained, uncertainty(problem, trained, met, foreseen=status == "checked"), met
+        found = uncertainty(problem, trained, met, foreseen=status == "checked", quick=status == INTERRUPTED)
+        return problem, trained, found, met
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
         there = refined(whole, x, 20)

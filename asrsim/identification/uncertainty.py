@@ -185,14 +185,18 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     return weigh(shown, part.noise, step)
 
 
-def uncertainty(problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False) -> Uncertainty:
-    """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise."""
+def uncertainty(
+    problem: Problem, x: Array, at_bound: Sequence[bool], *, foreseen: bool = False, quick: bool = False
+) -> Uncertainty:
+    """Uncertainty at x. Entries at a bound count as free. foreseen: assume that the residuals are white noise; quick: with
+    one simulation for each entry.
+    """
     n = len(x)
     left = residuals(problem, x)
     slopes = jacobian(problem, x, CORNER, base=left)
     # Clip outliers, as the fit does.
     left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
-    slopes = with_faint_directions(problem, x, slopes)
+    slopes = slopes if quick else with_faint_directions(problem, x, slopes)
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r")) if n else (None, np.empty(0), np.empty((0, 0)))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.live.transport import Outlet
+from asrsim.live.transport import Outlet, prefix_of
 from asrsim.log.cdr import CdrBuilder, Column
 from asrsim.log.frames import FrameMessages
 from asrsim.log.topics import DESCRIPTION_TOPIC, REFERENCE_TOPICS, TIME_TOPIC, Topic, robot_topics, topic_paths
@@ -28,7 +28,7 @@ class Publisher:
         """info: description of the run; namespace: prefix of all topic names except `/clock` and `/tf`."""
         self._simulation = simulation
         self._joints = tuple(simulation.joints)
-        self.prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+        self.prefix = prefix_of(namespace)
         topics = [replace(topic, name=self.prefix + topic.name) for topic in _topics(info.joints)]
         topics.append(Topic(name="/clock", message="rosgraph_msgs/Clock", template=CdrBuilder().stamp().build()))
         # Publish the answers to commands first: each message takes some microseconds.

@@ -49,6 +49,8 @@ class Received:
     """Joints of the values, or of the points."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
     """Points of a JointTrajectory: time from now, s; positions; velocities (may be empty)."""
+    stamp: float = 0.0
+    """Time in the header of a JointState, s; 0: none."""
     fault: str = ""
     """Reason why the message cannot be read."""
 
@@ -65,7 +67,9 @@ def received(inlet: int, decode: Callable[..., Any], *data: Any) -> Received:
             return Received(inlet, names=list(map(str, message.joint_names)), points=points)
         if hasattr(message, "name"):
             values = message.position if len(message.position) else message.effort
-            return Received(inlet, _numbers(values), list(map(str, message.name)))
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            seconds = getattr(stamp, "sec", 0) + 1e-9 * getattr(stamp, "nanosec", 0)
+            return Received(inlet, _numbers(values), list(map(str, message.name)), stamp=float(seconds))
         return Received(inlet, _numbers(message.data if hasattr(message.data, "__len__") else [message.data]))
     except Exception as error:  # decoders may raise any error for invalid bytes
         return Received(inlet, fault=f"a message that cannot be read ({type(error).__name__})")
@@ -181,6 +185,11 @@ def available(names: Sequence[str]) -> tuple[str, ...]:
             message = f"the transport '{name}' needs '{entry.module}', which is not installed"
             raise InputError(message, hint=install(entry.extra) if entry.extra else None, code="no-library")
     return tuple(names)
+
+
+def prefix_of(namespace: str) -> str:
+    """Prefix of topic names for a namespace."""
+    return f"/{namespace.strip('/')}" if namespace.strip("/") else ""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Bode plots of simulation and experiment on the same axes, with the coherence where it is low."""
+"""Bode plots of simulation and experiment on the same axes, with their coherence."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ TRUSTED = 0.5
 """Coherence below which a point is drawn faint and does not set the limits of the axes."""
 NARROWEST = 3.0, 20.0
 """Smallest ranges of the axes of gain (dB) and phase (degrees): smaller differences do not matter."""
-CERTAIN = 0.9
-"""The coherence is drawn only if some point falls below this value."""
 
 
 def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
@@ -56,13 +54,12 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     labels = list(dict.fromkeys(one.label for one in found))
     moving = [one for one in found if one.response.moves]
     wide = style.COLUMN_WIDTH * (1.4 if len(joints) == 1 else 1.0)
-    telling = any(float(one.response.coherence.min()) < CERTAIN for one in moving)
-    grid = Grid(columns=len(joints), heights=[2.1, 1.7, *([0.9] if telling else [])], width=wide, right=1.75)
+    grid = Grid(columns=len(joints), heights=[2.1, 1.7, 0.9], width=wide, right=1.75)
     figure, axes = grid.figure([], sharex="col")
     several = len(labels) > 1
     for c, (name, info) in enumerate(joints.items()):
         mine = [one for one in moving if one.joint.name == name]
-        draw_bode(axes[0, c], axes[1, c], axes[2, c] if telling else None, mine, several=several)
+        draw_bode(axes[0, c], axes[1, c], axes[2, c], mine, several=several)
         axes[0, c].set_title(joint_title(info), loc="left")
         axes[-1, c].set_xlabel("frequency (Hz)")
     handles: list[Any] = []
@@ -84,7 +81,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     return figure
 
 
-def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[Response], *, several: bool) -> None:
+def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response], *, several: bool) -> None:
     """Draw gain (dB), phase and coherence of one joint's responses on the given axes, with confidence bands."""
     levels: list[Array] = []
     angles: list[Array] = []
@@ -106,8 +103,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
             ax.plot(result.frequency, np.where(trusted, np.nan, values), **{**look, "linewidth": 0.6, "alpha": 0.35})
-        if coherence is not None:
-            coherence.plot(result.frequency, result.coherence, color=look["color"], linewidth=0.9)
+        coherence.plot(result.frequency, result.coherence, color=look["color"], linewidth=0.9)
         levels.append(level[trusted])
         angles.append(result.phase[trusted])
         if result.resonance is not None:
@@ -123,9 +119,8 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes | None, found: Sequence[R
     unit = found[0].unit if found else ""
     gain.set_ylabel(f"gain\n(dB re {unit})" if unit else "gain (dB)")
     phase.set_ylabel("phase (°)")
-    if coherence is not None:
-        coherence.set_ylim(0.0, 1.05)
-        coherence.set_ylabel("coherence")
+    coherence.set_ylim(0.0, 1.05)
+    coherence.set_ylabel("coherence")
 
 
 def label_frequencies(axes: Axes, start: float, end: float) -> None:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-QUANTITIES_PER_PAGE = 3
-"""Number of quantities (rows of panels) per page."""
 SHOWN = 3
 """Largest number of runs whose difference is also written as a number."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
@@ -36,9 +34,9 @@ def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison
         quantities = [q for q in quantities if not q.startswith("reference")] or quantities
     joints = [j for j in dict.fromkeys(j for j, _ in keys) if any((j, q) in keys for q in quantities)]
     pages = [
-        (joints[a : a + PER_PAGE], quantities[b : b + QUANTITIES_PER_PAGE])
+        (joints[a : a + PER_PAGE], quantities[b : b + PER_PAGE])
         for a in range(0, len(joints), PER_PAGE)
-        for b in range(0, len(quantities), QUANTITIES_PER_PAGE)
+        for b in range(0, len(quantities), PER_PAGE)
     ]
     pages = [(js, [q for q in qs if any((j, q) in keys for j in js)]) for js, qs in pages]
     pages = [(js, qs) for js, qs in pages if qs]

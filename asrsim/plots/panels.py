@@ -175,8 +175,10 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
 
 def _common_limits(runs: Sequence[RunCurves], joint: str, panel: str) -> list[Curve]:
     """Limits that all runs share; limits that differ from run to run would hide the curves."""
-    first, *others = ([(limit, limit.values) for limit in panel_limits(run, joint, panel)] for run in runs)
-    return [limit for limit, values in first if all(any(np.array_equal(values, v) for _, v in other) for other in others)]
+    first, *others = (panel_limits(run, joint, panel) for run in runs if _info(run, joint))
+    return [
+        limit for limit in first if all(any(np.array_equal(limit.values, same.values) for same in other) for other in others)
+    ]
 
 
 def _info(run: RunCurves, joint: str) -> list[JointInfo]:

@@ -44,7 +44,7 @@ _SUMMARY_SHAPE: Shape = {
     ],
     "expect": [{"text": str, "holds": bool}],
     "warnings?": [{"message?": str, "file?": (str, None), "line?": (int, None), "key?": (str, None), "hint?": (str, None)}],
-    "certificate?": {"joints?": {"*": {"*": _NUMBER}}, "warnings?": [str], "step?": _NUMBER, "scheme_order?": int},
+    "certificate?": {"joints?": {"*": {"*": _NUMBER}}, "warnings?": [str]},
     "cross_check?": {
         "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
     },

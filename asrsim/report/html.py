@@ -57,13 +57,17 @@ def section(title: str, body: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = ()) -> str:
-    """HTML table without its empty columns; cells of the columns `raw` are HTML already."""
+    """HTML table without its empty columns; cells of the columns `raw` are HTML already.
+
+    In a narrow window, CSS shows each row as a list of heads and values, so each cell has the head of its column.
+    """
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{row[i] if i in raw else _breakable(str(row[i]))}</td>" for i in filled) + "</tr>"
+    cells = [
+        [f'<td data-head="{escape(heads[i])}">{row[i] if i in raw else _breakable(str(row[i]))}</td>' for i in filled]
         for row in rows
-    )
+    ]
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 

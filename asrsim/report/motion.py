@@ -41,7 +41,10 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any] 
         "base": _matrix(scene.base),
         "objects": {name: _matrix(frame) for name, frame in scene.objects.items()},
         "ground": scene.ground,
-        "camera": {"eye": _rounded(first.camera.eye), "target": _rounded(first.camera.target), "field": first.camera.field},
+        "camera": {
+            "eye": _rounded(first.camera.eye), "target": _rounded(first.camera.target), "field": first.camera.field,
+            "aspect": first.width / first.height,
+        },
         "runs": [_run(film, label) for film, label in alike],
     }  # fmt: skip
 

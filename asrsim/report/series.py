@@ -42,7 +42,7 @@ class Grid:
     @property
     def time(self) -> Array:
         """Times (count,), s."""
-        return self.start + self.step * np.arange(self.count, dtype=np.float64)
+        return self.start + self.step * np.arange(float(self.count))
 
     def as_dict(self) -> dict[str, Any]:
         """Grid as data for the page; margin: space before the first point and after the last, s."""

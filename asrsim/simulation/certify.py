@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 
@@ -72,15 +72,23 @@ def certify(
     is called regularly; if it returns True, the result is None. Raises SimulationError if a finer run fails.
     """
     stepping = STEPPINGS.get(scenario.stepping)
-    motions = [motion([run.samples])] if run.samples is not None else []
-    for times in (1, 2, 4)[len(motions) :]:
-        tell = progress and partial(progress, "finer steps")
-        finer = simulate(_finer(scenario, run, times), robot, names=COMPARED, progress=tell, stop=stop)
-        if finer.status == "interrupted" or finer.samples is None:
-            return None
-        motions.append(motion([finer.samples]))
-        del finer
-    first, second, whole = (differences(motions[a], motions[b]) for a, b in ((0, 1), (1, 2), (0, 2)))
+    motions: list[Array] = []
+    found: list[Array] = []
+    for times in (1, 2, 4):
+        comparison = Comparison(scenario, motions, keep=times < 4)
+        if times == 1 and run.samples is not None:
+            comparison.write(run.samples)
+        else:
+            tell = progress and partial(progress, "finer steps")
+            finer, sinks = _finer(scenario, run, times), [comparison]
+            if (
+                simulate(finer, robot, sinks=sinks, keep=False, names=COMPARED, progress=tell, stop=stop).status
+                == "interrupted"
+            ):
+                return None
+        found += comparison.differences
+        motions.append(comparison.motion)
+    first, whole, second = found
     joints: dict[str, JointError] = {}
     warnings = []
     for j, joint in enumerate(run.info.joints):
@@ -119,21 +127,48 @@ def _order(first: float, second: float) -> float:
     return math.nan if first < RESOLVED or second < RESOLVED else math.log2(first / second)
 
 
-def motion(chunks: Iterable[Samples]) -> Array:
-    """Compared quantities of a run's samples, (samples, quantities, joints)."""
-    return np.concatenate([np.stack([chunk.values[name] for name in COMPARED], axis=1) for chunk in chunks])
+class Comparison:
+    """A sink that compares the motion of a run with earlier motions (samples, quantities, joints), and stores it if `keep` is
+    set."""
 
+    def __init__(self, scenario: Scenario, earlier: Sequence[Array], *, keep: bool) -> None:
+        self._earlier, self._keep = tuple(earlier), keep
+        self._samples, self._count = scenario.steps // scenario.log_every + 1, 0
+        self._stored: Array | None = None
+        self._sums: list[tuple[Array, Array, Array]] = []
+        """For each earlier motion: largest difference, sum of squares and number of differences."""
 
-def differences(first: Array, second: Array) -> Array:
-    """Largest and root-mean-square differences of two motions, (2, quantities, joints), over their common length; NaN for
-    quantities that a joint does not have."""
-    largest = np.full(first.shape[1:], np.nan)
-    squares, seen = np.zeros((2, *first.shape[1:]))
-    for begin in range(0, min(len(first), len(second)), BLOCK):
-        count = min(BLOCK, len(first) - begin, len(second) - begin)
-        found = np.abs(first[begin : begin + count] - second[begin : begin + count])
-        largest = np.fmax(largest, np.fmax.reduce(found, axis=0))
-        squares += np.nansum(found**2, axis=0)
-        seen += np.isfinite(found).sum(axis=0)
-    with np.errstate(invalid="ignore"):
-        return np.stack([largest, np.sqrt(squares / seen)])
+    def write(self, samples: Samples) -> None:
+        """Compare the next samples."""
+        for begin in range(0, len(samples.time), BLOCK):
+            part = slice(begin, begin + BLOCK)
+            self._add(np.stack([samples.values[name][part] for name in COMPARED], axis=1))
+
+    def _add(self, rows: Array) -> None:
+        shape = rows.shape[1:]
+        if not self._count:
+            self._sums = [(np.full(shape, np.nan), np.zeros(shape), np.zeros(shape)) for _ in self._earlier]
+            self._stored = np.empty((self._samples, *shape)) if self._keep else None
+        part = slice(self._count, self._count + len(rows))
+        self._count = part.stop
+        for other, (largest, squares, seen) in zip(self._earlier, self._sums, strict=True):
+            beside = other[part]
+            if len(beside):
+                found = np.abs(beside - rows[: len(beside)])
+                largest[:] = np.fmax(largest, np.fmax.reduce(found, axis=0))
+                squares += np.nansum(found**2, axis=0)
+                seen += np.isfinite(found).sum(axis=0)
+        if self._stored is not None:
+            self._stored[part] = rows
+
+    @property
+    def motion(self) -> Array:
+        """The stored motion; without samples if none is stored."""
+        return np.empty((0, 0, 0)) if self._stored is None else self._stored[: self._count]
+
+    @property
+    def differences(self) -> list[Array]:
+        """Largest and root-mean-square differences from each earlier motion, (2, quantities, joints), over the common length;
+        NaN for quantities that a joint does not have. Empty if the run has no samples."""
+        with np.errstate(invalid="ignore"):
+            return [np.stack([largest, np.sqrt(squares / seen)]) for largest, squares, seen in self._sums]

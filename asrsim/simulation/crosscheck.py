@@ -15,7 +15,7 @@ from asrsim.plain import finite_or_none
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario, for_joint
-from asrsim.simulation.certify import COMPARED, differences, motion
+from asrsim.simulation.certify import COMPARED, Comparison
 from asrsim.simulation.run import Run, simulate
 from asrsim.simulation.steppings import STEPPINGS
 
@@ -72,10 +72,14 @@ def cross_check(
     found = np.full((2, 2, len(names)), np.nan)
     contacts = not scenario.world.empty
     version, finding, note = other, "", ""
-    logged = motion(chunks)
+    logged = Comparison(same, [], keep=True)
+    for chunk in chunks:
+        logged.write(chunk)
     try:
-        again = _run(replace(same, engine=other), robot, progress and partial(progress, other))
-        version, found = again.info.metadata["engine_version"], _differences(logged, again)
+        comparison = Comparison(same, [logged.motion], keep=False)
+        again = _run(replace(same, engine=other), robot, comparison, progress and partial(progress, other))
+        version = again.info.metadata["engine_version"]
+        found = (*comparison.differences, found)[0]
         if again.status == "diverged":
             message = f"the run diverges with {other}: {again.message}"
             finding, note = ("", message) if contacts else (message, "")
@@ -87,7 +91,7 @@ def cross_check(
             f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
         )
     elif difference > LIMIT and not finding:
-        sensitivity = _sensitivity(same, logged, robot, progress and partial(progress, "sensitivity"))
+        sensitivity = _sensitivity(same, logged.motion, robot, progress and partial(progress, "sensitivity"))
         if difference <= SENSITIVE * sensitivity:
             note = (
                 f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
@@ -120,20 +124,21 @@ def _sensitivity(scenario: Scenario, logged: Array, robot: Robot | None, progres
         for joint in known.moving_joints
         if joint.stops[0] <= starts[joint.name] <= joint.stops[1]
     }
-    moved = _run(replace(scenario, initial_positions=nudged), known, progress)
-    return math.inf if moved.status == "diverged" else float(_differences(logged, moved)[0, 0].max())
+    comparison = Comparison(scenario, [logged], keep=False)
+    moved = _run(replace(scenario, initial_positions=nudged), known, comparison, progress)
+    if moved.status == "diverged" or not comparison.differences:
+        return math.inf
+    return float(comparison.differences[0][0, 0].max())
 
 
-def _run(scenario: Scenario, robot: Robot | None, progress: Callable[[float], None] | None) -> Run:
+def _run(
+    scenario: Scenario, robot: Robot | None, comparison: Comparison, progress: Callable[[float], None] | None
+) -> Run:  # fmt: skip
     """A further run of the scenario; if it diverges, the part before the divergence."""
     try:
-        return simulate(scenario, robot, names=COMPARED, progress=progress)
+        return simulate(scenario, robot, sinks=[comparison], keep=False, names=COMPARED, progress=progress)
     except DivergenceError as error:
         return error.run  # type: ignore[return-value]
-
-
-def _differences(given: Array, again: Run) -> Array:
-    return differences(given, given[:0] if again.samples is None else motion([again.samples]))
 
 
 def _size(value: float) -> float:

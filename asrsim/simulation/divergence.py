@@ -41,39 +41,23 @@ class EnergyGuard:
         self._fastest = 0.0
 
     def look(self, model: Model | None, state: Array, names: Sequence[str]) -> tuple[str, str] | None:
-        """Joint with a violated energy balance and a description of the fault; None if there is none. model: None if contacts
-        or wrenches do work on the links. state: (joints, columns)."""
-        energy, kinetic = None, 0.0
-        if model is not None:
-            positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
-            energy = model.energy(positions, velocities)
-            kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
-        given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
-        return self.fault(
-            energy, kinetic=kinetic, given=given, residual=residual, turnover=turnover, excess=excess, names=names
-        )
-
-    def fault(
-        self, energy: float | None, *, kinetic: float, given: Array, residual: Array, turnover: Array, excess: Array,
-        names: Sequence[str],
-    ) -> tuple[str, str] | None:  # fmt: skip
         """Joint with a violated energy balance and a description of the fault; None if there is none.
 
-        energy: kinetic and gravitational energy of the links in J; None if contacts or wrenches do work on the links. kinetic:
-        kinetic energy in J; it is known half a step late, so that an exchange with potential energy looks like a gain. Per
-        joint, in J: given: net work of actuators and external torques on the links; residual: residual of the actuator's energy
-        balance; turnover: sum of the magnitudes of all work; excess: largest |residual| - `SHARE` * turnover so far.
+        model: None if contacts or wrenches do work on the links. state: (joints, columns).
         """
-        scale = FLOOR + SHARE * float(turnover.sum())
+        given, residual, turnover, excess = (state[:, column] for column in (NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS))
         worst = int(excess.argmax())
         if excess[worst] > FLOOR:
             change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
             return names[worst], f"{abs(residual[worst]):.3g} J {change} its actuator"
-        if energy is None:
+        if model is None:
             return None
+        positions, velocities = state[:, POSITION], state[:, ENGINE_VELOCITY]
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
-        created = energy - self._start - float(given.sum()) - float(residual.sum())
+        created = model.energy(positions, velocities) - self._start - float(given.sum()) - float(residual.sum())
+        # The kinetic energy is known half a step late: an exchange with potential energy looks like a gain.
+        kinetic = 0.5 * float(velocities @ model.mass_matrix(positions) @ velocities)
         self._fastest = max(self._fastest, kinetic)
-        if created > scale + SHARE * self._fastest:
+        if created > FLOOR + SHARE * (float(turnover.sum()) + self._fastest):
             return names[int(turnover.argmax())], f"the links hold {created:.3g} J that nothing gave them"
         return None

@@ -1,4 +1,4 @@
-"""Observations of a simulation between steps, and snapshots from which it can be restored."""
+"""What callers see of a simulation between steps: states, counts of limits, and snapshots from which it can be restored."""
 
 from __future__ import annotations
 
@@ -10,7 +10,22 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.layout import ENGINE_VELOCITY, FIRST_MOTOR, MOTOR_POSITION, MOTOR_VELOCITY, PER_MOTOR, POSITION
+from asrsim.simulation.layout import (
+    DEFLECTION_COUNT,
+    EFFORT_COUNT,
+    ENGINE_VELOCITY,
+    FIRST_MOTOR,
+    MOTOR_POSITION,
+    MOTOR_SPEED_COUNT,
+    MOTOR_STOP_COUNT,
+    MOTOR_VELOCITY,
+    PER_MOTOR,
+    POSITION,
+    SATURATION_COUNT,
+    STIFFEST,
+    STOP_COUNT,
+    VELOCITY_COUNT,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,3 +77,36 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: fl
         motor_2_position=motors[2],
         motor_2_velocity=motors[3],
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """Number of substeps, (n,) one per joint, in which each limit acted during a run."""
+
+    effort: Array
+    """Torque clipped at the URDF's effort limit."""
+    velocity: Array
+    """Link faster than the URDF's velocity limit (reported, not enforced)."""
+    saturation: Array
+    """A motor at its torque limit."""
+    motor_stop: Array
+    """A motor at its position stop."""
+    motor_speed: Array
+    """A motor at its speed limit."""
+    deflection: Array
+    """A spring beyond its maximum deflection."""
+    stop: Array
+    """A link at or beyond its position limit, where the engine stops it; the impact takes energy."""
+    stiffest: Array
+    """Largest stiffness of the spring at a logged step, N m/rad."""
+    substeps: int
+
+
+def counts_of(state: Array, substeps: int) -> Counts:
+    """Counts from the state (joints, columns) of a world after the given number of substeps."""
+    columns = {
+        "effort": EFFORT_COUNT, "velocity": VELOCITY_COUNT, "saturation": SATURATION_COUNT, "motor_stop": MOTOR_STOP_COUNT,
+        "motor_speed": MOTOR_SPEED_COUNT, "deflection": DEFLECTION_COUNT, "stop": STOP_COUNT,
+    }  # fmt: skip
+    counted = {name: state[:, column].astype(int) for name, column in columns.items()}
+    return Counts(**counted, stiffest=state[:, STIFFEST].copy(), substeps=substeps)

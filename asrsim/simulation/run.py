@@ -16,7 +16,7 @@ from asrsim.errors import DivergenceError, Problem
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, concatenate
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.counts import Counts
+from asrsim.simulation.observation import Counts
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Sink

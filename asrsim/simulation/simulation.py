@@ -15,10 +15,9 @@ from asrsim.samples import Array, RunInfo, Samples
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.chunks import LONGEST, chunk_at
-from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import runaway
 from asrsim.simulation.layout import ENGINE_VELOCITY, HEALTHY, NO_VALUE
-from asrsim.simulation.observation import Observation, Snapshot, observe
+from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Recording, Sink
@@ -142,12 +141,13 @@ class Simulation:
         """Raise the DivergenceError of the joint at fault."""
         core, prepared = self._core, self.prepared
         self.recording.flush(self.substep, core.S[0], check=False)
-        kind, joint = core.fault[0]
-        time = self.substep * prepared.substep
-        if kind == NO_VALUE:
-            raise runaway(self.joints[joint], time, "its law has no finite value", prepared.resolution.omega_h)
-        joint = fastest_joint(core.S[0, :, ENGINE_VELOCITY])
-        raise runaway(self.joints[joint], time, "its motion is no longer finite or sane", prepared.resolution.omega_h)
+        (kind, joint), what = core.fault[0], "its law has no finite value"
+        if kind != NO_VALUE:
+            # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
+            speeds = np.abs(core.S[0, :, ENGINE_VELOCITY])
+            joint = int(np.argmax(np.where(np.isfinite(speeds), speeds, np.inf)))
+            what = "its motion is no longer finite or sane"
+        raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
@@ -269,8 +269,3 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
-
-
-def fastest_joint(velocities: Array) -> int:
-    """Number of the fastest joint; a velocity that is NaN counts as the fastest."""
-    return int(np.argmax(np.where(np.isfinite(velocities), np.abs(velocities), np.inf)))

@@ -24,12 +24,11 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.chunks import chunk_at, longest_chunk
 from asrsim.simulation.core import make_core
-from asrsim.simulation.counts import Counts, counts_of
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import Given, Inputs, joined
 from asrsim.simulation.layout import GOALS, HEALTHY
-from asrsim.simulation.observation import Observation, observe
+from asrsim.simulation.observation import Counts, Observation, counts_of, observe
 from asrsim.simulation.prepare import check_inertia, prepare
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import WATCHED, Selection

@@ -11,7 +11,8 @@ import numpy as np
 
 from asrsim.live.commands import CommandInput
 from asrsim.live.pace import Pace
-from asrsim.live.transport import Access, Inlet, Interface, Outlet, Received, Transport, opened, publish, report
+from asrsim.live.transport import Access, Inlet, Interface, Outlet, Received, Transport, opened, prefix_of, publish, report
+from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.ranges import ranges_of, with_ranges
 from asrsim.twin.twin import Twin, TwinStep
@@ -20,8 +21,10 @@ FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 """Fields of a step that are published for each joint, as std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
 """CDR of a std_msgs/Float64: encapsulation and value."""
-STALE = 0.1
-"""Age from which a received position is ignored, s."""
+LONGEST_GAP = 0.1
+"""Longest time between stamps over which positions are interpolated, s."""
+QUIET = 0.5
+"""Time without an alarm after which the next alarm of a joint is reported, s."""
 
 
 class LiveTwin:
@@ -33,7 +36,7 @@ class LiveTwin:
     ) -> None:  # fmt: skip
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: in s, None: until stopped."""
         prepared = with_ranges(scenario)
-        prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+        prefix = prefix_of(namespace)
         self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
         self._commands = CommandInput(prepared.info.joints, ranges_of(prepared), prefix=prefix)
         source = Inlet(f"{prefix}/joint_states", "sensor_msgs/JointState")
@@ -44,55 +47,75 @@ class LiveTwin:
             node=f"{prefix}/asrsim_twin", outlets=tuple(outlets), inlets=(*self._commands.inlets, source), latched={},
         )  # fmt: skip
         self._names, self._access = transports, access or Access()
-        n = len(self._twin.joints)
-        self._positions, self._received_at = np.full(n, np.nan), np.full(n, -np.inf)
-        """Last position of each joint, and the time at which it was received, s."""
+        self._received: list[tuple[float, Array]] = []
+        """Stamps in s and positions that the twin has not followed yet."""
+        self._last: tuple[float, Array] | None = None
+        """Stamp and positions that the twin followed last."""
+        self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
     @property
     def time(self) -> float:
-        """Time since the start, s."""
+        """Time that the twin has followed the robot, s."""
         return self.steps * self._step
 
     def run(self, *, stop: Callable[[], bool]) -> None:
         """Follow the robot until `stop` returns True or the duration is over. Raises InputError if a transport is missing."""
-        pace, alarm = Pace(1.0), np.zeros(len(self._positions), dtype=bool)
+        pace = Pace(1.0)
         with ExitStack() as stack:
             stack.callback(self._twin.close)
             transports = stack.enter_context(opened(self._names, self.interface, self._access, self._tell))
             self._tell(f"waiting for positions on {self.interface.inlets[-1].name}")
-            while not stop() and (self._duration is None or self.time < self._duration):
+            while not stop() and (self._duration is None or pace.ticks * self._step < self._duration):
                 if pace.wait(self._step) is None:
                     continue
                 commands: dict[str, dict[str, float]] = {}
                 received = self._without_positions(transports)
-                for (joint, reference), value in self._commands.listen(
-                    received, self._twin.simulation, self.time, self._step
-                ).items():
+                values = self._commands.listen(received, self._twin.simulation, self.time, self._step)
+                for (joint, reference), value in values.items():
                     commands.setdefault(joint, {})[reference] = value
-                self.steps += 1
-                if not np.isfinite(self._positions).any():
-                    continue
-                found = self._twin.step(np.where(self.time - self._received_at > STALE, np.nan, self._positions), commands)
-                publish(transports, round(self.time * 1e9), _messages(found))
-                for joint_number in np.flatnonzero(found.alarm & ~alarm).tolist():
-                    self.alarms += 1
-                    self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[joint_number]}")
-                alarm = found.alarm
-                report(self._tell, [*found.notes], [])
+                for positions in self._due():
+                    found = self._twin.step(positions, commands)
+                    self.steps += 1
+                    publish(transports, round(self.time * 1e9), _messages(found))
+                    self._report_alarms(found)
+                    report(self._tell, [*found.notes], [])
                 report(self._tell, self._commands.notices, transports)
 
+    def _due(self) -> Iterator[Array]:
+        """Positions at the twin's steps, interpolated between the stamps of the messages: delays that vary do not matter. A
+        message without a stamp, or after a gap, is a single step.
+        """
+        while self._received:
+            stamp, positions = self._received.pop(0)
+            before, start = self._last or (stamp, positions)
+            steps = round((stamp - before) / self._step)
+            if not (stamp and 0 <= steps <= LONGEST_GAP / self._step):
+                steps = 1
+            if steps or self._last is None:
+                self._last = stamp, positions
+            for k in range(1, steps + 1):
+                yield start + (positions - start) * k / steps
+
+    def _report_alarms(self, found: TwinStep) -> None:
+        """Tell of alarms of joints that had none for a while."""
+        for joint in np.flatnonzero(found.alarm).tolist():
+            if self.time - self._alarm_ends[joint] > QUIET:
+                self.alarms += 1
+                self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[joint]}")
+            self._alarm_ends[joint] = self.time
+
     def _without_positions(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Messages with commands; positions among the messages are kept."""
+        """Messages with commands; messages with positions are kept."""
         for transport in transports:
             for message in transport.poll():
                 if message.inlet < len(self._commands.inlets):
                     yield message
                     continue
-                for name, value in zip(message.names or (), message.values, strict=False):
-                    if name in self._twin.joints and math.isfinite(value):
-                        joint = self._twin.joints.index(name)
-                        self._positions[joint], self._received_at[joint] = value, self.time
+                known = dict(zip(message.names or (), message.values, strict=False))
+                positions = np.array([known.get(joint, math.nan) for joint in self._twin.joints])
+                if np.isfinite(positions).any():
+                    self._received.append((message.stamp, positions))
 
 
 def _messages(found: TwinStep) -> list[bytes]:

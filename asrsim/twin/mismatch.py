@@ -1,7 +1,8 @@
 """Errors of a twin's model, estimated while nothing touches the robot: a regression of the observed torque, with forgetting.
 
-The observed torque is the sum of the errors of spring, friction and damping, and of the external torque. The columns of the
-regression are the twin's spring torque, the velocities of link and first motor, their signs, and a constant. The parts of all
+The observed torque is the sum of the errors of spring, friction and damping, and of the external torque. An error on a motor
+reaches the link only through the spring, so the columns of the regression are the twin's spring torque that yielding motors
+leave, velocity and direction of the link, those of the motors as far as they reach the link, and a constant. The parts of all
 columns but the constant are subtracted from the observed torque.
 """
 
@@ -43,11 +44,20 @@ class Mismatch:
         self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
         """Missing spring torque as a fraction of the twin's spring torque, and its standard error."""
 
-    def take(self, torque: Array, spring: Array, link: Array, motor: Array) -> None:
-        """Add a step: observed torque and the twin's spring torque in N m, velocities of link and first motor in rad/s."""
+    def take(self, torque: Array, springs: Array, yielding: Array, link: Array, motors: Array) -> None:
+        """Add a step: observed torque (n,) and spring torques (motors, n) in N m, velocities of links (n,) and motors
+        (motors, n) in rad/s.
+
+        yielding: fraction (motors, n) of a motor's torque that reaches the link through the spring; the rest moves the motor.
+        """
+        # Direction of each velocity, linear below `RUBBING`.
+        velocities = np.concatenate([link[None], motors])
+        directions = np.minimum(np.maximum(velocities / RUBBING, -1.0), 1.0)
         rows = np.empty(self._rows.shape[1:])
-        rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 5], rows[:, 6] = spring, link, motor, 1.0, torque
-        rows[:, 3:5] = np.minimum(np.maximum(rows[:, 1:3] / RUBBING, -1.0), 1.0)
+        rows[:, 0] = ((1.0 - yielding) * springs).sum(axis=0)
+        rows[:, 1], rows[:, 2] = link, (yielding * motors).sum(axis=0)
+        rows[:, 3], rows[:, 4] = directions[0], (yielding * directions[1:]).sum(axis=0)
+        rows[:, 5], rows[:, 6] = 1.0, torque
         self._rows += self._shares * (rows - self._rows)
 
     def external(self) -> Array:

@@ -24,9 +24,9 @@ from asrsim.simulation.simulation import Simulation
 from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import Observer
 
-SIGMAS = 6.0
+SIGMAS = 5.5
 """Ratio of the alarm threshold to the standard deviation of the torque's noise."""
-TOLERANCE, UNLEARNED = 0.15, 0.3
+TOLERANCE, UNLEARNED = 0.13, 0.3
 """Error of the model that raises no alarm, as a fraction of the springs' largest recent torque: after the mismatch of the model
 is known, and before."""
 FRICTION = 0.5
@@ -49,6 +49,8 @@ MISSING = 0.1
 """Time without a measurement after which a note is given, s."""
 CHUNK = 32
 """Number of steps whose inputs are prepared together."""
+TINY = 1e-12
+"""Torque or stiffness that avoids a division by zero, N m or N m/rad."""
 REPEAT = 1.0
 """Shortest time between equal notes, s."""
 
@@ -118,7 +120,11 @@ class Twin:
         )
         self._observer = Observer(n, step=self._step, bandwidth=bandwidth)
         self._mismatch = Mismatch(n, step=self._step, bandwidth=bandwidth, interval=EVERY)
-        self._gains = np.array([sum(drive.drive.proportional) if drive.drive else 0.0 for drive in ready.drives])
+        self._gains = np.zeros((len(self._springs), n))
+        """Position gains of the motors' controllers, N m/rad."""
+        for j, drive in enumerate(ready.drives):
+            gains = drive.drive.proportional if drive.drive else ()
+            self._gains[: len(gains), j] = gains[: len(self._springs)]
         self._refresh, self._every = (max(1, round(seconds / self._step)) for seconds in (REFRESH, EVERY))
         self._state = self.simulation.observe()
         self._stiffness, self._stiffness_factor = np.full(n, np.nan), np.full(n, np.nan)
@@ -251,11 +257,16 @@ class Twin:
 
     def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
         read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state
-        spring = np.zeros(len(self.joints))
-        for name in self._springs:
-            spring += _zero_if_missing(read[name])
+        springs = _zero_if_missing(np.array([read[name] for name in self._springs]).reshape(-1, len(self.joints)))
+        spring, sizes = springs.sum(axis=0), np.abs(springs)
         self._stiffness = read.get("stiffness", self._stiffness)
-        self._mismatch.take(torque, spring, state.link_velocity, _zero_if_missing(state.motor_1_velocity))
+        # The stiffness of a spring grows with its torque: the total is divided in this ratio.
+        stiffness = self._stiffness * sizes / (sizes.sum(axis=0) + TINY)
+        yielding = _zero_if_missing(stiffness / (self._gains + stiffness + TINY))
+        motors = np.zeros_like(springs)
+        for row, velocity in zip(motors, (state.motor_1_velocity, state.motor_2_velocity), strict=False):
+            row[:] = _zero_if_missing(velocity)
+        self._mismatch.take(torque, springs, yielding, state.link_velocity, motors)
         slow, fast = self._mismatch.external()
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
         noise = self._observer.noise_gain * np.sqrt(self._masses**2 @ self._variance)
@@ -265,20 +276,13 @@ class Twin:
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
         if self._steps % self._every == 0:
             self._mismatch.learn(~self._alarm & measured & ready)
-            self._stiffness_factor = self._known_stiffness()
+            known = self._mismatch.deviation < KNOWN
+            self._stiffness_factor = np.where(known, 1.0 + self._mismatch.spring, np.nan)
         return TwinStep(
             time=round(self._steps * self._step, 9), external_torque=np.where(measured, slow, np.nan),
             stiffness=self._stiffness * self._stiffness_factor, residual=error, threshold=threshold, alarm=self._alarm,
             notes=tuple(notes),
         )  # fmt: skip
-
-    def _known_stiffness(self) -> Array:
-        """Stiffness of the robot as a multiple of the twin's (n,); NaN where it is not known."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # Motors yield to a stiffer spring, which hides a part of its stiffness.
-            seen = self._gains / (self._gains + self._stiffness)
-            known = self._mismatch.deviation / seen < KNOWN
-            return np.where(known, 1.0 + self._mismatch.spring / seen, np.nan)
 
     def _note(self, text: str, notes: list[str]) -> None:
         """Add a note, unless the same note was given a moment ago with other numbers."""

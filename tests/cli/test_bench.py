@@ -32,3 +32,18 @@ def test_the_bench_draws_beside_its_table(tmp_path: Path, asrsim_command) -> Non
     for row in rows:
         deflection = float(row["joint.motor_1_position"]) - float(row["joint.link_position"])
         assert float(row["joint.elastic_torque_1"]) == pytest.approx(10.0 * deflection, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("time,joint.positon", "joint.positon: is not a column of the bench"),
+        ("time,joint.reference_1", "joint.position: column of numbers is missing"),
+    ],
+)
+def test_a_wrong_column_of_the_motion_is_named(tmp_path: Path, asrsim_command, header: str, said: str) -> None:
+    (tmp_path / "robot.urdf").write_text(URDF.format(plugin="libsea_plugin.so", mode=5, tags=""))
+    (tmp_path / "motion.csv").write_text(f"{header}\n0,0\n0.001,0.1\n")
+    outcome = asrsim_command("bench", tmp_path / "robot.urdf", tmp_path / "motion.csv", "-o", tmp_path / "out.csv")
+    assert outcome.code == 1
+    assert f"motion.csv:1: {said}" in outcome.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from asrsim.errors import DivergenceError, UnresolvedSpringError
 from asrsim.scenario.data import Wrench
 from asrsim.signals import Constant, PulseTrain, Ramp, Sinusoid, Step
 from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.layout import EXCESS, FIRST_MOTOR, NET_LINK_WORK, RESIDUAL, TURNOVER
 from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.run import Run
 from validation.contacts import push, slide
@@ -181,10 +183,11 @@ def test_contacts_are_left_alone() -> None:
 
 
 def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, turnover: float = 10.0) -> str | None:
-    fault = EnergyGuard(2.0).fault(
-        energy, kinetic=0.0, given=np.array([given, 0.0]), residual=np.array([residual, 0.0]),
-        turnover=np.array([turnover, 1.0]), excess=np.array([abs(residual) - SHARE * turnover, 0.0]), names=["a", "b"],
-    )  # fmt: skip
+    state = np.zeros((2, FIRST_MOTOR))
+    state[0, [NET_LINK_WORK, RESIDUAL, TURNOVER, EXCESS]] = given, residual, turnover, abs(residual) - SHARE * turnover
+    state[1, TURNOVER] = 1.0
+    model: Any = SimpleNamespace(energy=lambda *_: energy, mass_matrix=lambda _: np.eye(2))
+    fault = EnergyGuard(2.0).look(None if energy is None else model, state, ["a", "b"])
     return None if fault is None else " ".join(fault)
 
 

@@ -128,7 +128,7 @@
     const near = 0.02 * camera.distance, wide = 20 * camera.distance + 5 * far, f = 1 / Math.tan((data.camera.field * Math.PI) / 360);
     const look = [...right, -dot(right, eye), ...up, -dot(up, eye), ...back, -dot(back, eye), 0, 0, 0, 1];
     // A narrow picture must show as much as the film strip.
-    const scale = f * Math.min(1, width / height);
+    const scale = f * Math.min(1, width / height / data.camera.aspect);
     const lens = [(scale * height) / width, 0, 0, 0, 0, scale, 0, 0, 0, 0, (near + wide) / (near - wide), (2 * near * wide) / (near - wide), 0, 0, -1, 0];
     const view = multiply(lens, look);
     gl.viewport(0, 0, width, height);

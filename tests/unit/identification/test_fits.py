@@ -232,6 +232,7 @@ def test_the_command_writes_all_and_the_robot_keeps_its_layout(lab, tmp_path):
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     """Where only ratios are known, a torque sensor is worth a try."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
+    assert design_line(result, tmp_path) == design_line(result, tmp_path)
     (path,), line = design_line(result, tmp_path)
     read = read_limits(path)
     place = np.genfromtxt(lab / "a.csv", delimiter=",", names=True)["joint_1link_position_rad"]
@@ -358,6 +359,23 @@ def test_the_best_so_far_survives_the_wish_to_stop(lab):
     assert told[0].stage == "reading and preparing"
     assert result.status == "interrupted"
     assert len(result.estimates) == 3
+
+
+@pytest.mark.parametrize("stage", ["judgement", "what may be missing"])
+def test_a_judgement_ends_at_the_wish_to_stop(lab, stage):
+    """With little more than one simulation for each parameter, and with the searched values."""
+    told, asked = [], []
+
+    def stop() -> bool:
+        if told and told[-1].stage == stage:
+            asked.append(told[-1].evaluations)
+        return bool(asked)
+
+    free = ["joint_1.damping", "joint_1.friction"]
+    result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=free), stop=stop, progress=told.append)
+    assert (result.status, bool(asked)) == ("interrupted", True)
+    assert result.evaluations - asked[0] < 12
+    assert len(result.estimates) == 2
 
 
 def test_a_fit_whose_time_is_over_gives_the_best_so_far_as_unfinished(lab):

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import runpy
-import sys
-from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import layouts
@@ -39,14 +36,3 @@ def test_a_foxglove_layout_has_the_robot_and_all_plots(log):
     text = layouts.write_foxglove(log).read_text()
     assert '"topic":"/robot_description"' in text
     assert json.dumps(json.loads(text)).count('"panelType": "Plot"') == len(layouts.curves(log))
-
-
-def test_the_launch_file_starts_asrsim_without_the_sourced_ros(monkeypatch):
-    names = ("", ".actions", ".conditions", ".substitutions", "_ros", "_ros.actions", "_ros.parameter_descriptions")
-    modules = {f"launch{name}": MagicMock() for name in names}
-    for name, module in modules.items():
-        monkeypatch.setitem(sys.modules, name, module)
-    runpy.run_path(str(ROOT / "ros" / "live.launch.py"))["generate_launch_description"]()
-    command = modules["launch.actions"].ExecuteProcess.call_args.kwargs["cmd"]
-    assert command[:3] == ["env", "-u", "PYTHONPATH"]
-    assert "live" in command

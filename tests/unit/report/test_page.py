@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,36 +24,10 @@ from asrsim.report.plots import object_plots
 from asrsim.report.series import pack, unpack
 from asrsim.runs.folder import find_logs
 from support.browser import CHROMIUM, Browser
+from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
 
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-
-
-class Links(HTMLParser):
-    """Everything that a page would load, and its visible text."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.loads: list[str] = []
-        self.words: list[str] = []
-        self._silent = 0
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._silent += tag in ("script", "style")
-        self.loads += [value or "" for key, value in attrs if key in ("src", "href", "srcset", "data", "action")]
-
-    def handle_endtag(self, tag: str) -> None:
-        self._silent -= tag in ("script", "style")
-
-    def handle_data(self, data: str) -> None:
-        if not self._silent:
-            self.words.append(data)
-
-
-def parsed(page: Path) -> Links:
-    links = Links()
-    links.feed(page.read_text(encoding="utf-8"))
-    return links
 
 
 def page_data(page: Path) -> dict:
@@ -81,16 +54,15 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 def test_the_page_loads_nothing_from_anywhere(page: Path):
-    loads = parsed(page).loads
-    assert loads
-    assert all(link.startswith("data:") for link in loads)
-    text = page.read_text(encoding="utf-8")
-    assert "default-src 'none'" in text
-    assert not re.search(r"@import|url\(\s*['\"]?http|fetch\(|XMLHttpRequest", text)
+    read = Page(page)
+    assert read.addresses
+    assert all(address.startswith("data:") for address in read.addresses)
+    assert "default-src 'none'" in read.source
+    assert not re.search(r"@import|url\(\s*['\"]?http|fetch\(|XMLHttpRequest", read.source)
 
 
 def test_the_page_says_what_ran_and_how_to_repeat_it(page: Path, folder: Path):
-    text = " ".join(" ".join(parsed(page).words).split())
+    text = " ".join(Page(page).text.split())
     for wanted in (
         "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
         "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
@@ -144,7 +116,7 @@ HEAD = "source,joint,quantity,measure,value,unit\n"
 def test_readable_metrics_in_the_folder_are_shown(tmp_path: Path, text: str, shown: bool):
     log = made_up_log(tmp_path / "log.mcap", count=30)
     (tmp_path / "metrics.csv").write_text(text)
-    words = " ".join(parsed(write_report(log.parent, film=False)).words)
+    words = Page(write_report(log.parent, film=False)).text
     assert ("Beside experiments" in words) == ("0.0123 rad" in words) == shown
 
 
@@ -246,7 +218,7 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path: Path):
     options = ["--experiment", str(lab), "--map", "q=joint_1.link_position [rad]", "--align", "off"]
     assert CliRunner().invoke(app, ["plot", str(log), *options]).exit_code == 0
     page = write_report(tmp_path, film=False)
-    assert "Beside experiments" in " ".join(parsed(page).words)
+    assert "Beside experiments" in Page(page).text
     data = page_data(page)
     position = next(p for p in data["joints"][0]["plots"] if p["title"] == "position")
     (recorded,) = (s for s in position["series"] if s["label"] == "link position, recorded")
@@ -263,30 +235,22 @@ def test_variants_come_in_the_order_of_the_scenario(tmp_path: Path):
     assert [log.parent.name for log in find_logs(tmp_path)] == ["soft", "stiff", "nominal_soft", "zero"]
 
 
-def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command):
-    for name in ("a", "b", "cut"):
+@pytest.mark.parametrize("command", ["plot", "report"])
+def test_an_unreadable_log_is_left_out(tmp_path: Path, asrsim_command, command: str):
+    good = made_up_log(tmp_path / "a" / "log.mcap", count=20)
+    for name, content in (("cut", b"\x89MCAP0\r\n"), ("empty", b"")):
         (tmp_path / name).mkdir()
-        made_up_log(tmp_path / name / "log.mcap", count=20)
-    good = [tmp_path / "a" / "log.mcap", tmp_path / "b" / "log.mcap"]
-    (tmp_path / "cut" / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
-    (tmp_path / "empty").mkdir()
-    (tmp_path / "empty" / "log.mcap").touch()
+        (tmp_path / name / "log.mcap").write_bytes(content)
     # Of a run that was stopped before its first sample.
     (tmp_path / "early").mkdir()
-    with LogWriter(tmp_path / "early" / "log.mcap", read_log(good[0]).info):
+    with LogWriter(tmp_path / "early" / "log.mcap", read_log(good).info):
         pass
-    assert find_logs(tmp_path) == good
-    for command in ("plot", "report"):
-        outcome = asrsim_command(command, tmp_path, "-q")
-        assert outcome.code == 0
-        assert "empty/log.mcap: left out: the file is empty" in outcome.err
-        assert "cut/log.mcap: left out" in outcome.err
-        assert "early/log.mcap: left out: the log contains no samples" in outcome.err
-    for log in good:
-        log.write_bytes(b"")
-    outcome = asrsim_command("plot", tmp_path)
-    assert outcome.code == 1
-    assert "the file is empty" in outcome.err
+    outcome = asrsim_command(command, tmp_path, "-q")
+    assert outcome.code == 0
+    for name, reason in (("empty", "the file is empty"), ("cut", ""), ("early", "the log contains no samples")):
+        assert f"{name}/log.mcap: left out: {reason}" in outcome.err
+    good.write_bytes(b"")
+    assert asrsim_command(command, tmp_path).code == 1
 
 
 @needs_browser

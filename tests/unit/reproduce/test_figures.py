@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from paper import statics
 from paper.friction import held_by_friction
 from paper.law import swings
 from paper.statics import ARM, GRAVITY, INERTIA, MASS, SPRINGS, STEP, losses, rest
+from support.pages import Page
 from support.paths import EXAMPLES
 
 EQUILIBRIA = {
@@ -139,36 +139,20 @@ def figures(monkeypatch):
     return own
 
 
-class Links(HTMLParser):
-    """Addresses that a page asks for, and its text."""
-
-    def __init__(self):
-        super().__init__()
-        self.addresses, self.text = [], ""
-
-    def handle_starttag(self, tag, attributes):
-        self.addresses += [value for name, value in attributes if name in ("src", "href")]
-
-    def handle_data(self, data):
-        self.text += data
-
-
 def test_the_page_needs_nothing_else_and_says_everything(asrsim_command, figures, tmp_path):
     figures["99"] = figure(claim(), claim(2.0, text="it moves far"))
     figures["7"] = figure(claim(), number=7)
     result = asrsim_command("reproduce", "--out", "here", "--workers", "1")
     assert result.code == 1
     assert "FAIL figure 99: it moves far: travel is 2 rad, expected 1 ± 0.1 rad" in result.err
-    page = (tmp_path / "here" / "reproduce.html").read_text()
-    found = Links()
-    found.feed(page)
+    found = Page(tmp_path / "here" / "reproduce.html")
     assert found.addresses
     assert all(address.startswith(("data:", "#")) for address in found.addresses)
-    assert "url(" not in page
-    assert "@import" not in page
+    assert "url(" not in found.source
+    assert "@import" not in found.source
     assert "it <moves>" in found.text
     assert "does not hold" in found.text
-    assert page.index("figure-7") < page.index("figure-99")
+    assert found.source.index("figure-7") < found.source.index("figure-99")
     data = json.loads((tmp_path / "here" / "reproduce.json").read_text())
     assert [one["holds"] for one in data["figures"]] == [True, False]
     assert (tmp_path / "here" / "pictures" / "dot_99.svg").is_file()

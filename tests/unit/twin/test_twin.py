@@ -168,14 +168,6 @@ def test_wrong_names_and_bandwidths_are_errors(five):
             twin.step([0.0] * 5, {"elbow": 0.0})
 
 
-def test_motors_of_a_reset_stand_where_they_are_put(five):
-    with asrsim.Simulation(five) as simulation:
-        simulation.reset({"joint_2": 0.2}, motors={"joint_2": (0.5, -0.1)})
-        state = simulation.observe()
-    assert state.link_position[1] == 0.2
-    assert (state.motor_1_position[1], state.motor_2_position[1]) == (0.5, -0.1)
-
-
 # -- live ------------------------------------------------------------------------------------------------------------
 
 
@@ -184,7 +176,9 @@ class Robot:
 
     where, lost = "in this process", 0
 
-    def __init__(self):
+    def __init__(self, burst):
+        """burst: number of steps whose positions arrive together."""
+        self.burst, self.waiting = burst, []
         scenario = asrsim.make_scenario(
             EXAMPLES / "urdf" / "two_elastic_joints.urdf",
             engine="mujoco",
@@ -206,7 +200,12 @@ class Robot:
         self.simulation.set_reference("joint_1", "equilibrium_position", goal)
         self.simulation.set_reference("joint_2", "external_torque", 1.5 if self.polls > 900 else 0.0)
         self.simulation.advance()
-        yield Received(self.numbers["/joint_states"], self.simulation.observe().link_position.tolist(), ["joint_1", "joint_2"])
+        state = self.simulation.observe()
+        joints, positions = ["joint_1", "joint_2"], state.link_position.tolist()
+        self.waiting.append(Received(self.numbers["/joint_states"], positions, joints, stamp=1e9 + state.time))
+        if len(self.waiting) >= self.burst:
+            yield from self.waiting
+            self.waiting.clear()
 
     def publish(self, time, messages):
         values = [struct.unpack("<4xd", message)[0] for message in messages]
@@ -216,8 +215,9 @@ class Robot:
         self.simulation.close()
 
 
-def test_a_live_twin_follows_topics_and_tells_a_push(monkeypatch):
-    robot, told = Robot(), []
+@pytest.mark.parametrize("burst", [1, 20])
+def test_a_live_twin_follows_topics_and_tells_a_push(monkeypatch, burst):
+    robot, told = Robot(burst), []
     monkeypatch.setattr(TRANSPORTS, "_entries", dict(TRANSPORTS._entries))
     TRANSPORTS.add("robot", TransportEntry(make=robot.make, doc="", module="json"))
     scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "two_elastic_joints.urdf", engine="mujoco", duration=2.0)
