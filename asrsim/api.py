@@ -22,6 +22,7 @@ from asrsim.summary import RunSummary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
     from asrsim.robot.model import Robot
 
@@ -135,6 +136,12 @@ class Result:
         from asrsim.notebook import draw
 
         return draw(self, joints=joints, quantities=quantities)
+
+    def render(self, *, frames: int = 6) -> Image:
+        """Film strip of the motion; a notebook displays it."""
+        from asrsim.notebook import film_strip
+
+        return film_strip(self, count=frames)
 
     def to_pandas(self) -> Any:
         """Table as a pandas DataFrame indexed by time, with columns by joint and quantity; needs pandas."""

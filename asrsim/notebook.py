@@ -15,6 +15,7 @@ from asrsim.extras import library
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL.Image import Image
 
     from asrsim.api import Result
 
@@ -32,6 +33,14 @@ def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Seq
         curves = read_curves(log, joints=joints, quantities=quantities, bodies=quantities is None)
     with styled():
         return next(iter(run_pages([curves], quantities=quantities))).figure
+
+
+def film_strip(result: Result, *, count: int) -> Image:
+    """Film strip of the run, as drawn by `asrsim render`."""
+    from asrsim.render import Film, strip_of
+
+    with _logged(result) as log:
+        return strip_of(Film(log), count=count)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from asrsim.document.block import Block, Key
 from asrsim.document.kinds import Kind
 from asrsim.metrics.measures import MEASURES
 from asrsim.recordings.reading import READING, TIME
-from asrsim.scenario.keys import KEYS, VARIANTS
+from asrsim.scenario.data import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
 from asrsim.signals.parse import block_of
 

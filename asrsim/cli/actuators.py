@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.completion import actuators as names
 from asrsim.cli.console import say
 
 if TYPE_CHECKING:
@@ -16,9 +15,7 @@ if TYPE_CHECKING:
 
 @command(None)
 def actuators(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Show this actuator in full.", show_default=False, autocompletion=names)
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this actuator in full.", show_default=False)] = None,
     urdf: Annotated[
         list[str] | None,
         typer.Option(

@@ -146,11 +146,11 @@ def _call() -> int:
         complain("asrsim: aborted")
         return INTERRUPTED
     except Exception as error:
-        return _told(error)
+        return _report_error(error)
     return 0
 
 
-def _told(error: BaseException) -> int:
+def _report_error(error: BaseException) -> int:
     """Exit code for an error, after printing its message."""
     from asrsim.cli.console import complain, error_lines
     from asrsim.errors import AsrsimError

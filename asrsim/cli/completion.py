@@ -1,22 +1,8 @@
-"""Shell completion: variants of the scenario on the command line, actuators, engines."""
+"""Shell completion of variants of the scenario on the command line."""
 
 from __future__ import annotations
 
 import typer
-
-
-def actuators(incomplete: str) -> list[str]:
-    """Names of actuators."""
-    from asrsim.actuators import ACTUATORS
-
-    return [name for name in ACTUATORS if name.startswith(incomplete)]
-
-
-def engines(incomplete: str) -> list[str]:
-    """Names of engines."""
-    from asrsim.engines import ENGINES
-
-    return [name for name in ENGINES if name.startswith(incomplete)]
 
 
 def variants(ctx: typer.Context, incomplete: str) -> list[str]:

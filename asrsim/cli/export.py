@@ -17,6 +17,12 @@ def export(
     scenario: Scenario,
     to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
     out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
+    knots: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=50, help="Knots on each side of the spline of a spring's law.", show_default="error below 0.1 mrad"
+        ),
+    ] = None,
     timestep: Annotated[
         float | None, typer.Option(help="Time step of the model, s.", show_default="the scenario's step")
     ] = None,
@@ -40,7 +46,9 @@ def export(
         raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--timestep")
     from asrsim.export import export_mjcf
 
-    found = export_mjcf(scenario, out, variant=variant, overrides=overrides or (), timestep=timestep, fit=fit, plot=plot)
+    found = export_mjcf(
+        scenario, out, variant=variant, overrides=overrides or (), knots=knots, timestep=timestep, fit=fit, plot=plot
+    )
     good = found.replay.diverged_at is None
 
     def text() -> None:

@@ -189,10 +189,10 @@ def _say(result: Result, files: list[Path], said: list[str]) -> None:
     say()
     for text, style in (*remarks(result), *judgement(result)):
         say(text, style)
-    told = list(advice(result))
-    if told:
+    advices = list(advice(result))
+    if advices:
         say("to identify more parameters:", "bold")
-    for text in (*(f"  {text}" for text in told), *said):
+    for text in (*(f"  {text}" for text in advices), *said):
         say(text)
     starts = f"{result.attempts} starts, {result.successes} ended at the same error" if result.attempts > 1 else "1 start"
     say(f"{result.evaluations} evaluations, {result.seconds:.1f} s, {starts}", "dim")

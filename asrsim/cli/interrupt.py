@@ -43,7 +43,7 @@ class Interruption:
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:
         """message: text printed at the first signal; empty: the signal is the normal end of the command."""
         self.requested = False
-        self._asked = False
+        self._polled = False
         self._message = message
         self._before: dict[int, Any] = {}
 
@@ -59,11 +59,11 @@ class Interruption:
 
     def stop(self) -> bool:
         """Whether the simulation should end."""
-        self._asked = True
+        self._polled = True
         return self.requested
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.requested or not self._asked:
+        if self.requested or not self._polled:
             # A compiler callback may swallow the exception: then the next call of `stop` ends the run.
             self.requested = True
             raise KeyboardInterrupt

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from asrsim.cli.command import Done, command
-from asrsim.cli.completion import engines
 from asrsim.cli.console import error_as_dict
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, into_folder
@@ -39,7 +38,7 @@ def run(
     ] = False,
     engine: Annotated[
         str | None,
-        typer.Option(help="Physics engine, like --set engine=NAME.", show_default="the scenario's", autocompletion=engines),
+        typer.Option(help="Physics engine, like --set engine=NAME.", show_default="the scenario's"),
     ] = None,
     overwrite: Overwrite = False,
     *,

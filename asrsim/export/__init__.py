@@ -55,7 +55,7 @@ class Export:
 
 def export_mjcf(
     scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (),
-    timestep: float | None = None, fit: str | Path | None = None, plot: bool = True,
+    knots: int | None = None, timestep: float | None = None, fit: str | Path | None = None, plot: bool = True,
 ) -> Export:  # fmt: skip
     """Write a scenario's robot as MJCF for plain MuJoCo, and replay the scenario there.
 
@@ -63,6 +63,7 @@ def export_mjcf(
         scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written beside it.
         variant, overrides: As for `asrsim.run`.
+        knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         timestep: Time step of the model, s; None: the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets its values, and its intervals become ranges for randomisation.
         plot: Draw the error.
@@ -84,7 +85,7 @@ def export_mjcf(
     run, folder = run_of(ready), f"{path.stem}_meshes"
     reach, adjusters, at_limit = _extent(ready, run)
 
-    def model_with(other: Prepared, knots: int | None = None) -> Mjcf:
+    def model_with(other: Prepared, knots: int | None = knots) -> Mjcf:
         return model_of(other, reach=reach, adjusters=adjusters, knots=knots, timestep=timestep, folder=folder)
 
     model = model_with(ready)
@@ -96,8 +97,8 @@ def export_mjcf(
     remarks = list(model.remarks)
     if distribution is not None:
         # The models of both ends of an interval need equal numbers of tendons.
-        knots = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
-        files.append(write_ranges(ready, distribution, lambda other: model_with(other, knots).text, path, Path(str(fit))))
+        most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
+        files.append(write_ranges(ready, distribution, lambda other: model_with(other, most).text, path, Path(str(fit))))
         if not distribution.fits:
             remarks.append("the model of the fit does not fit its recordings: its intervals are too narrow")
     if at_limit:

@@ -22,6 +22,9 @@ HIGHEST, LOUD = 20.0, 30.0
 """Highest bandwidth of the controller, Hz; ratio of the motion's spectrum to the noise's spectrum within its bandwidth."""
 EDGE = 2.0
 """Time that is left out at both ends of a recording, in periods of the controller's bandwidth."""
+POSITION_SHARE, TORQUE_SHARE, ABOVE_SHARE = 0.54, 0.785, 0.85
+"""Integrals over the frequency, in units of the bandwidth, of the squared responses of the compared torque to noise of position
+and torque, and of the band in which the noise of the position is measured."""
 PID = 1
 """Operation mode in which a PID controller acts on the link."""
 NO_LIMIT = 1e9
@@ -43,14 +46,16 @@ def guided(data: Data, robot: Robot, free: Collection[str]) -> Data:
 
 
 def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
+    from scipy.interpolate import CubicSpline
+
     name, step = place.joint, float(np.median(np.diff(place.time)))
     time = np.arange(place.time[0], place.time[-1], step)
     raw = np.interp(time, place.time, place.values)
     band = min(_bandwidth(step, raw, place.floor), HIGHEST, 0.15 / step)
     cutoff = 4.0 * band * step
-    recorded = smoothed(np.interp(time, command.time, command.values), cutoff)
+    recorded = smoothed(np.interp(time, command.time, command.values), min(4.0 * cutoff, 0.9))
     position, torque = smoothed(raw, cutoff), smoothed(recorded, 2.0 * band * step)
-    velocity = np.gradient(position, time)
+    velocity = CubicSpline(time, position)(time, 1)
     # Inertia that would need all of the torque: no parameter of the robot has to be known.
     inertia = float(np.std(torque) / max(np.std(np.gradient(velocity, time)), 1e-300))
     omega = 2.0 * np.pi * band
@@ -59,9 +64,12 @@ def _guided(data: Data, command: Command, place: Channel, unit: str) -> Data:
     inside = (time > time[0] + EDGE / band) & (time < time[-1] - EDGE / band)
     # Samples are so far apart that the controller does not correlate them.
     rows = np.flatnonzero(inside)[:: max(1, round(0.5 / (band * step)))]
-    # Above its bandwidth the motion has as much noise as within it.
+    # Noise of the position enters the compared torque as gain s^2 / (1 + s^2), noise of the torque as 1 / (1 + s^2), with the
+    # frequency s in units of the bandwidth. The shares are integrals of their squares: for the position up to its cutoff s = 2;
+    # its noise is measured between s = 1 and 2, where the motion has ended. Jumps of friction need the torque far beyond s = 2.
     above = smoothed(raw, 4.0 * band * step) - smoothed(raw, 2.0 * band * step)
-    noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step), 0.5 * gain * np.std(above[inside])))
+    of_position = gain * float(np.std(above[inside])) * np.sqrt(POSITION_SHARE / ABOVE_SHARE)
+    noise = float(np.hypot(fine_noise(command.values) * np.sqrt(2.0 * band * step * TORQUE_SHARE), of_position))
     channel = Channel(
         joint=name, quantity="link_torque", unit=unit, time=time[rows], values=torque[rows], noise=noise, quantum=0.0,
         guide=Guide(command=command.key, positions=position[rows], stiffness=gain),

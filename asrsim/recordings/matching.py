@@ -33,12 +33,11 @@ def match_joints(
         return pairing, [Problem(message, file=recording.path, code="joints-by-order", hint=hint)]
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
     doubt = next((f"; {one.source}: {one.origin.partition(': ')[2]}" for one in recording.asked), "")
-    unit = "" if column.unit not in ("", "counts") else " [rad]"
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-        f"--map '{column.source}={joint}.link_position{unit}'",
+        f"--map '{column.source}={joint}.link_position [rad]'",
     )  # fmt: skip
 
 

@@ -136,14 +136,14 @@ def _explicit(series: Sequence[RawSeries], reading: Reading, joints: Sequence[st
         index = find_raw(one.column, [one.column for one in series])
         if index is None:
             message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
-            problems.append(Problem(message, key=one.column, choices=_shown(names), hint=hint, code="no-such-column"))
+            problems.append(Problem(message, key=one.column, choices=tuple(names[:20]), hint=hint, code="no-such-column"))
         elif one.quantity is not None and not fits((unit := _unit(series[index], one)).si, KNOWN[one.quantity].unit):
             message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({KNOWN[one.quantity].unit})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
             problems.append(Problem(message, key=one.column, hint=hint, code="wrong-unit"))
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
             message, hint = f"the simulation has no joint '{one.joint}'", did_you_mean(one.joint, tuple(joints))
-            problems.append(Problem(message, key=one.column, choices=_shown(joints), hint=hint, code="no-such-joint"))
+            problems.append(Problem(message, key=one.column, choices=tuple(joints[:20]), hint=hint, code="no-such-joint"))
         else:
             found[index] = one
     if problems:
@@ -155,11 +155,6 @@ def _unit(series: RawSeries, one: ColumnMap | None) -> Unit:
     """Unit stated by the mapping or the file; an empty unit where neither states it."""
     stated = None if one is None else one.unit
     return stated or stated_unit(series.name, series.column.unit) or Unit("", "", 1.0)
-
-
-def _shown(names: Sequence[str]) -> tuple[str, ...]:
-    """Names for a message; of more than 13 names, the first 12 and the number of the others."""
-    return (*names[:12], f"and {len(names) - 12} more") if len(names) > 13 else tuple(names)
 
 
 def _column(

@@ -161,7 +161,7 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
         if mass > 0.0:
             findings.warn("inertia is zero", tag, name, code="zero-inertia")
     elif -1e-9 * scale > moments[0] >= -max(ROUNDED * scale, NEGLIGIBLE * largest):
-        message = "inertia has a negative principal moment, too small to matter: taken as the nearest that a body can have"
+        message = "inertia has a slightly negative principal moment; the nearest possible inertia is used"
         findings.warn(message, tag, name, code="rounded-inertia", value=shown)
         nearest: np.ndarray = axes * np.maximum(moments, 0.0) @ axes.T
         return nearest

@@ -222,7 +222,7 @@ def main() -> None:
         _restrict(request)
         answer = {"text": _expand(request)}
     except RecursionError:
-        answer = {"error": "macros or properties call themselves without end", "code": "xacro-failed"}
+        answer = {"error": "macros or properties call themselves endlessly", "code": "xacro-failed"}
     except MemoryError:
         answer = {"error": "needs too much memory", "code": "xacro-failed"}
     except Exception as error:

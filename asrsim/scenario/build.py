@@ -11,8 +11,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import Reading
 from asrsim.plain import mapped
 from asrsim.samples import TIP
-from asrsim.scenario.data import Scenario
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import default_engine, prescribes_motion
 
 MAX_STEPS = 10**10

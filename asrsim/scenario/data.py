@@ -9,7 +9,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from asrsim.document.block import REQUIRED, declare
+from asrsim.document.block import REQUIRED, Block, Key, declare, declared_keys
 from asrsim.document.composite import MapOf
 from asrsim.document.kinds import NOT_NEGATIVE, POSITIVE, Boolean, Choice, File, Integer, Optional, Text
 from asrsim.document.reading import KeyPath
@@ -35,6 +35,7 @@ from asrsim.scenario.kinds import (
     RPY,
     SIGNALS_BY_JOINT,
     FolderName,
+    Keys,
     ManagerFile,
     Vector,
     default_engine,
@@ -280,3 +281,40 @@ def for_joint(table: Mapping[str, T], joint: str, default: T) -> T: ...
 def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T | None:
     """Entry of a joint in a table: the entry with its name, else the entry `"*"`, else `default`."""
     return table.get(joint, table.get("*", default))
+
+
+def _group(name: str, doc: str, main: str = "", **options: Any) -> Key:
+    """Key with a mapping whose keys are fields of the scenario."""
+    block: Block[Keys] = Block(keys=(), build=dict, noun=f"mapping of {name}", main=main, partial=True)
+    return Key(name=name, kind=block, doc=doc, spread=True, **options)
+
+
+KEYS: tuple[Key, ...] = declared_keys(
+    Scenario,
+    groups=(
+        _group("robot", "URDF or xacro file, or a mapping with `file`, `arguments` and `packages`", main="file"),
+        _group("base", "pose of the robot's root", default={}),
+        _group("effects", "delay, hold, quantisation and noise of commands and sensors", default={}),
+    ),
+)
+"""All keys of a variant, in the order of the documentation."""
+
+SCENARIO: Block[Keys] = Block(
+    keys=KEYS, build=dict, noun="scenario", may_be_empty=False, partial=True, read_before=("variants",)
+)
+"""Block of one variant."""
+
+VARIANT: Block[Keys] = Block(
+    keys=tuple(
+        replace(key, default=None if key.required else key.default) for key in KEYS if key.name not in ("name", "variant")
+    ),
+    build=dict,
+    noun="keys that differ",
+)
+
+VARIANTS = Key(
+    name="variants",
+    kind=MapOf(of=VARIANT, noun="name", star=False),
+    default={},
+    doc="named variants: what each changes, merged into the rest; `null` takes a key away",
+)

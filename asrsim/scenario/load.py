@@ -11,8 +11,7 @@ from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import Reading
 from asrsim.errors import Problem, ScenarioError
 from asrsim.scenario.build import build_scenario
-from asrsim.scenario.data import Scenario
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import names_a_folder
 from asrsim.scenario.overrides import Overrides, apply_overrides
 

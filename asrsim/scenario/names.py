@@ -10,8 +10,7 @@ from asrsim.document.kinds import Kind, Text
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.mounting import reference_names
-from asrsim.scenario.data import Scenario
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO, Scenario
 
 MOVING = ("initial", "external_torques", "desired", "motion", "reference_ranges", "expect")
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""

@@ -11,7 +11,7 @@ from asrsim.document.block import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError, did_you_mean
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from asrsim.scenario.keys import KEYS, SCENARIO, VARIANTS
+from asrsim.scenario.data import KEYS, SCENARIO, VARIANTS
 from asrsim.signals.parse import signal_schema
 
 URL = "https://json-schema.org/draft/2020-12/schema"

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from asrsim.quantities import LIMITS
 from asrsim.summary.data import JointReport, RunSummary
 
+MEASURES = 7
+"""Number of columns of the table of joints before those of the limits."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Column:

@@ -18,7 +18,7 @@ from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
 from asrsim.scenario import Scenario, apply_to_robot, checked_robot, load_scenario
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
 from asrsim.simulation.prepare import prepare

@@ -12,8 +12,7 @@ from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.robot.model import Robot
 from asrsim.robot.tags import parameter_name
 from asrsim.robot.vary import names_of
-from asrsim.scenario.data import Scenario, for_joint
-from asrsim.scenario.keys import SCENARIO
+from asrsim.scenario.data import SCENARIO, Scenario, for_joint
 from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
 

@@ -98,13 +98,9 @@ def test_the_recorded_sample_is_made_by_its_script(tmp_path):
         ("run examples/scenarios/step_2dof.yaml --variant s", ["soft", "stiff"]),
         ("run nothing.yaml --variant s", []),
         ("live examples/scenarios/step_2dof.yaml --plugin x.py --variant so", ["soft"]),
-        ("actuators b", ["bavs"]),
-        ("run x.yaml --engine ben", ["bench"]),
     ],
 )
-def test_the_shell_completes_variants_actuators_and_engines(
-    line: str, offered: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_shell_completes_variants(line: str, offered: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """As bash asks for it: the option that is completed has no value yet, so that nothing behind it was parsed."""
     from typer.testing import CliRunner
 

@@ -18,7 +18,7 @@ from asrsim.live.transport import TRANSPORTS
 from asrsim.metrics import MEASURES
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
-from asrsim.scenario.keys import KEYS
+from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
 from asrsim.simulation.steppings import STEPPINGS

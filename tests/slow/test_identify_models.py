@@ -182,7 +182,7 @@ def test_commands_of_a_digital_controller_are_held(tmp_path: Path, stairs: bool)
     lab = {"mode": 2, "damping": 0.04, "tags": "<spring_k>5</spring_k><max_def>3</max_def>", "duration": 4.0}
     scenario = write(tmp_path, "lab", {**SEA, **{k: lab[k] for k in ("mode", "damping", "tags")}}, duration=4.0)
     result = identify(scenario, [tmp_path / "a.csv"], free=["joint_1.spring_stiffness", "joint_1.damping"])
-    assert any("stairs" in text for text in result.remarks) == stairs
+    assert any("staircase" in text for text in result.remarks) == stairs
     assert result.played == {"joint_1.reference_1 [rad]": "hold" if stairs else "smooth"}
     assert result.fits, result.misfit
     for key, value in (("spring_stiffness", SPRING), ("damping", DAMPING)):

@@ -51,6 +51,12 @@ def test_plot_gives_a_figure_of_what_is_asked(result, tmp_path):
         result.plot(quantities=["link_psition"])
 
 
+def test_a_notebook_displays_plots_and_film_strips(result):
+    """IPython displays objects with `_repr_png_`."""
+    for shown in (result.plot(), result.render(frames=3)):
+        assert shown._repr_png_().startswith(b"\x89PNG")
+
+
 def test_pandas_has_the_numbers_of_the_result(result):
     pytest.importorskip("pandas")
     frame = result.to_pandas()

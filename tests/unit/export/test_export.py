@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -201,3 +202,12 @@ def test_a_model_that_mujoco_refuses_is_one_error(tmp_path, monkeypatch):
     monkeypatch.setattr("asrsim.export.mjcf.TINY", "0")
     with pytest.raises(SimulationError, match=r"MuJoCo cannot load the model: .*mjMINVAL"):
         export_mjcf(scenario("sea"), tmp_path / "soft.xml", plot=False)
+
+
+def test_more_knots_bring_the_spline_nearer_to_the_law(tmp_path: Path) -> None:
+    errors = [
+        export_mjcf(EXAMPLES / "scenarios" / "sine_2dof.yaml", tmp_path / "m.xml", variant="soft", knots=n, plot=False)
+        for n in (2, 8)
+    ]
+    few, many = (result.spring_errors["joint_1"] for result in errors)
+    assert many < 0.2 * few

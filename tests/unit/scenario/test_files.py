@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
 from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
-from asrsim.scenario.data import Effects, LinkDamping
-from asrsim.scenario.keys import KEYS
+from asrsim.scenario.data import KEYS, Effects, LinkDamping
 from asrsim.signals import Constant, Step
 
 BASE = "robot: arm.urdf\nduration: 2\n"

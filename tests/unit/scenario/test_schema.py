@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import ScenarioError
 from asrsim.scenario import load_scenario, scenario_from_data
-from asrsim.scenario.keys import KEYS
+from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import json_schema
 from asrsim.signals import parse_signal
 from support.paths import ROOT
