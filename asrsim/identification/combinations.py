@@ -53,7 +53,7 @@ class Combination:
     """Expression of several parameters that is identified although the parameters are not."""
 
     text: str
-    """Such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
+    """Text of the expression, such as `joint_1.spring_a_1 * joint_1.spring_k_1`."""
     value: float
     margin: float
     """Relative half width of its 95 % interval."""
@@ -119,11 +119,11 @@ class _Known:
         off = self._noise / self._sizes
         self._inside = off <= UNKNOWN
         self.directions = self._vectors[~self._inside]
-        """(u, k) unidentifiable directions."""
+        """Unidentifiable directions (u, k)."""
         self._extent = np.minimum(off[~self._inside], FAR)
         self._alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
         self.places = [self.values, *self._swayed(problem, x)] if len(self.directions) else [self.values]
-        """(k,) values of the estimate, and of points along unidentifiable directions that fit equally well."""
+        """Values (k,) of the estimate, and of points along unidentifiable directions that fit equally well."""
 
     def parts(self, direction: Array) -> set[int]:
         """Entries that make an unidentifiable direction unidentifiable: without them it would be known."""

@@ -32,7 +32,7 @@ MOTIONS: dict[str, tuple[str, str, dict[str, Any], float]] = {
     "a stop after turns": ("-11.5", "60", {"external_torques": {"two": -2.0}, "gravity": [0, 0, 0]}, 1e-3),
     "a stop on one side": ("-inf", "0.3", {"external_torques": {"two": 2.0}, "gravity": [0, 0, 0]}, 1e-3),
 }  # fmt: skip
-"""Limits of the second joint (rad), scenario keys, and tolerance for a world with contacts (rad). Its stops are slightly soft."""
+"""Limits of the second joint (rad), scenario keys, and tolerance in a world with contacts (rad), where stops are softer."""
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
