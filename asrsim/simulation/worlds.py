@@ -162,8 +162,8 @@ class Worlds:
             """Selections for worlds in which other joints record the selected quantities."""
             self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
             self._home_inputs = inputs_of(prepared)
-            self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
-            """Latest signals of worlds, and the inputs made from them."""
+            self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
+            """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._inputs = [self._home_inputs] * count
             self._own = [prepared] * count
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
@@ -370,7 +370,7 @@ class Worlds:
         """
         self._check_open()
         numbers = self._numbers(worlds).tolist()
-        given = start or Start()
+        given = Start() if start is None else start
         starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
         if len(starts) != len(numbers):
             message = f"needs one start for each world: {len(numbers)}"
@@ -426,8 +426,10 @@ class Worlds:
                     self._variants.clear()
                 self._variants[key] = self._own[world]
         if start.references:
-            if self._signals[0] is not start.references:
-                self._signals = start.references, inputs_of(self.prepared.with_references(start.references))
+            signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
+            known = self._signals[0]
+            if known.keys() != signals.keys() or any(known[key] is not one for key, one in signals.items()):
+                self._signals = signals, inputs_of(self.prepared.with_references(start.references))
             self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs

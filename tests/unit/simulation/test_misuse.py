@@ -88,6 +88,7 @@ def test_a_closed_simulation_says_so(simulation, call: str) -> None:
         (lambda w: w.set_state({"elbow": [0.1, 0.2, 99.0]}), "outside the limits"),
         (lambda w: w.reset(asrsim.Start(references={"elbow": {"position": Constant(value=0.1)}})), "no reference 'position'"),
         (lambda w: w.reset(asrsim.Start(references={"elbow": {"equilibrium_position": 0.1}})), "must be a signal"),
+        (lambda w: w.reset([]), "one start for each world"),
         (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
     ],
 )
@@ -98,6 +99,16 @@ def test_worlds_refuse_what_they_cannot_do(tiny, call, said) -> None:
         with pytest.raises(InputError, match=said):
             call(worlds)
         np.testing.assert_array_equal(worlds.observe().link_position, before.link_position)
+
+
+def test_a_table_of_references_may_change_between_resets(tiny) -> None:
+    references = {"elbow": {"equilibrium_position": Constant(value=0.0)}}
+    with asrsim.Worlds(tiny.scenario, 1) as worlds:
+        for value in (0.1, 0.3):
+            references["elbow"]["equilibrium_position"] = Constant(value=value)
+            worlds.reset(asrsim.Start(references=references))
+            worlds.advance(1)
+            assert worlds.read(["reference_1"])["reference_1"] == value
 
 
 def test_each_world_has_its_own_motor_start(tiny) -> None:
