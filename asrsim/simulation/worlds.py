@@ -427,8 +427,8 @@ class Worlds:
                 self._variants[key] = self._own[world]
         if start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
-            known = self._signals[0]
-            if known.keys() != signals.keys() or any(known[key] is not one for key, one in signals.items()):
+            latest = self._signals[0]
+            if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
                 self._signals = signals, inputs_of(self.prepared.with_references(start.references))
             self._inputs[world] = self._signals[1]
         else:
