@@ -33,7 +33,7 @@ FURTHER = 0.8
 CAUSES, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
-"""Last parts of quantities whose sensors may have a zero offset."""
+"""Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which the tie is reported as wrong."""
 BITES, REACHED = (0.75, 0.3), 0.999

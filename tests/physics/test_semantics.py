@@ -152,6 +152,21 @@ def test_commands_are_quantised(run: Run) -> None:
     assert len(np.unique(np.round(seen / 0.01))) == 21
 
 
+@pytest.mark.parametrize("effects", [{"quantum": 1e-9}, {"noise": 1e-10}])
+def test_tiny_noise_does_not_shift_a_jump(run: Run, effects: dict[str, float]) -> None:
+    """A jump between two steps acts at its time, not at the next step."""
+    jump = {"step": {"at": 0.1004, "to": 0.5}}
+    clean, found = (commanded(run, given, signal=jump)["j"].link_position for given in ({}, effects))
+    np.testing.assert_allclose(found, clean, atol=1e-7)
+
+
+def test_a_delayed_jump_is_in_the_row_of_its_time(run: Run) -> None:
+    """0.1 + 0.005 is larger than 0.105 in floating point."""
+    for stepping in ("leapfrog", "euler"):
+        result = commanded(run, {"delay": 0.005}, signal={"step": {"at": 0.1, "to": 0.5}}, stepping=stepping)
+        assert result.time[np.argmax(result["j"].reference_1)] == 0.105
+
+
 def test_command_noise_depends_on_the_seed_alone(run: Run) -> None:
     first, again, other = (commanded(run, {"noise": 0.02}, signal=0.1, seed=seed)["j"].reference_1 for seed in (0, 0, 1))
     np.testing.assert_array_equal(first, again)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -162,6 +164,7 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"render_mode": "rgb_array", "size": 0}, "1 to 8192 pixels"),
         ({"act": ("reference_1",)}, "no joint has a reference"),
         ({"control_rate": 300}, "not a whole number of steps"),
+        ({"control_rate": math.nan}, "must be above 0 Hz"),
         ({"tip": ("hand", (0, 0, 0))}, "has no link 'hand'"),
         ({"randomise": {"link_9.mass": [1]}}, "no key, joint or link"),
         ({"randomise": {"step": [0.001]}}, "read anew"),
