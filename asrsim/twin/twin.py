@@ -253,7 +253,7 @@ class Twin:
         self._missing = (self._missing + 1) * (positions != positions)
         if self._missing.any():
             for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
-                self._note(f"{self.joints[joint]}: no position is measured: its twin runs free", notes)
+                self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
 
     def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
         read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state
