@@ -141,7 +141,7 @@ class Twin:
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
         """Estimates after one further step.
 
-        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position runs free.
+        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
         commands: joint -> value of its first reference from now on, or name of a reference -> value.
         """
         notes: list[str] = []
