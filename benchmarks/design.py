@@ -223,13 +223,13 @@ def fits(names: list[str], count: int = 40) -> None:
                   f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
 
 
-def limits(names: list[str], count: int = 50) -> None:
-    """Robust designs played on robots each of whose numbers is off by up to a factor of 2."""
+def limits(names: list[str], count: int = 50, rounds: int = 8) -> None:
+    """Robust designs, of a shorter search, played on robots each of whose numbers is off by up to a factor of 2."""
     for name in names:
         with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
             scenario, within, options = laboratory(name, Path(place))
             began = time.perf_counter()
-            motion = design(scenario, within, seconds=SECONDS, robust=2, **options).found.motion
+            motion = design(scenario, within, seconds=SECONDS, robust=2, rounds=rounds, **options).found.motion
             took = time.perf_counter() - began
             plant = searcher(scenario, within, options, stack).plant
             uses = []
