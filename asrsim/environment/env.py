@@ -1,4 +1,4 @@
-"""A simulation as a Gymnasium environment: one environment of the vectorised kind, with pictures."""
+"""Simulation as a single Gymnasium environment with pictures."""
 
 from __future__ import annotations
 
