@@ -225,7 +225,7 @@ def fits(names: list[str], count: int = 40) -> None:
 
 
 def limits(names: list[str], count: int = 50, rounds: int = 8) -> None:
-    """Play robust designs of a short search on robots whose parameters are wrong by up to a factor of 2; count exceeded limits."""
+    """Play robust designs of a short search on robots whose parameters are wrong by up to a factor of 2."""
     for name in names:
         with tempfile.TemporaryDirectory() as place, ExitStack() as stack:
             scenario, within, options = laboratory(name, Path(place))
