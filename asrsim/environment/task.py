@@ -145,9 +145,12 @@ def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
 
 def _rewarded(value: Any) -> float:
     try:
-        return float(value)
+        reward = float(value)
     except (TypeError, ValueError):
-        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind") from None
+        reward = math.nan
+    if math.isnan(reward):
+        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind")
+    return reward
 
 
 def _steps(control_rate: float, step: float) -> int:

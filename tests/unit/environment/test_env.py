@@ -184,8 +184,9 @@ def test_wrong_arguments_are_refused(scenario, options, message):
         make_env(scenario, **options)
 
 
-def test_a_reward_that_is_no_number_is_refused(scenario):
-    env = make_env(scenario, reward=lambda _: None)
+@pytest.mark.parametrize("reward", [None, math.nan])
+def test_a_reward_that_is_no_number_is_refused(scenario, reward):
+    env = make_env(scenario, reward=lambda _: reward)
     env.reset()
     with pytest.raises(asrsim.InputError, match="reward: must return a number"):
         env.step(np.zeros(2))
