@@ -1,4 +1,4 @@
-"""A fit from beginning to end: parameters searched, weighted by the residuals, judged on the held-out part, and reported."""
+"""A complete fit: search for the parameters, weights from the residuals, judgement on the held-out part, and report."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from support.paths import ROOT
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
-def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
+def test_ascii_terminals_get_replaced_characters(tiny, options: list[str]) -> None:
     """Tables and names may contain characters that ASCII lacks; JSON keeps all of them."""
     tiny.robot.write_text(tiny.robot.read_text().replace("elbow", "coudé"), encoding="utf-8")
     old = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
@@ -47,7 +47,7 @@ class Scripts(HTMLParser):
 
 
 @pytest.mark.parametrize("name", ["<!--<script>", "</script><script>alert(1)</script>", "a&amp;<b>", "]]>-->"])
-def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
+def test_names_cannot_break_the_scripts_of_a_report(tiny, name: str) -> None:
     from xml.sax.saxutils import quoteattr
 
     import asrsim
