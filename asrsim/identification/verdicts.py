@@ -114,10 +114,11 @@ def estimates(problem: Problem, x: Array, found: Uncertainty, met: Sequence[bool
         elif (own := [one for one in known if i in one.keys]) and not margin <= UNKNOWN:
             verdict, listed = RATIO, tuple(map(str, own))
             reason = "identified is " + "; ".join(listed)
-        elif math.isnan(margin):
-            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters: see the correlations"
+        elif math.isnan(margin) or (margin >= NONE and not place):
+            # By itself it has an effect, but other parameters together have the same effect.
+            verdict, reason = RATIO, "the recordings do not distinguish it from other parameters"
         elif margin >= NONE:
-            verdict, reason = NO_EFFECT, "it cannot be distinguished from zero: its interval is as wide as itself"
+            verdict, reason = NO_EFFECT, "it cannot be distinguished from zero"
         elif margin >= CLOSE:
             verdict = WEAK
         if met[i] or without[i] or verdict == RATIO or not margin < HOPELESS:
