@@ -156,7 +156,7 @@ class Callback:
 
 @cache
 def numbers_reader(count: int) -> Any:
-    """A function for compiled code: read(address) returns the `count` numbers at the address as a tuple."""
+    """Function for compiled code, read(address), that returns the `count` numbers at the address as a tuple."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -178,8 +178,8 @@ def numbers_reader(count: int) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """A function for compiled code: row(address) returns the array (n,) of floats (or integers) at the address. Its length is
-    unknown and not checked."""
+    """Function for compiled code, row(address), that returns the array (n,) of floats (or integers) at the address. Its length
+    is unknown and not checked."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic

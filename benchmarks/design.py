@@ -1,9 +1,9 @@
-"""Measures what `asrsim design` promises, on five robots: each row of the table in docs/design.md.
+"""Measure the quality of `asrsim design` on five robots: each row of the table in docs/design.md.
 
-python benchmarks/design.py tighter [ROBOT ...]   intervals against the best chirp, staircase, and chirp with preset steps
-python benchmarks/design.py gains [ROBOT ...]     intervals with gains chosen, against one step
-python benchmarks/design.py fits [ROBOT]          promised intervals against the scatter of fits of simulated recordings
-python benchmarks/design.py limits [ROBOT ...]    motions that exceed limits on robots whose numbers are off by a factor of 2
+python benchmarks/design.py tighter [ROBOT ...]   intervals of a design and of the best chirp, staircase, chirp + preset steps
+python benchmarks/design.py gains [ROBOT ...]     intervals of a design with chosen gains and of one step
+python benchmarks/design.py fits [ROBOT]          predicted intervals and the scatter of fits to simulated recordings
+python benchmarks/design.py limits [ROBOT ...]    number of motions that exceed limits if parameters are wrong by a factor of 2
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ ROBOTS = {
     "bavs": (["spring_k", "spring_exponent"], {}, {"deflection": 0.2, PRESET: [0.02, 0.2]}, {PRESET: 0.08}),
     "awas_ii": (["spring_stiffness"], {}, {"deflection": 0.28, PRESET: [0.004, 0.02]}, {PRESET: 0.01}),
 }  # fmt: skip
-"""Robot -> free numbers of its springs, parameters, limits of its own, references."""
+"""Robots by name: free spring parameters, fixed parameters, limits in addition to the common ones, references."""
 SECONDS = 4.0
 
 
 def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Path, Path, dict]:
-    """Scenario, limits file and options of a robot."""
+    """Scenario file, limits file and options of `design` for a robot."""
     two = name == "two"
     springs, parameters, limits, references = ROBOTS["qbmove" if two else name]
     joints = ["joint_1", "joint_2"] if two else ["joint_1"]
@@ -72,7 +72,7 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
 def searcher(
     scenario: Path, limits: Path, options: dict, stack: ExitStack, seconds: float = SECONDS, checks: int = 0
 ) -> Search:
-    """Search for motions of the robot within its limits."""
+    """Design search for motions of the robot within its limits."""
     read = read_limits(limits)
     ready, given, layout, _ = _read(_task(scenario, (), options), read)
     plant = Plant(ready, given, layout, read, seconds)
@@ -84,7 +84,7 @@ def searcher(
 
 
 def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and shares (references, rows) of plain motions of full size."""
+    """Yield simple motions: name, and references (references, rows) as fractions of their ranges."""
     t = plant.step * np.arange(plant.rows)
     whole = t[-1]
     slots = [one.slot for one in plant.references]
@@ -116,9 +116,10 @@ def plain(plant: Plant) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def fitting(search: Search, shares: np.ndarray) -> float:
-    """Score of a plain motion, as large as the limits let it be: all joints together, then each by itself, by bisection.
+    """Score of a simple motion whose amplitude is as large as the limits allow.
 
-    Of the informations that small and larger changes of the parameters give, the least counts, as for a design.
+    Bisection finds the amplitude, first for all joints together, then for each joint. The information is computed with small
+    and with larger parameter changes, and the worst score counts, as for a design.
     """
     plant = search.plant
     slots = np.array([one.slot for one in plant.references])
@@ -146,7 +147,7 @@ def fitting(search: Search, shares: np.ndarray) -> float:
 
 
 def tighter(names: list[str]) -> None:
-    """The same gains, the same limits, 4 s."""
+    """Compare the intervals of a design with those of simple motions, with equal gains, equal limits and 4 s."""
     for name in names:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             scenario, limits, options = laboratory(name, Path(folder))
@@ -160,13 +161,13 @@ def tighter(names: list[str]) -> None:
             percent = {kind: 196 * np.exp(value) for kind, value in best.items()}
             own = 196 * np.exp(found.found.score)
             others = min(value for kind, value in percent.items() if kind != "one step")
-            said = ", ".join(f"{kind} {value:.3g} %" for kind, value in percent.items())
+            text = ", ".join(f"{kind} {value:.3g} %" for kind, value in percent.items())
             gain, step = others / own, percent["one step"] / own
-            print(f"{name}: design {own:.3g} %, {said}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
+            print(f"{name}: design {own:.3g} %, {text}: {gain:.2f} x, one step {step:.1f} x; {took:.0f} s", flush=True)
 
 
 def gains(names: list[str]) -> None:
-    """Gains of the first controller chosen from three, against one step with the robot's own."""
+    """Compare a design that chooses the gain of the first controller from three values with one step at the robot's gain."""
     for name in names:
         with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
             scenario, within, options = laboratory(name, Path(folder))
@@ -180,7 +181,7 @@ def gains(names: list[str]) -> None:
 
 
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """What a run of the designed scenario records without noise: columns, headings, and which columns are measured."""
+    """Noise-free recording of the designed scenario: columns, headings, and mask of the measured columns."""
     result = asrsim.run(scenario)
     headings, columns = ["time [s]"], [result.time]
     table = np.genfromtxt(folder / "excite.csv", delimiter=",", names=None, skip_header=2)
@@ -198,7 +199,7 @@ def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, lis
 
 
 def fits(names: list[str], count: int = 40) -> None:
-    """Simulated recordings of the design, each with its own noise of 1 mrad, fitted from the scenario's numbers."""
+    """Compare predicted intervals with the scatter of fits to simulated recordings with 1 mrad of noise."""
     for name in names:
         with tempfile.TemporaryDirectory() as place:
             folder = Path(place)
@@ -218,13 +219,13 @@ def fits(names: list[str], count: int = 40) -> None:
                 own.append([one.low <= true <= one.high for one, true in zip(values, truth, strict=True)])
             scatter = 1.96 * np.std(errors, axis=0) / promised
             inside = np.mean(np.abs(errors) <= promised)
-            said = " ".join(f"{key.rpartition('.')[2]} {v:.2f}" for key, v in zip(found.keys, scatter, strict=True))
-            print(f"{name}: scatter / promised {said}, mean {np.exp(np.log(scatter).mean()):.2f}; promised intervals hold "
+            text = " ".join(f"{key.rpartition('.')[2]} {v:.2f}" for key, v in zip(found.keys, scatter, strict=True))
+            print(f"{name}: scatter / promised {text}, mean {np.exp(np.log(scatter).mean()):.2f}; promised intervals hold "
                   f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
 
 
 def limits(names: list[str], count: int = 50) -> None:
-    """Robust designs played on robots each of whose numbers is off by up to a factor of 2."""
+    """Play robust designs on robots whose parameters are wrong by up to a factor of 2, and count exceeded limits."""
     exceeded, worst = 0, []
     for number in range(count):
         name = names[number % len(names)]
@@ -235,8 +236,8 @@ def limits(names: list[str], count: int = 50) -> None:
             search = searcher(scenario, within, options, stack)
             layout = search.plant.layout
             draw = off(layout, np.random.default_rng([77, number]))
-            told = search.plant.play(designs[name].found.motion, {}, [draw], search.plant.substeps_of({}, [draw]))
-            use = np.inf if told is None else float(told.use.max())
+            played = search.plant.play(designs[name].found.motion, {}, [draw], search.plant.substeps_of({}, [draw]))
+            use = np.inf if played is None else float(played.use.max())
             exceeded += use > 1.0
             worst.append(use)
     print(f"exceeded {exceeded} of {count}; largest shares {np.sort(worst)[-5:].round(3)}")

@@ -20,8 +20,8 @@ _PLUGIN = """<gazebo><plugin name="plugin_{i}" filename="libqbmove_plugin.so"><j
 
 
 def chain(folder: Path, joints: int, *, friction: float = 0.0) -> Path:
-    """A chain of `joints` links with qbMoves in mode 6; the axes alternate between bending and twisting."""
-    # Long chains are lighter, so that their springs carry them.
+    """Write a chain of `joints` links with qbMoves in mode 6; the axes alternate between bending and twisting."""
+    # Links of long chains are lighter, so that the springs can carry the chain.
     share = min(1.0, 5.0 / joints)
     parts = [_BASE]
     for i in range(joints):
@@ -31,9 +31,10 @@ def chain(folder: Path, joints: int, *, friction: float = 0.0) -> Path:
 
 
 def humanoid(folder: Path, joints: int, links: int, *, reach: float = 2.0) -> Path:
-    """Two arms on a torso with `joints` joints with friction and, with shells fixed to their links, `links` links.
+    """Write a torso with two arms. Extra links are fixed to the moving links as shells.
 
-    reach: position limit of the joints in both directions, rad.
+    joints: number of joints, all with friction; links: total number of links; reach: position limit of the joints in both
+    directions, rad.
     """
     parts = [_BASE]
     for i in range(joints):
@@ -60,7 +61,7 @@ def _write(path: Path, parts: list[str]) -> Path:
 def scenario(
     robot: Path, *, engine: str = "mujoco", duration: float = 10.0, substeps: int = 1, amplitude: float = 0.3, extra: str = ""
 ) -> str:
-    """Path of a scenario file beside the robot, in which every motor follows a sine. extra: further lines of YAML."""
+    """Write a scenario next to the robot file, in which every motor follows a sine. extra: additional lines of YAML."""
     text = f"""robot: {robot}
 duration: {duration}
 step: 0.001

@@ -1,4 +1,4 @@
-"""Measures of the benchmarks: each returns one value. Times are CPU times of a process."""
+"""Functions that measure one value of the benchmark table each. Times are CPU times of a process."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from asrsim.simulation.run import simulate
 
 Measure = Callable[[], float]
 STATES = ("link_position", "link_velocity", "link_torque")
-"""Quantities that the readers of logs read."""
+"""Topics whose reading time is measured."""
 
 
 class Discard:
@@ -40,7 +40,7 @@ def cpu(function: Callable[[], Any]) -> float:
 
 
 def whole(path: str) -> float:
-    """CPU time in s of a step of a whole run with its complete record, without the start of the run."""
+    """CPU time per step of a run that records every quantity, without its start, s."""
     (loaded,) = load_scenario(path)
     marks: list[tuple[float, float]] = []
     simulate(loaded, sinks=[Discard()], keep=False, progress=lambda t: marks.append((t, time.process_time())))
@@ -49,7 +49,7 @@ def whole(path: str) -> float:
 
 
 def loop(path: str) -> float:
-    """CPU time in s of a step of the loop alone, without a record."""
+    """CPU time per step of the simulation loop without recording, s."""
     with Simulation(path) as simulation:
         simulation.advance(500)
         steps = simulation.scenario.steps - 500
@@ -57,7 +57,7 @@ def loop(path: str) -> float:
 
 
 def calls(path: str, *, set_reference: bool) -> float:
-    """CPU time in us of `advance(1)`, with or without a reference set before each step."""
+    """CPU time of `advance(1)`, with or without setting a reference before each step, us."""
     with Simulation(path) as simulation:
 
         def steps(count: int) -> None:
@@ -71,7 +71,7 @@ def calls(path: str, *, set_reference: bool) -> float:
 
 
 def together(path: str) -> float:
-    """CPU time of a step of 64 worlds, divided by that of 64 simulations."""
+    """CPU time per step of 64 worlds in one simulation, divided by the time of 64 separate simulations."""
     simulations = [Simulation(path) for _ in range(64)]
     worlds = Worlds(path, 64, names=["link_position"], watched=False)
 
@@ -86,7 +86,7 @@ def together(path: str) -> float:
 
 
 def environments(path: str) -> float:
-    """CPU time of a step of 64 vectorised environments, divided by that of 64 separate environments."""
+    """CPU time per step of 64 vectorised environments, divided by the time of 64 separate environments."""
     many, single = make_vec_env(path, 64), make_env(path)
     actions = np.zeros(many.action_space.shape)
     many.reset(seed=0)
@@ -103,7 +103,7 @@ def environments(path: str) -> float:
 
 
 def bare(robot: Path, engine: str, steps: int = 2000) -> float:
-    """CPU time in s of a step of the engine alone: the robot swings without springs, and is reset after every 200 steps."""
+    """CPU time per step of the physics engine alone, s. The robot swings without springs and is reset every 200 steps."""
     if engine == "mujoco":
         import mujoco
 
@@ -141,7 +141,7 @@ def bare(robot: Path, engine: str, steps: int = 2000) -> float:
 
 
 def reset_ms(path: str) -> float:
-    """CPU time in ms of a reset to other start positions."""
+    """CPU time of a reset to new start positions, ms."""
     with Simulation(path) as simulation:
 
         def resets(count: int) -> None:
@@ -153,7 +153,7 @@ def reset_ms(path: str) -> float:
 
 
 def differing(path: str) -> float:
-    """Number of quantities whose bits depend on the number of steps per call."""
+    """Number of quantities whose values differ in any bit if the number of steps per call changes."""
     records = []
     for size in (1, 10, 8192):
         with Simulation(path, record=True) as simulation:
@@ -166,7 +166,7 @@ def differing(path: str) -> float:
 
 
 def command(*arguments: str) -> float:
-    """CPU time in s of an asrsim command."""
+    """CPU time of an asrsim command, s."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([sys.executable, "-m", "asrsim", *arguments], check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -174,12 +174,12 @@ def command(*arguments: str) -> float:
 
 
 def run_command(folder: Path, path: str, *options: str) -> float:
-    """CPU time in s of `asrsim run`."""
+    """CPU time of `asrsim run`, s."""
     return command("run", path, "--quiet", "--out", str(folder / "out"), "--overwrite", *options)
 
 
 def logged(folder: Path, path: str, *options: str) -> tuple[float, float]:
-    """Peak memory in MB of `asrsim run` without pictures, and bytes of its log per joint and step, for 5 joints."""
+    """Peak memory of `asrsim run` without pictures (MB), and size of its log per joint and step (bytes), for 5 joints."""
     code = (
         "import sys, resource\nfrom asrsim.cli.app import main\ntry:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write(str(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))"
@@ -193,7 +193,7 @@ def logged(folder: Path, path: str, *options: str) -> tuple[float, float]:
 
 
 def writing(folder: Path, path: str) -> float:
-    """CPU time of writing a complete log, divided by that of simulating it."""
+    """CPU time of writing a complete log, divided by the time of the simulation."""
     chunks: list[Samples] = []
 
     class Keep:
@@ -214,7 +214,7 @@ def writing(folder: Path, path: str) -> float:
 
 
 def reading(folder: Path, path: str) -> float:
-    """CPU time of reading link states into arrays, divided by that of the official reader's messages without decoding."""
+    """CPU time of reading link states into arrays, divided by the time in which the official reader lists the raw messages."""
     from mcap.reader import make_reader
 
     run_command(folder, path, "--no-plot")
@@ -232,7 +232,7 @@ def reading(folder: Path, path: str) -> float:
 
 
 def measures(folder: Path) -> dict[str, Measure]:
-    """Name of a row -> function that measures it."""
+    """Functions that measure the rows of the table, by row name."""
     found: dict[str, Measure] = {}
     cases: dict[str, tuple[Path, int, float]] = {
         **{str(n): (chain(folder, n), 1, 10.0) for n in (1, 2, 5)},

@@ -1,8 +1,8 @@
-"""Measures the cost of asrsim.
+"""Measure the speed and memory of asrsim.
 
     python benchmarks/run.py                 the table
     python benchmarks/run.py --json          the table as JSON
-    python benchmarks/run.py --only loop     only rows whose name begins so
+    python benchmarks/run.py --only loop     only rows whose name begins with "loop"
     python benchmarks/run.py --docs          write the table into docs/performance.md
 
 Each value is the median of several rounds of CPU times. Ratios compare two times of the same round.
@@ -30,13 +30,13 @@ LIBRARIES = ("pybullet", "mujoco-core", "numpy", "numba")
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A measured value, a ratio unless `what` names a unit."""
+    """A row of the table: a ratio, or a value in the unit that `what` names."""
 
     what: str
     goal: float
-    """Largest value that meets the goal."""
+    """Largest value that meets the requirement."""
     values: tuple[float, ...] = ()
-    """Values of the rounds."""
+    """Measured value of each round."""
 
     @property
     def median(self) -> float:
@@ -84,7 +84,7 @@ def machine() -> dict[str, str]:
 
 
 def table(rows: Mapping[str, Row]) -> str:
-    """The rows as text; `!` marks a missed goal."""
+    """Table of the rows as text; `!` marks a missed goal."""
     lines = [f"{'':16} {'median':>8} {'goal':>8}   {'from .. to':>17}"]
     for name, row in rows.items():
         mark = " " if row.median <= row.goal else "!"
@@ -109,7 +109,7 @@ def main() -> None:
     """Measure the rows that the arguments name."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
-    parser.add_argument("--only", default="", metavar="NAME", help="measure only rows whose name begins so")
+    parser.add_argument("--only", default="", metavar="NAME", help="measure only rows whose name begins with NAME")
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="number of rounds (5)")
     parser.add_argument("--docs", action="store_true", help="write docs/performance.md")
     arguments = parser.parse_args()

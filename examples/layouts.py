@@ -1,4 +1,4 @@
-"""Layouts of viewers for the joints of a log, written beside it.
+"""Write viewer layouts that show the joints of a log into the folder of the log.
 
     python examples/layouts.py out/step_2dof/soft/log.mcap
 
@@ -20,7 +20,7 @@ COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#17becf")
 
 
 def curves(log: Path) -> dict[str, list[tuple[str, str, str]]]:
-    """Title of a plot -> its curves: topic, joint of a JointState, or nothing, and field."""
+    """Curves of each plot, by plot title. A curve: topic, joint of a JointState (or an empty string), field."""
     joints = asrsim.open_log(log).info.joints
     paths = dict(zip((joint.name for joint in joints), topic_paths(joints), strict=True))
     first = [(joint, REFERENCE_TOPICS.get(joint.mode, ())[:1]) for joint in joints]
@@ -37,7 +37,7 @@ def curves(log: Path) -> dict[str, list[tuple[str, str, str]]]:
 
 
 def write_foxglove(log: Path) -> Path:
-    """A 3D view of the robot beside the plots."""
+    """Write a Foxglove layout: a 3D view of the robot next to the plots."""
     from foxglove import layouts as fl
 
     joints = [joint.name for joint in asrsim.open_log(log).info.joints]
@@ -62,7 +62,7 @@ def write_foxglove(log: Path) -> Path:
 
 
 def write_plotjuggler(log: Path) -> Path:
-    """The plots, one below the other."""
+    """Write a PlotJuggler layout: the plots in one column."""
     root = ElementTree.Element("root")
     tabs = ElementTree.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
     container = ElementTree.SubElement(ElementTree.SubElement(tabs, "Tab", tab_name="asrsim", containers="1"), "Container")
@@ -83,7 +83,7 @@ def write_plotjuggler(log: Path) -> Path:
 
 
 def write_rerun(log: Path) -> Path:
-    """The log as a recording with a blueprint: the robot beside plots of positions and torques."""
+    """Write the log as a Rerun recording with a blueprint: the robot next to plots of positions and torques."""
     import rerun as rr
     import rerun.blueprint as rrb
 

@@ -1,9 +1,9 @@
-"""A stock learner (PPO of stable-baselines3) teaches the soft arm to reach: pip install 'asrsim[gym]' stable-baselines3
+"""Train a soft arm to reach a goal with PPO from stable-baselines3: pip install 'asrsim[gym]' stable-baselines3
 
     python examples/learn_reach.py [STEPS] [FOLDER]
 
-It draws the curve of learning (distance of the tip from its goal at the end of an episode, untrained and trained) and a
-picture of the trained arm at a goal.
+The script draws the learning curve (distance between tip and goal at the end of an episode, before and during training)
+and a picture of the trained arm at a goal.
 """
 
 from __future__ import annotations
@@ -29,31 +29,31 @@ EPISODES, LOOKS = 20, 10
 STEPS = int(sys.argv[1]) if len(sys.argv) > 1 else 60_000
 FOLDER = Path(sys.argv[2] if len(sys.argv) > 2 else "out/learn_reach")
 TIP = (0.115, 0.0, 0.0)
-"""m, on the last link."""
+"""Position of the tip in the frame of the last link, m."""
 NEAR = 0.01
-"""m from the goal within which there is a bonus."""
+"""Distance from the goal within which the reward has a bonus, m."""
 
 
 def distance(state: State) -> float:
-    """m of the tip from the goal, in the plane."""
+    """Distance between tip and goal in the plane, m."""
     tip = state.values["tip"]
     return math.hypot(float(tip[0]) - state.goal["x"], float(tip[1]) - state.goal["y"])
 
 
 def reward(state: State) -> float:
-    """Nearer is better, on the way and in the end; haste costs a little."""
+    """Reward of a control step: it falls with the distance from the goal and, slightly, with the speed."""
     off = distance(state)
     speed = float(np.sum(np.square(state.values["link_velocity"])))
     return -10.0 * off - 0.002 * speed + (1.0 if off < NEAR else 0.0)
 
 
 def make_reach(**options: Any) -> SoftRobotEnv:
-    """The task: a soft arm of two qbMoves brings its tip to a point of the plane."""
+    """Environment in which a soft arm of two qbMoves moves its tip to a point of the plane."""
     scenario = asrsim.make_scenario(
         Path(__file__).parent / "urdf" / "dof2_horizontal.urdf",
         name="reach",
         duration=1.0,
-        # Nothing touches here, and this engine is many times faster.
+        # The task has no contacts, and MuJoCo is many times faster.
         engine="mujoco",
         references={"*": {"equilibrium_position": 0.0, "stiffness_preset": 0.2}},
         reference_ranges={"*": {"equilibrium_position": [-1.5, 1.5], "stiffness_preset": [0.05, 0.4]}},
@@ -62,7 +62,7 @@ def make_reach(**options: Any) -> SoftRobotEnv:
         "observe": ("link_position", "link_velocity", "tip"),
         "act": ("equilibrium_position",),
         "reward": reward,
-        # Within reach: the tip is 0.152 to 0.205 m from the first axis.
+        # These goals are within reach: the distance of the tip from the first axis is 0.152 to 0.205 m.
         "goal": {"x": "uniform(0.085, 0.12)", "y": "uniform(0.13, 0.155)"},
         "tip": ("link_2", TIP),
     }
@@ -70,14 +70,14 @@ def make_reach(**options: Any) -> SoftRobotEnv:
 
 
 class Watched(BaseCallback):
-    """Looks now and then, while a policy learns, how far from their goals its episodes end."""
+    """Callback that measures from time to time how far from the goal the episodes of the policy end."""
 
     def __init__(self, envs: VecNormalize) -> None:
         super().__init__()
         self.envs, self.last, self.began = envs, np.nan, time.perf_counter()
         self.env = make_reach(terminated=self._note, render_mode="rgb_array")
         self.curve: list[tuple[int, list[float]]] = []
-        """Control steps, and mm at the end of each episode."""
+        """Number of control steps, and distance from the goal at the end of each episode, mm."""
 
     def _on_training_start(self) -> None:
         self._look()
@@ -103,7 +103,7 @@ class Watched(BaseCallback):
         return False
 
     def ends(self) -> list[float]:
-        """Of the same episodes every time."""
+        """Distances from the goal at the end of each test episode, mm; the test episodes never change."""
         found = []
         for seed in range(EPISODES):
             observation, _ = self.env.reset(seed=1000 + seed)
@@ -117,14 +117,14 @@ class Watched(BaseCallback):
 
 
 def main() -> None:
-    """Learn, and draw how it went."""
+    """Train the policy, and draw the learning curve."""
     import matplotlib as mpl
 
     mpl.use("agg")
     import matplotlib.pyplot as plt
 
     FOLDER.mkdir(parents=True, exist_ok=True)
-    # Networks this small lose by more.
+    # More threads make networks of this size slower.
     torch.set_num_threads(1)
     envs = VecNormalize(make_vec_env(make_reach, n_envs=4, seed=0), gamma=0.95)
     policy = PPO(

@@ -1,7 +1,7 @@
-"""A plan made in plain MuJoCo for a soft robot, and tried in asrsim: the fastest tip of an arm after 0.8 s, as of a whip.
+"""Plan a whip motion of a soft arm in plain MuJoCo, and simulate the plan in asrsim.
 
-`export_mjcf` writes the arm with motors, springs and friction; `mujoco.rollout` simulates all candidates of the cross-entropy
-method at once.
+The plan makes the tip as fast as possible after 0.8 s. `export_mjcf` writes the arm with motors, springs and friction.
+The cross-entropy method plans; `mujoco.rollout` simulates all its candidates in one call.
 
     python plan_whip.py urdf/two_elastic_joints.urdf
 """
@@ -21,15 +21,15 @@ from asrsim.export import export_mjcf
 
 DURATION, CANDIDATES, ELITE, ROUNDS = 0.8, 96, 12, 12
 KNOTS = np.linspace(0.0, DURATION, 7)
-"""s between which goals of the motors are interpolated; the first is the start."""
+"""Times of the motor setpoints, s; the setpoints are interpolated between them. The first time is the start."""
 LIMIT = 0.6
-"""rad, of the goals."""
+"""Largest motor setpoint, rad."""
 FASTEST = 6.0
-"""rad/s of the motors, which MuJoCo's have no limit for: the plan keeps it."""
+"""Speed limit of the motors, rad/s. MuJoCo's motors have no speed limit, so the plan must respect it."""
 
 
 def main(robot: Path) -> None:
-    """Plan, and compare the speeds that both simulators promise."""
+    """Plan the motion, and compare the tip speeds in both simulators."""
     scenario = asrsim.make_scenario(robot=robot, duration=DURATION, engine="mujoco", gravity=[0.0, 0.0, 0.0])
     with tempfile.TemporaryDirectory() as folder:
         exported = export_mjcf(scenario, Path(folder) / "arm.xml", plot=False)
@@ -44,7 +44,7 @@ def main(robot: Path) -> None:
     mean, spread = np.zeros((len(KNOTS) - 1, model.nu)), 0.4
 
     def goals(plans: np.ndarray) -> np.ndarray:
-        """(plans, steps, motors) of plans (plans, knots, motors)."""
+        """Motor setpoints (plans, steps, motors) at every step, interpolated from plans (plans, knots, motors)."""
         table = np.concatenate([np.zeros((len(plans), 1, model.nu)), np.clip(plans, -LIMIT, LIMIT)], axis=1)
         place = np.arange(steps) * model.opt.timestep
         return np.stack([[np.interp(place, KNOTS, row) for row in plan.T] for plan in table]).transpose(0, 2, 1)
@@ -52,7 +52,7 @@ def main(robot: Path) -> None:
     for _ in range(ROUNDS):
         plans = mean + spread * generator.normal(size=(CANDIDATES, *mean.shape))
         states, _ = rollout.rollout(model, data, start, goals(plans))
-        # The turning speed of the outer link: what all joints together give.
+        # The angular velocity of the outer link is the sum of the joint velocities.
         excess = np.maximum(np.abs(states[:, :, motors]) - FASTEST, 0.0).max(axis=(1, 2))
         reached = states[:, -1, speeds].sum(axis=1) - 10.0 * excess
         best = np.argsort(-reached)[:ELITE]

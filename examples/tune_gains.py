@@ -1,6 +1,6 @@
-"""Gains of a motor controller tuned by Optuna: one simulation, reset with other numbers in every trial.
+"""Tune the gains of a motor controller with Optuna. One simulation is reset with new gains in every trial.
 
-Needs Optuna, which asrsim does not install: pip install optuna
+This needs Optuna, which asrsim does not install: pip install optuna
 
     python tune_gains.py scenarios/step_2dof.yaml
 """
@@ -17,12 +17,12 @@ import asrsim
 
 TRIALS = 60
 BLOCK = 10
-"""Steps between looks at the joints."""
+"""Number of steps between two evaluations of the joint error."""
 GAINS = {"proportional": (0.05, 20.0), "derivative": (1e-4, 0.1)}
 
 
 def main(path: Path) -> None:
-    """Least mean square distance of the joints from their references."""
+    """Minimise the mean square error between joint positions and references."""
     scenario = asrsim.load_scenario(path)[0]
     with asrsim.Simulation(scenario) as simulation:
         joints, steps = simulation.joints, round(scenario.duration / scenario.step)

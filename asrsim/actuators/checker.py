@@ -19,7 +19,7 @@ from asrsim.actuators.user import declaration_problems
 from asrsim.actuators.vectorised import Array
 
 FREE_RANGE = 0.5
-"""rad: range of the sampled deflections for an actuator without the parameter `max_deflection`."""
+"""Range of the sampled deflections for an actuator without the parameter `max_deflection`, rad."""
 SAMPLES = 200
 """Number of points at which each law is evaluated, for each set of parameters."""
 PARAMETER_SETS = 6
@@ -29,7 +29,7 @@ FAR = 4.0
 INSIDE = 0.95
 """Multiple of the deflection limit up to which slopes are measured: at the limit the slope jumps."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
-"""Steps of the differences, as fractions of the deflection limit. The smaller steps serve where a law has a corner."""
+"""Steps of the differences, as fractions of the deflection limit. Near a corner of a law, the smaller steps are accurate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,7 +177,7 @@ def _slopes(actuator: type[Actuator], point: Point) -> Iterator[Array]:
 def _stiffness_agrees(actuator: type[Actuator]) -> Iterator[tuple[float, object]]:
     points = list(_points(actuator))
     stated = [point.call(actuator.stiffness) for point in points]
-    # Where the stiffness is 0 a relative error is undefined: errors refer to a share of the largest stiffness at least.
+    # At zero stiffness, a relative error is undefined. Errors are relative to at least a fraction of the largest stiffness.
     floor = max(1e-4 * max(map(abs, stated)), 1e-12)
     for point, value in zip(points, stated, strict=True):
         slopes = [-float(slopes[0, 0]) for slopes in _slopes(actuator, point)]

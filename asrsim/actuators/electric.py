@@ -64,7 +64,7 @@ def largest_command(values: Mapping[str, float], index: int, mode: Mode) -> floa
 
 
 NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}
-"""Kind of command -> motor constants that must be larger than 0."""
+"""Motor constants that must be larger than 0, by kind of command."""
 
 
 def missing_constants(values: Mapping[str, float], motors: int, mode: Mode) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """One operation mode."""
+    """Operation mode of an actuator."""
 
     number: int
     name: str

@@ -13,7 +13,7 @@ LOAD_FRICTION = "Duclusaud et al. (2025), extended friction models of servo actu
 DC_MOTOR = "DC motor without inductance: n k_t i, u = R i + n k_t omega"
 DAHL = "Dahl (1968)"
 FRICTION_STIFFNESS = 1000.0
-"""N m/rad, pre-sliding stiffness K of the Dahl friction (paper eq. 8; fixed in the released toolbox)."""
+"""Pre-sliding stiffness K of the Dahl friction, N m/rad (paper eq. 8; fixed in the released toolbox)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""qbMove Advanced: two motors against each other through hyperbolic springs (datasheet; Mengacci et al. 2021a)."""
+"""qbMove Advanced: two antagonistic motors with hyperbolic springs (datasheet; Mengacci et al. 2021a)."""
 
 from __future__ import annotations
 

@@ -14,17 +14,17 @@ ROUNDS = 50
 MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
 TOLERANCE = 1e-14
-"""rad or m (relative for values above 1): width of the bracket at which a root search ends."""
+"""Width of the bracket at which a root search ends, rad or m (relative for values above 1)."""
 FARTHEST = 1e6
-"""rad: largest distance between a motor's reference and its position of rest."""
+"""Largest distance between a motor's reference and its position of rest, rad."""
 
 
 def resting_motors(drive: Drive, position: Array, references: Array, *, limited: bool = True) -> Array:
-    """(positions, n) rad: positions of motors and adjuster at rest, with the link at `position` (n,) rad.
+    """Rest positions (positions, n) of motors and adjuster with the link at `position` (n,), rad.
 
-    references: (positions, n) rad, after the reference map. A controller without integral action leaves the steady-state error
-    tau_el / P. Ideal motors stand at their references. limited: whether the motors' largest torques and position stops apply.
-    Friction is neglected.
+    references: references (positions, n) after the reference map, rad. A controller without integral action has the
+    steady-state error tau_el / P. Ideal motors stand at their references. limited: whether the motors' largest torques and
+    position stops apply. Friction is neglected.
     """
     resting = np.array(references, dtype=float)
     if not (drive.mode.motor and drive.mode.controller):
@@ -42,14 +42,14 @@ def resting_motors(drive: Drive, position: Array, references: Array, *, limited:
 
 
 def resting_integrals(drive: Drive, position: Array, resting: Array) -> Array:
-    """(motors, n) N m: torque of each controller's integral action at rest; 0 without integral action."""
+    """Torque (motors, n) of each controller's integral action at rest, N m; 0 without integral action."""
     torques = over_arrays(drive.actuator.elastic_torques)(position, *resting, drive.elastic)
     rows = zip(torques, drive.integral, drive.max_torque, strict=False)
     return np.array([np.clip(torque, -most, most) * (gain > 0.0) for torque, gain, most in rows])
 
 
 def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions: Array, limited: bool) -> Array:
-    """(n,) rad: position of rest of one motor, with the other motors at `positions` (positions, n)."""
+    """Rest position (n,) of a motor while the other motors stand at `positions` (positions, n), rad."""
     gain, law = drive.proportional[motor], over_arrays(drive.actuator.elastic_torques)
     most = drive.max_torque[motor] if limited else np.inf
     low, high = drive.motor_ranges[motor] if limited else (-np.inf, np.inf)
@@ -77,7 +77,7 @@ def _resting(drive: Drive, motor: int, position: Array, wanted: Array, positions
 def increasing_roots(
     function: Callable[[Array], Array], start: Array, reach: float | Array = 0.1, farthest: float = FARTHEST
 ) -> Array:
-    """(n,) roots of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
+    """Roots (n,) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
     The bracket begins at `start` (n,) with the width `reach`, which is doubled up to `farthest`. Regula falsi (Illinois) then
     narrows the bracket, with a bisection where three steps have not halved it.

@@ -1,4 +1,4 @@
-"""Plugin files: Python files of users, named on the command line, whose actuators are checked and registered."""
+"""Plugin files: Python files of users, given on the command line, whose actuators are checked and registered."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MODULES = "asrsim_plugin_"
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError if `file` lists plugins that the user has not named: a data file must not run code by itself."""
+    """Raise ActuatorError if `file` lists plugins that are not in `named`: a data file must not run code without consent."""
     known = {Path(one).resolve() for one in named}
     problems = [
         Problem("is Python code, which runs only if you name it", file=file, key="plugins", value=one,

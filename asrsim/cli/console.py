@@ -166,8 +166,8 @@ def _joined(group: Sequence[Problem]) -> str:
         return str(first)
     places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group]
     file = f"{first.file}: " if first.file else ""
-    text = f"{file}{len(group)} times: {first.message}: {listed(places, SHOWN)}"
-    return text + (f". {first.hint}" if first.hint else "")
+    text = f"{file}{listed(places, SHOWN)}: {first.message}"
+    return text + (f"{'' if text.endswith('?') else '.'} {first.hint}" if first.hint else "")
 
 
 def error_as_dict(error: AsrsimError) -> dict[str, Any]:

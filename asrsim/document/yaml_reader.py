@@ -52,7 +52,7 @@ def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
-            raise error(f"is larger than {MAX_BYTES} bytes; at most that many are read", file=path, code="too-large")
+            raise error(f"is larger than the limit of {MAX_BYTES} bytes", file=path, code="too-large")
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         raise error(f"is not UTF-8 text ({fault.reason})", file=path, code="encoding") from None

@@ -33,11 +33,11 @@ def make_env(
         act: References that the actions set, as `name` or `joint.name`. Default: the first reference of every joint.
             Actions are in [-1, 1] and are scaled to the range of the reference (`reference_ranges`, else the robot's limits).
         reward: Function that maps the state after each action to the reward. Default: the reward is 0.
-        terminated: Function that maps the state after each action to whether the episode is over.
-        randomise: Key -> law, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
-            Only values that need no new reading of the scenario: parameters, damping, masses, constant references.
-        initial: Joint -> law of its start position in rad or m.
-        goal: Name -> law, drawn at every reset. The values are the last entries of the observation.
+        terminated: Function of the state after each action that returns whether the episode is over.
+        randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
+            Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references.
+        initial: Laws of the start positions by joint, in rad or m.
+        goal: Laws of goal values by name, drawn at every reset. The values are the last entries of the observation.
         tip: Name of a link, and a point on it in m. The position of this point in the world can be observed as `tip`.
 
     Raises:

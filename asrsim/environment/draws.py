@@ -20,7 +20,7 @@ class Draws:
     """Laws of random values, from which each episode draws one value per key."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
-        """laws: key -> list of values, range or distribution, as in sweeps; `key & key`: both get the same value. Raises
+        """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
         InputError."""
         self._axes = [axis_of(name, value) for name, value in laws.items()]
         problems = [
@@ -38,17 +38,17 @@ class Draws:
         return tuple(key for axis in self._axes for key in axis.keys)
 
     def draw(self, chance: np.random.Generator) -> dict[str, float]:
-        """Key -> random value for one episode."""
+        """Random values of an episode by key."""
         return {key: float(value) for axis in self._axes for key, value in axis.assign(_drawn(axis.law, chance)).items()}
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Lower and upper bounds of the values, one per key; infinite for unbounded laws."""
+        """Lower and upper bounds of the values, in the order of the keys; infinite for unbounded laws."""
         pairs = [_bounds(axis, key) for axis in self._axes for key in axis.keys]
         return [low for low, _ in pairs], [high for _, high in pairs]
 
 
 def plan(draws: Draws, prepared: Prepared) -> Plan:
-    """Parts of the scenario that the keys set. Raises InputError for keys that need the scenario to be read anew."""
+    """Parts of the scenario that the keys set. Raises InputError for keys that require reading the scenario again."""
     found = plan_keys(draws.keys, dict.fromkeys(draws.keys, True), prepared.scenario, prepared.robot)
     wrong = [key for key in draws.keys if key not in found.numbers and key not in found.references]
     if wrong:

@@ -1,4 +1,4 @@
-"""A simulation as a Gymnasium environment: one environment of the vectorised kind, with pictures."""
+"""Simulation as a single Gymnasium environment with pictures."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._made_with = scenario, options, {"render_mode": render_mode, "size": size}
         self.render_mode, self._size = render_mode, size
         self._picture: Picture | None = None
-        self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
         self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1)
+        self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
         self.worlds = many.worlds
         """The simulation of the environment, as a single world."""
         self.observation_space, self.action_space = many.single_observation_space, many.single_action_space

@@ -59,7 +59,7 @@ _FORMS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
     "act": ((), _is_names, _NAMES), "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS,
     "goal": _LAWS, "tip": (None, _is_tip, "a link's name and a point on it, such as ('link_2', (0.1, 0, 0))"),
 }  # fmt: skip
-"""Option -> default, function that validates a value, and description of valid values."""
+"""Options by name: default, function that validates a value, and description of valid values."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:

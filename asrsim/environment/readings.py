@@ -23,7 +23,7 @@ _STEP = (
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3
-"""rad or m: margin beyond the stops for observed positions, which are rounded to single precision."""
+"""Margin of observed positions beyond the stops, rad or m, since observations are rounded to single precision."""
 
 
 class Readings:
@@ -71,7 +71,7 @@ class Readings:
         return low, high
 
     def read(self) -> dict[str, Array]:
-        """Quantity -> present values (N, n) in SI units."""
+        """Present values (N, n) of each quantity in SI units."""
         state = self._source.observe()
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}

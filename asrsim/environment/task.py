@@ -30,12 +30,12 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class State:
-    """State after an action, which functions of reward and termination receive."""
+    """State after an action: the argument of the reward and termination functions."""
 
     time: float
-    """s since the start of the episode."""
+    """Time since the start of the episode, s."""
     values: Mapping[str, Array]
-    """Observed quantity -> values (n,) in SI units."""
+    """Values (n,) of each observed quantity in SI units."""
     goal: Mapping[str, float]
     action: Array
     """The action as the caller gave it, nominally in [-1, 1]."""
@@ -107,7 +107,7 @@ class Task:
         return bool(self._random.keys or self._start.keys or self._goal.keys)
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
-        """Parameters of the robot that the episode changes: joint -> parameter -> value."""
+        """Parameters of the robot that the episode changes, by joint and parameter."""
         return self._plan.changes(dict(episode.parameters)) if episode.parameters else {}
 
     def references(self, episode: Episode) -> list[tuple[str, str, float]]:
@@ -145,9 +145,12 @@ def _listed(names: str | Sequence[str]) -> tuple[str, ...]:
 
 def _rewarded(value: Any) -> float:
     try:
-        return float(value)
+        reward = float(value)
     except (TypeError, ValueError):
-        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind") from None
+        reward = math.nan
+    if math.isnan(reward):
+        raise InputError("must return a number", key="reward", value=repr(value), code="option-kind")
+    return reward
 
 
 def _steps(control_rate: float, step: float) -> int:

@@ -39,7 +39,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         """Random values of the present episode of each environment."""
         self._counts = np.zeros(num_envs, dtype=int)
         self._over = np.zeros(num_envs, dtype=bool)
-        """(n,): whether the next step resets the environment, because its episode is over."""
+        """Mask (n,) of the environments that the next step resets, because their episodes are over."""
         self._goals = np.zeros((num_envs, task.goals))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -49,8 +49,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Single, dict[str, Any]]:
-        """Begin new episodes with new random values. seed: seed of the first environment, from which the other seeds count up,
-        or a seed for each environment. options: `reset_mask` (n,) selects the environments to reset; without it, all."""
+        """Begin new episodes with new random values. seed: seed of environment 0, where environment i gets seed + i, or a seed
+        for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset."""
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
         mask = np.broadcast_to(mask, self.num_envs).astype(bool)
         if seed is not None:

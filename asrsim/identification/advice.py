@@ -26,7 +26,7 @@ LONGEST = 600
 
 
 def _moved(result: Result) -> dict[str, dict[str, Any]]:
-    """Joint -> range of its positions (rad, m), largest speed and bandwidth (Hz), over all recordings."""
+    """Range of positions (rad, m), largest speed and bandwidth (Hz) of each joint over all recordings."""
     found: dict[str, dict[str, Any]] = {}
     for one in (one for channels in result.series for one in channels if one["key"].endswith("position")):
         joint = found.setdefault(one["key"].rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
@@ -73,7 +73,8 @@ def _movement(name: str, joint: str, was: dict[str, Any]) -> str:
 
 
 def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
-    """Limits file, and the command that designs the next experiment within the recorded limits; empty if all is identified."""
+    """Limits file, and the command that designs the next experiment within the recorded limits. Both are empty if every
+    parameter is identified."""
     import yaml
 
     unknown = [one for one in result.estimates if one.verdict in (WEAK, RATIO, NO_EFFECT)]

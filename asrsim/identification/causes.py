@@ -31,9 +31,9 @@ PARTLY = 0.5
 FURTHER = 0.8
 """Largest fraction of the mean square error that remains after each suspected cause."""
 CAUSES, ROUNDS = 3, 15
-"""Largest number of causes that are suspected together; largest number of steps of a search with a cause."""
+"""Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
-"""Last parts of quantities whose sensors may have a zero offset."""
+"""Endings of the names of quantities whose sensors may have a zero offset."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which the tie is reported as wrong."""
 BITES, REACHED = (0.75, 0.3), 0.999
@@ -127,7 +127,7 @@ def _causes(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _delay(problem: Problem) -> Iterator[Extension]:
-    """A common delay of all commands."""
+    """Extension by a common delay of all commands."""
     commands = list(dict.fromkeys(c.key for i in problem.fitted for c in problem.tracks[i].data.commands))
     if commands and not any(key.endswith(".delay") or key == "clock" for key in _taken(problem)):
         first, *others = (f"{key}.delay" for key in commands)
@@ -138,7 +138,7 @@ def _delay(problem: Problem) -> Iterator[Extension]:
 
 
 def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Zeros and gains of channels, shared by all recordings, or separate for each."""
+    """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
     layout, free = problem.layout, _taken(problem)
     own = {entry.parameter.key for entry in layout.entries if entry.track is not None}
     first = problem.fitted[0]
@@ -167,7 +167,7 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
 
 
 def _robot(problem: Problem) -> Iterator[Extension]:
-    """Springs, friction, damping and hysteresis that the robot does not have, or that are not free."""
+    """Extensions that free springs, friction, damping and hysteresis that the robot lacks, or that are not free."""
     door, free = problem.tracks[0].door, _taken(problem)
     known = parameters_of(door.robot, (), {})
     for drive in door.drives:
@@ -198,7 +198,7 @@ def _cause(text: str, problem: Problem, parameter: Parameter, ties: Sequence[Tie
 
 
 def _without_ties(problem: Problem, x: Array) -> Iterator[tuple[Tie, Problem]]:
-    """Each tie, with a problem in which the tied parameter is free."""
+    """Yield each tie, and a problem in which the tied parameter is free."""
     layout = problem.layout
     values = dict(zip((entry.parameter.key for entry in layout.entries), layout.values(x).tolist(), strict=True))
     for tie in layout.ties:
@@ -239,7 +239,8 @@ def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, floa
 
 
 def _limits(problem: Problem, x: Array) -> Iterator[Extension]:
-    """Limits of motors below the simulated maximum, or above it if the simulation reaches the limit; both motors share it."""
+    """Extensions that free a motor limit, below the simulated maximum, or above it if the simulation reaches the limit. Both
+    motors of a joint share the limit."""
     for drive, name, level, reached in _motor_limits(problem, x):
         key, unit = f"{drive.name}.{name}", "N m" if "torque" in name else "rad/s"
         if key not in _taken(problem) and reached > 0.0:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from asrsim.identification.layout import Entry, Layout
-from asrsim.identification.problem import Problem, residuals
+from asrsim.identification.problem import Problem
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
@@ -21,14 +20,14 @@ NICE, NICER = 1.5, 2e-3
 """Factor and summand by which the interval of a simpler form may exceed the narrowest interval."""
 HIGHEST = 8.0
 """Largest exponent in a combination."""
-NEARLY = 0.15
-"""Largest distance of an exponent from the integer to which it is rounded."""
+DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
+"""Denominators of the ratios of two exponents in a combination."""
+MULTIPLIED = ("1", "m")
+"""Units of gains, ratios and lever arms: positive parameters with these units are factors, never terms of a sum."""
 MOST, WHOLE = 4, 0.08
 """Largest integer factor of a term in a sum; largest relative distance of a factor from that integer."""
 AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
 """Moments of inertia about the axes; largest distance of an exponent from that of an inertia about the joint."""
-SWAY = 0.7
-"""Largest relative change along an unidentifiable direction at which a combination is checked."""
 
 
 def percent(share: float, sign: str = "") -> str:
@@ -65,7 +64,7 @@ class Combination:
 
 
 def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """Combinations of entries that span the unidentifiable directions.
+    """Combinations of entries that are constant along the unidentifiable directions.
 
     free: entries that are not at a bound and have an effect.
     """
@@ -74,27 +73,25 @@ def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[
     known = _Known(problem, x, found, free)
     rows, pivots = _sparse(known.directions)
     parts = [known.parts(row) for row in rows]
-    result = []
+    result: list[Combination] = []
     for j in set(range(len(free))) - set(pivots):
         exponents = np.eye(len(free))[j]
         for row, pivot, mine in zip(rows, pivots, parts, strict=True):
             # Along a direction the pivot changes by 1 and entry j by row[j], so the product with these exponents is constant.
             exponents[pivot] = -row[j] if {j, pivot} <= mine else 0.0
-        moving = np.flatnonzero(exponents)
-        if len(moving) > 1 and (one := _simplest(known, exponents, moving.tolist())) is not None:
-            result.append(one)
+        if np.count_nonzero(exponents) > 1:
+            result += _simplest(known, exponents)
     return result
 
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """Candidate of a combination: text, gradient with respect to relative changes of the free entries (k,), and value
-    function.
-    """
+    """Candidate of a combination."""
 
     text: str
+    value: float
     change: Array
-    value: Callable[[Array], float]
+    """(k,) relative change of the value for relative changes of the free entries."""
     size: float = 1.0
     """Smallest exponent, by which margins of different powers of a form are made comparable."""
 
@@ -103,27 +100,28 @@ class _Known:
     """Identifiable and unidentifiable directions of relative changes of the free entries."""
 
     def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
-        self.layout, self.found, self.free, self.track = problem.layout, found, list(free), problem.tracks[0]
-        scaled, values = relative(self.layout, x, found.jacobian)
+        self.found, self.free, self.track = found, list(free), problem.tracks[0]
+        self.entries = [problem.layout.entries[i] for i in free]
+        self.keys = {entry.parameter.key for entry in problem.layout.entries}
+        """Keys of all free parameters."""
+        scaled, values = relative(problem.layout, x, found.jacobian)
         self.values = values[self.free]
-        self._units = relative(self.layout, x, np.ones((1, len(x))))[0][0][self.free]
-        self._scaled = scaled[:, self.free]
+        self._units = relative(problem.layout, x, np.ones((1, len(x))))[0][0][self.free]
         # The triangular factor has the same singular directions, and is small.
-        self._triangle = np.linalg.qr(self._scaled, mode="r")
-        _, singular, self._vectors = np.linalg.svd(self._triangle)
-        self._sizes = np.full(len(self.free), 1e-100)
-        self._sizes[: len(singular)] = np.maximum(singular, 1e-100)
+        self._triangle = np.linalg.qr(scaled[:, self.free], mode="r")
+        _, singular, vectors = np.linalg.svd(self._triangle)
+        sizes = np.full(len(self.free), 1e-100)
+        sizes[: len(singular)] = np.maximum(singular, 1e-100)
         # White residuals with this variance would give the same intervals.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
         self._noise = 1.96 * variance**0.5
-        off = self._noise / self._sizes
-        self._inside = off <= UNKNOWN
-        self.directions = self._vectors[~self._inside]
+        off = self._noise / sizes
+        inside = off <= UNKNOWN
+        self.directions = vectors[~inside]
         """(u, k) unidentifiable directions."""
-        self._extent = np.minimum(off[~self._inside], FAR)
-        self._alone = np.sqrt(np.sum((self._vectors * off[:, None]) ** 2, axis=0))
-        self.places = [self.values, *self._swayed(problem, x)] if len(self.directions) else [self.values]
-        """(k,) values of the estimate, and of points along unidentifiable directions that fit equally well."""
+        self._extent = np.minimum(off[~inside], FAR)
+        self._alone = np.sqrt(np.sum((vectors * off[:, None]) ** 2, axis=0))
+        self._inverse = (vectors[inside].T / sizes[inside] ** 2) @ vectors[inside]
 
     def parts(self, direction: Array) -> set[int]:
         """Entries that make an unidentifiable direction unidentifiable: without them it would be known."""
@@ -135,87 +133,57 @@ class _Known:
                 rest = without
         return {int(i) for i in np.flatnonzero(rest) if self._alone[i] > UNKNOWN}
 
-    def _swayed(self, problem: Problem, x: Array) -> Iterator[Array]:
-        base, (low, high) = residuals(problem, x), self.layout.bounds
-        known = self._vectors[self._inside]
-        inverse = (known.T / self._sizes[self._inside] ** 2) @ known
-        plain = np.array([not self.layout.entries[i].parameter.logarithmic for i in self.free]) & (self.values > 0.0)
-        for direction, extent in zip(self.directions, self._extent.tolist(), strict=True):
-            for sway in (-min(extent, SWAY), min(extent, SWAY)):
-                change, there = sway * direction / np.abs(direction).max(), x.copy()
-                there[self.free] += np.where(plain, np.expm1(change), change) * self._units
-                # A correction along the identifiable directions makes it fit as well as x.
-                for _ in range(3):
-                    there[self.free] -= inverse @ (self._scaled.T @ (residuals(problem, there) - base)) * self._units
-                    there = np.clip(there, low, high)
-                yield self.layout.values(there)[self.free]
-
     def margin(self, form: _Form) -> float:
         """Relative half width of a form's 95 % interval, including its change along the unidentifiable directions."""
-        inside = self._vectors[self._inside]
         moves = np.zeros((1, len(self.found.noise)))
-        moves[0, self.free] = (inside.T @ (inside @ form.change / self._sizes[self._inside] ** 2)) * self._units
+        moves[0, self.free] = self._inverse @ form.change * self._units
         deviation, quantile = self.found.deviations(moves)
-        unknown = float(np.linalg.norm(self._extent * (self.directions @ form.change)))
-        here, *others = map(form.value, self.places)
-        moved = max((abs(one / here - 1.0) for one in others), default=0.0)
-        return float(np.linalg.norm([deviation[0] * quantile[0], unknown, moved]))
+        return float(np.linalg.norm([deviation[0] * quantile[0], *(self._extent * (self.directions @ form.change))]))
 
 
-def _simplest(known: _Known, exponents: Array, moving: list[int]) -> Combination | None:
-    """Simplest form with an interval hardly wider than the narrowest: ratio to an inertia, sum, integer powers, real powers."""
-    forms = []
+def _simplest(known: _Known, exponents: Array) -> Iterator[Combination]:
+    """First form whose interval is hardly wider than the narrowest; none if all intervals are wide."""
+    margins = [(known.margin(form), form) for form in _forms(known, exponents)]
+    best = min((margin / form.size for margin, form in margins), default=0.0)
+    for margin, form in margins:
+        if margin < UNKNOWN and margin / form.size < NICE * best + NICER:
+            yield Combination(form.text, form.value, margin, tuple(known.free[i] for i in np.flatnonzero(form.change)))
+            return
+
+
+def _forms(known: _Known, exponents: Array) -> Iterator[_Form]:
+    """Forms that may be constant where the product with these exponents is: ratio to an inertia, sum, integer powers."""
+    moving = np.flatnonzero(exponents)
     if len(moving) == 2:
-        first, second = moving
+        first, second = moving.tolist()
         power = float(exponents[second] / exponents[first])
-        forms += [*_about_joint(known, first, second, power), *_sum(known, first, second, power)]
+        yield from _about_joint(known, second, first, 1.0 / power)
+        yield from _about_joint(known, first, second, power)
+        yield from _sum(known, first, second, power)
     if np.all(known.values[moving] > 0.0):
-        least = float(np.abs(exponents[moving]).min())
-        powers = [factor * exponents / least for factor in (1.0, 2.0, 3.0, 4.0)]
-        whole = [np.round(one) for i, one in enumerate(powers) if np.abs(one - np.round(one)).max() < NEARLY * (i + 1)]
-        products = [_product(known, one, moving) for one in (*whole[:1], exponents)]
-        forms += [one for one in products if np.abs(one.change).max() <= HIGHEST * one.size]
-    margins = [(known.margin(one), one) for one in forms]
-    best = min((margin / one.size for margin, one in margins), default=0.0)
-    for margin, one in margins:
-        if margin < UNKNOWN and margin / one.size < NICE * best + NICER:
-            keys = tuple(known.free[i] for i in np.flatnonzero(one.change))
-            return Combination(one.text, one.value(known.values), margin, keys)
-    return None
-
-
-def _product(known: _Known, exponents: Array, moving: list[int]) -> _Form:
-    # The entry with the smallest exponent stands in the numerator.
-    least = moving[int(np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0)))]
-    powers = exponents * np.sign(exponents[least])
-    named = [(known.layout.entries[known.free[i]].name, float(powers[i])) for i in moving]
-    text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
-    text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
-    return _Form(
-        text, powers, lambda values: float(np.prod(np.maximum(values[moving], 1e-300) ** powers[moving])),
-        float(np.abs(powers[moving]).min()),
-    )  # fmt: skip
+        # The entry with the smallest exponent stands in the numerator.
+        least = moving[np.argmin(np.abs(exponents[moving]) - 1e-9 * (exponents[moving] > 0.0))]
+        for denominator in DENOMINATORS:
+            powers = np.round(denominator * exponents / exponents[least])
+            if np.abs(powers).max() <= HIGHEST * denominator:
+                named = [(known.entries[i].name, float(powers[i])) for i in moving]
+                text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
+                text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
+                yield _Form(text, float(np.prod(known.values[moving] ** powers[moving])), powers, denominator)
 
 
 def _power(name: str, power: float) -> str:
-    return name if abs(power - 1.0) < 5e-3 else f"{name}^{power:.2g}"
+    return name if power == 1.0 else f"{name}^{power:g}"
 
 
-def _about_joint(known: _Known, first: int, second: int, power: float) -> Iterator[_Form]:
-    """Forms k / (izz + m r^2), with the inertia about the joint. first * second^power is constant."""
-    for inertia, other, exponent in ((first, second, 1.0 / power if power else 0.0), (second, first, power)):
-        names = [known.layout.entries[known.free[i]].name for i in (other, inertia)]
-        beside = _beside(known, known.layout.entries[known.free[inertia]])
-        size = float(known.values[inertia])
-        if beside > 0.0 and abs(exponent * (size + beside) / size + 1.0) <= ABOUT:
-            change = np.zeros(len(known.free))
-            change[[other, inertia]] = 1.0, -size / (size + beside)
-            text = f"{names[0]} / ({names[1]} + {beside:.3g} kg m^2, the inertia about the joint)"
-            yield _Form(text, change, partial(_over, other, inertia, beside))
-
-
-def _over(other: int, inertia: int, beside: float, values: Array) -> float:
-    return float(values[other] / (values[inertia] + beside))
+def _about_joint(known: _Known, other: int, inertia: int, power: float) -> Iterator[_Form]:
+    """Form other / (inertia + m r^2), with the inertia about the joint, where other * inertia^power is constant."""
+    beside, size = _beside(known, known.entries[inertia]), float(known.values[inertia])
+    if beside > 0.0 and abs(power * (size + beside) / size + 1.0) <= ABOUT:
+        change = np.zeros(len(known.free))
+        change[[other, inertia]] = 1.0, -size / (size + beside)
+        about = f"({known.entries[inertia].name} + {beside:.3g} kg m^2, the inertia about the joint)"
+        yield _Form(f"{known.entries[other].name} / {about}", float(known.values[other]) / (size + beside), change)
 
 
 def _beside(known: _Known, entry: Entry) -> float:
@@ -223,8 +191,7 @@ def _beside(known: _Known, entry: Entry) -> float:
     is free.
     """
     link, _, name = entry.parameter.key.rpartition(".")
-    free = {one.parameter.key for one in known.layout.entries}
-    if name not in AXES or free & {f"{link}.{what}" for what in ("mass", *"xyz")}:
+    if name not in AXES or known.keys & {f"{link}.{what}" for what in ("mass", *"xyz")}:
         return 0.0
     robot = known.track.door.robot
     body = next((one for one in robot.links if one.name == link), None)
@@ -236,23 +203,25 @@ def _beside(known: _Known, entry: Entry) -> float:
 
 
 def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[_Form]:
-    """Sums other + n pivot of parameters with the same unit, n a small integer."""
-    first, second = (known.layout.entries[known.free[i]] for i in (other, pivot))
+    """Sum other + n pivot of parameters with the same unit, n a small integer."""
+    first, second = known.entries[other], known.entries[pivot]
     a, b = float(known.values[other]), float(known.values[pivot])
     # d a / a + power d b / b = 0: a + times b is constant nearby.
     times = power * a / b if b else 0.0
     signed, whole = min(a, b) <= 0.0, round(times)
+    factors = first.parameter.logarithmic and first.parameter.unit in MULTIPLIED
+    if factors or first.parameter.unit != second.parameter.unit:
+        return
     if 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole):
         times = float(whole)
     elif not signed:
         return
     total = a + times * b
-    if first.parameter.unit == second.parameter.unit and times and (total > 0.0 or signed):
+    if times and (total > 0.0 or signed):
         change = np.zeros(len(known.free))
         change[[other, pivot]] = a / total, times * b / total
         size = "" if abs(times) == 1.0 else f"{abs(times):.3g} "
-        text = f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}"
-        yield _Form(text, change, lambda values: float(values[other] + times * values[pivot]))
+        yield _Form(f"{first.name} {'+' if times > 0 else '-'} {size}{second.name}", total, change)
 
 
 def _sparse(directions: Array) -> tuple[Array, list[int]]:

@@ -40,9 +40,9 @@ class Guide:
     command: str
     """Key of the recorded torque."""
     positions: Array
-    """(n,) recorded positions at the channel's times."""
+    """Recorded positions (n,) at the channel's times."""
     stiffness: float
-    """N m/rad."""
+    """Proportional gain of the controller, N m/rad."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,9 +53,9 @@ class Channel:
     quantity: str
     unit: str
     time: Array
-    """(n,) times on the simulation's clock, s."""
+    """Times (n,) on the simulation's clock, s."""
     values: Array
-    """(n,) finite values in SI units."""
+    """Finite values (n,) in SI units."""
     noise: float
     """Standard deviation of its noise, given or estimated from third differences."""
     quantum: float
@@ -117,13 +117,13 @@ class Data:
     name: str
     path: Path
     duration: float
-    """s."""
+    """Length of the recording, s."""
     channels: tuple[Channel, ...]
     commands: tuple[Command, ...]
     modes: Mapping[str, int]
-    """Joint -> operation mode that replaces the robot's, because of the commands."""
+    """Operation modes, by joint, that replace the robot's modes to suit the commands."""
     parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameters of its controller, if the controller is not the robot's."""
+    """Parameters of controllers that replace the robot's, by joint."""
     guides: tuple[Channel, ...] = ()
     """Recorded positions that joints follow; they are not compared."""
     remarks: tuple[str, ...] = ()
@@ -260,8 +260,8 @@ def _channels(
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
-    """Name of each mapped column that is a multiple of another column -> name of that column. If both are mapped, the
-    position is the measured one.
+    """Mapped columns that are multiples of another column, with the name of the other column. If both are mapped, the position
+    counts as measured.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]

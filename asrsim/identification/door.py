@@ -42,7 +42,7 @@ AT_ONCE = cores()
 
 Drive = SteppedJoint
 Numbers = Mapping[str, Mapping[str, float]]
-"""Joint or link -> name -> value."""
+"""Values of parameters, by joint or link and by name."""
 Substeps = tuple[int, int]
 """Number of substeps in a step, and number of motor substeps in a substep."""
 
@@ -83,7 +83,7 @@ class Door:
     def rollout(
         self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps
     ) -> Iterator[Array | None]:
-        """(names, rows) at whole steps for each world, at least `steps` rows; None if the simulation diverges.
+        """Yield values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation diverges.
 
         names: index of a joint, and quantity.
         """
@@ -96,7 +96,7 @@ class Door:
             try:
                 found = made.rollout(quantities, start=several, steps=steps)
             except RobotError:
-                # One of these sets of parameters is not physical: simulate each alone.
+                # A set of parameters is not physical: simulate each set alone.
                 yield from (one for start in several for one in run([start])) if len(several) > 1 else [None]
                 return
             for world in range(len(several)):
@@ -107,7 +107,7 @@ class Door:
             yield from run(starts[first : first + AT_ONCE])
 
     def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
-        """(rows,) values of a quantity of a joint; NaN if the simulation does not record the quantity."""
+        """Values (rows,) of a quantity of a joint; NaN if the simulation does not record the quantity."""
         missing = np.full(next(iter(found.values())).shape[1], np.nan)
         own = {source: found[source][world, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:

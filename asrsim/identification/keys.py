@@ -21,7 +21,7 @@ TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
     "kg": 0.1, "kg m^2": 1e-3,
 }  # fmt: skip
-"""Unit -> typical size of a parameter whose start value is 0."""
+"""Typical size of a parameter whose start value is 0, by unit."""
 FACTOR = 1e6
 """Largest factor by which a positive parameter may grow or shrink."""
 

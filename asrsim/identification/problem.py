@@ -137,7 +137,7 @@ class Problem:
         return np.concatenate([weigh(one, noise, channel.quantum) for one, channel, noise in parts])
 
     def blocks(self, count: int) -> NDArray[np.intp]:
-        """Number (m,) of the time block of each residual; each recording has `count` blocks."""
+        """Index (m,) of the time block of each residual; each recording has `count` blocks."""
         numbers = []
         for part in self.parts:
             time = part.channel.time[: part.rows.stop - part.rows.start]

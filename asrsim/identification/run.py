@@ -1,4 +1,4 @@
-"""A fit from beginning to end: parameters searched, weighted by the residuals, judged on the held-out part, and reported."""
+"""A complete fit: search for the parameters, weights from the residuals, judgement on the held-out part, and report."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _remarks(setup: Setup, best: Best) -> Iterator[str]:
 
 
 def _series(problem: Problem, before: Errors, after: Errors) -> Iterator[tuple[dict[str, Any], ...]]:
-    """Lines of the picture of each recording and channel."""
+    """Curves for the picture of each channel, by recording."""
     for track, old, new in zip(problem.tracks, before, after, strict=True):
         yield tuple(
             {

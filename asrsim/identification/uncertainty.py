@@ -45,17 +45,17 @@ class Uncertainty:
     """Uncertainty of the parameter vector at the estimate."""
 
     inverse: Array
-    """(n, n) pseudo-inverse of J'J, in the identifiable directions."""
+    """Pseudo-inverse (n, n) of J'J in the identifiable directions."""
     covariance: Array
-    """(n, n) covariance of the vector, scaled to the standard deviations below."""
+    """Covariance (n, n) of the vector, scaled to the standard deviations below."""
     deviation: Array
-    """(n,) standard deviations, the larger of those from noise and from blocks; nan for unidentifiable entries."""
+    """Standard deviations (n,): the larger of two estimates, from noise and from blocks; nan for unidentifiable entries."""
     jacobian: Array
-    """(m, n) derivatives of the weighted residuals."""
+    """Derivatives (m, n) of the weighted residuals."""
     quantile: Array
-    """(n,) half width of the 95 % interval, in standard deviations."""
+    """Half width (n,) of the 95 % interval, in standard deviations."""
     noise: Array
-    """(n, n) S, the covariance of J'r."""
+    """Covariance S (n, n) of J'r."""
     freedom: float
     """Degrees of freedom of the noise's variance."""
     scores: Array

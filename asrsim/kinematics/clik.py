@@ -21,13 +21,13 @@ class JointPath:
     """Joint positions over time, with the errors that remain at the point."""
 
     time: Array
-    """(n,) s."""
+    """Times (n,), s."""
     positions: Array
-    """(n, joints) rad or m, joints in the model's order."""
+    """Joint positions (n, joints) in the model's order, rad or m."""
     position_error: Array
-    """(n,) m, distance of the model's point from the trajectory."""
+    """Distance (n,) of the model's point from the trajectory, m."""
     orientation_error: Array
-    """(n,) rad; zeros where the orientation is free."""
+    """Orientation error (n,), rad; zeros if the orientation is free."""
 
 
 def follow(
@@ -44,9 +44,9 @@ def follow(
 ) -> JointPath:
     """Joint positions that move the point along the trajectory, beginning at `start` (joints,).
 
-    time: (n,) s, ascending; the loop takes one step per entry. moving: which joints may move (None: all). gain: 1/s, of
-    position and orientation error. damping: damping factor of the least squares: in m for position rows, in rad for
-    orientation rows.
+    time: ascending times (n,), s; the loop takes one step per entry. moving: mask of the joints that may move (None: all).
+    gain: gain on position and orientation errors, 1/s. damping: damping factor of the least squares, in m for position rows
+    and in rad for orientation rows.
     No joint passes its stop: it is placed at the stop, and the other joints take over as much of the motion as they can.
     """
     wanted, turned = trajectory.at(time)

@@ -15,7 +15,7 @@ from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 SEARCH = 16.0
-"""rad (or m) from the link's position within which the equilibrium is searched for: a few turns of a motor."""
+"""Largest distance of the equilibrium from the link position in the search, rad or m: a few turns of a motor."""
 EXACT = 1e-9
 """Largest relative error of the torque at which the spring counts as holding the load."""
 
@@ -33,8 +33,10 @@ def equilibrium_for_load(drive: Drive, position: float, load: float, preset: flo
 def equilibria_for_loads(
     drive: Drive, positions: Array, loads: Array, presets: Array, *, droop: bool, time: Array | None = None
 ) -> Array:
-    """(n,) rad: equilibrium positions at the instants of a motion; see `equilibrium_for_load`. All arrays are (n,). time: s,
-    for the message of the error."""
+    """Equilibrium positions (n,) at the instants of a motion, rad; see `equilibrium_for_load`. All arrays are (n,).
+
+    time: times for error messages, s.
+    """
     law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
 
     def torques(equilibria: Array) -> Array:

@@ -9,11 +9,11 @@ import numpy as np
 from asrsim.samples import Array
 
 MODEL_STEP = 4e-3
-"""s: smallest time step between the samples of a motion for the inverse models."""
+"""Smallest time step between the samples of a motion for the inverse models, s."""
 MODEL_SAMPLES = 2000
 """Largest number of samples of a motion: a longer motion is sampled more coarsely."""
 KNOT = 0.03
-"""s, smallest distance between spline knots of motions and inputs: it limits them to about 15 Hz."""
+"""Smallest distance between spline knots of motions and inputs, s. It limits their bandwidth to about 15 Hz."""
 MOST_KNOTS = 200
 """Largest number of spline knots of a motion."""
 
@@ -23,13 +23,13 @@ class DesiredMotion:
     """Positions over time with two derivatives; the columns are in the order of the model's joints."""
 
     time: Array
-    """(n,) s, equidistant."""
+    """Equidistant times (n,), s."""
     positions: Array
-    """(n, joints) rad or m."""
+    """Positions (n, joints), rad or m."""
     velocities: Array
-    """(n, joints)."""
+    """Velocities (n, joints)."""
     accelerations: Array
-    """(n, joints)."""
+    """Accelerations (n, joints)."""
 
     @property
     def step(self) -> float:
@@ -38,7 +38,7 @@ class DesiredMotion:
 
 
 def model_time(duration: float, step: float) -> Array:
-    """(n,) s: the time grid of the models for a motion of `duration` s that is simulated in steps of `step` s."""
+    """Time grid (n,) of the inverse models for a motion of `duration` s that is simulated in steps of `step` s."""
     wanted = max(MODEL_STEP, duration / MODEL_SAMPLES, step)
     return np.linspace(0.0, duration, max(round(duration / wanted), 8) + 1)
 
@@ -49,7 +49,7 @@ def knot_distance(duration: float) -> float:
 
 
 def smooth_motion(time: Array, samples: Array) -> DesiredMotion:
-    """The motion that quintic splines give, fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
+    """Motion along quintic splines, fitted by least squares to `samples` (n, joints) at equidistant `time` (n,)."""
     from scipy.interpolate import make_lsq_spline
 
     duration = float(time[-1] - time[0])

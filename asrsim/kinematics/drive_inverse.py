@@ -26,27 +26,27 @@ from asrsim.kinematics.desired import smooth_motion
 from asrsim.samples import Array
 
 SLOW = 0.02
-"""rad/s: the inverse models approximate friction by F tanh(velocity / SLOW)."""
+"""Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
 RESERVE = 1e-3
-"""Share of a spring's largest torque that is kept in reserve."""
+"""Fraction of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
 """Largest number of iterations between the distance of the motors and the torques of the springs."""
 NUDGE = 1e-6
-"""rad, step of the central differences that give slopes."""
+"""Step of the central differences for slopes, rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveMotion:
-    """The motion and the torques of a drive while its link moves as wanted."""
+    """Motion and torques of a drive during the wanted motion of its link."""
 
     inputs: Array
-    """(n,) rad: the mode's first reference."""
+    """First reference (n,) of the mode, rad."""
     motors: Array
-    """(n, 2) rad, the motor positions of the elastic law; NaN in modes without springs."""
+    """Motor positions (n, 2) in the elastic law, rad; NaN in modes without springs."""
     motor_torques: Array
-    """(n, motors) N m, torques of the motors; no columns for ideal motors."""
+    """Motor torques (n, motors), N m; no columns for ideal motors."""
     holdable: Array
-    """(n,) N m, largest torque of the springs in the direction of the wanted torque."""
+    """Largest torque (n,) of the springs in the direction of the wanted torque, N m."""
 
 
 def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array) -> DriveMotion:
@@ -112,7 +112,7 @@ def reference_map(drive: Drive, preset: Array) -> tuple[Array, Array]:
 
 
 def controller_error(output: Array, proportional: float, integral: float, step: float) -> Array:
-    """(n,) position error r - theta of a controller for which P error + I int error = output (n,)."""
+    """Position error r - theta (n,) of a controller with the output P error + I int error = output (n,)."""
     if integral <= 0.0:
         return np.asarray(output / proportional)
     from scipy.signal import lfilter
@@ -133,8 +133,8 @@ def _distance(
     across: Array,
     commanded: Array,
 ) -> Array:
-    """(n,) distance d of the motors in the next iteration, from sum nu_i (theta_i + lag_i) = nu c with the slope of the springs
-    at the present d."""
+    """Distance d (n,) between the motors in the next iteration, from sum nu_i (theta_i + lag_i) = nu c with the slope of the
+    springs at the present d."""
     gain = np.array(drive.proportional)
     # Controllers with integral action have no steady-state error.
     droop = np.where(np.array(drive.integral) > 0.0, 0.0, across / gain)
@@ -154,7 +154,7 @@ def _distance(
 
 
 def _low_pass(inertia: float, drag: float, stiffness: Array, force: Array, step: float) -> Array:
-    """(n,) solution of inertia x'' + drag x' + stiffness x = force by the midpoint rule, starting from rest."""
+    """Solution x (n,) of inertia x'' + drag x' + stiffness x = force by the midpoint rule, starting from rest."""
     position, rate = float(force[0] / stiffness[0]), 0.0
     found = [position]
     middle = (0.5 * (stiffness[1:] + stiffness[:-1])).tolist()

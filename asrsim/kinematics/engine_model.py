@@ -1,6 +1,6 @@
-"""The rigid-body model of a run: the engine's model of the robot on its base, without other objects, with joint stops.
+"""Rigid-body model of a run: the engine's model of the robot on its base with joint stops, without other objects.
 
-Tests and users may use another class with the members of `EngineModel`.
+Tests and users may replace `EngineModel` by any class with the same members.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ class EngineModel:
         self.joints: tuple[str, ...] = model.joints
         self.links: tuple[str, ...] = tuple(link.name for link in robot.links)
         self.lower, self.upper = np.array([robot.joint(name).stops for name in self.joints]).reshape(-1, 2).T
-        """(n,) rad or m: lower and upper stops; infinite for joints without stops."""
+        """Lower and upper stops (n,), rad or m; infinite for joints without stops."""
 
     def pose(self, positions: Array, link: str, point: Point) -> tuple[Array, Array]:
         """Position (3,) in m of `point` (m, in the frame of `link`) and rotation (3, 3) of the link, in the world."""
         return self._model.link_point(link, point, positions)[:2]
 
     def jacobian(self, positions: Array, link: str, point: Point) -> Array:
-        """(6, n): velocity of the point and angular velocity of the link per joint velocity."""
+        """Jacobian (6, n): velocity of the point and angular velocity of the link per joint velocity."""
         return self._model.link_point(link, point, positions)[2]
 
     def gravity_torques(self, positions: Array) -> Array:
-        """(n,) N m, joint torques that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
+        """Joint torques (n,) that hold the robot at rest against gravity, N m: G(q) of the paper's equation 1."""
         return self._model.bias(positions, np.zeros(len(self.joints)))
 
     def inverse_dynamics(self, positions: Array, velocities: Array, accelerations: Array) -> Array:
-        """(k, n) N m, joint torques of the rigid, undamped robot in this motion; all arguments (k, n), one posture per row."""
+        """Joint torques (k, n) of the rigid, undamped robot in a motion, N m. All arguments are (k, n), one posture per row."""
         rows = zip(positions, velocities, accelerations, strict=True)
         return np.array([self._model.inverse_dynamics(q, v, a) for q, v, a in rows]).reshape(positions.shape)
 
 
 @contextmanager
 def model_of(scenario: Scenario, robot: Robot) -> Iterator[EngineModel]:
-    """The model of a scenario's robot on its base under its gravity, without the world's objects; released at the end.
+    """Context with the model of a scenario's robot on its base under gravity, without the objects of the world.
 
     If the scenario's engine computes no dynamics, the model of the default engine is used.
     """

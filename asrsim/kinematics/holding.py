@@ -1,7 +1,7 @@
 """Positions at which the joints come to rest under the arm's own weight, given their springs and motors.
 
-The motors stand at their references, less the steady-state error of their controllers under load. They give at most their
-largest torque at rest, and each joint at most its effort limit. The friction of the motors is neglected.
+The motors stand at their references minus the steady-state error of their controllers under load. Motor torques are limited
+to the largest torque at rest, and joint torques to the effort limit. The friction of the motors is neglected.
 """
 
 from __future__ import annotations
@@ -25,32 +25,33 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 FALL = 1.0
-"""Sag above which a joint is reported as falling, as a share of the joint's scale."""
+"""Sag above which a joint is reported as falling, as a fraction of the joint's scale."""
 SLIDING = 0.2
-"""m of a prismatic joint that count as much as 1 rad of a revolute joint: a link of this length moves its tip so far."""
+"""Displacement of a prismatic joint that counts as much as 1 rad of a revolute joint, m: the tip of a link of this length moves
+as far."""
 OFF = 0.1
-"""Distance from the reference, as a share of the joint's scale, above which a joint at a stop has fallen onto the stop."""
+"""Distance from the reference, as a fraction of the joint's scale, above which a joint at a stop has fallen onto the stop."""
 STEPS = 400
 """Largest number of relaxation steps until rest."""
 LARGEST_STEP = 0.05
-"""rad: largest relaxation step."""
+"""Largest relaxation step, rad."""
 TABLE = 401
 """Number of link positions at which the torque of a drive is tabulated."""
 FARTHEST = 4.0
-"""rad or m: largest tabulated distance from the reference."""
+"""Largest tabulated distance from the reference, rad or m."""
 POSTURES = 64
 """Number of random postures from which the variation of gravity's torque is estimated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Holding:
-    """How far one joint sags under the arm's weight at the scenario's references, and why."""
+    """Sag of a joint under the arm's weight at the scenario's references, and its causes."""
 
     joint: str
     sag: float
-    """rad or m, the largest distance between the position that the reference asks for and the position of rest."""
+    """Largest distance between the commanded position and the position of rest, rad or m."""
     load: float
-    """N m or N, load of gravity on the joint at the position that the reference asks for, at the instant `time`."""
+    """Gravity load on the joint at the commanded position and the instant `time`, N m or N."""
     on_stop: bool
     """Whether the joint rests at a stop although its reference is elsewhere."""
     limited: bool
@@ -58,11 +59,11 @@ class Holding:
     overloaded: bool
     """Whether the joint's effort limit clips the torque of its springs."""
     time: float
-    """s, the instant of the largest sag."""
+    """Instant of the largest sag, s."""
     scale: float
-    """rad or m, unit in which the sag of this joint is judged: 1 rad, `SLIDING`, or the joint's travel if that is shorter."""
+    """Scale for the sag of this joint, rad or m: 1 rad, `SLIDING`, or the joint's travel if that is shorter."""
     droop: float
-    """rad or m of the sag that comes from the steady-state error of the motors' controllers."""
+    """Part of the sag that the steady-state error of the motor controllers causes, rad or m."""
 
     @property
     def falls(self) -> bool:
@@ -71,7 +72,7 @@ class Holding:
 
 
 def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Array, Array]:
-    """Positions that the references ask for at `time`: (positions, n) of the motors and an adjuster, and (n,) of the link."""
+    """Commanded positions at `time`: motors and adjuster (positions, n), and link (n,)."""
     actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]
     given = scenario.references_of(block.joint)
     rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
@@ -120,7 +121,7 @@ def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> t
 
 
 def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
-    """(n,) s: the start, the end, and instants at which references are at an extreme."""
+    """Instants (n,) to check, s: the start, the end, and extremes of the references."""
     grid = np.linspace(0.0, scenario.duration, 101)
     chosen = {0.0, float(scenario.duration)}
     for block in blocks:
@@ -135,7 +136,7 @@ class _Joint:
     """A joint with its drive at rest: the torque on the link, tabulated over positions of the link for each of n instants."""
 
     def __init__(self, drive: Drive, goals: Array, wanted: Array, robot: Robot, weights: Array) -> None:
-        """weights: N m, torques of gravity in random postures; the largest bounds how this torque varies with the posture."""
+        """weights: gravity torques in random postures, N m; the largest bounds the variation of the torque with the posture."""
         self._drive, self._goals, self._joint = drive, goals, robot.joint(drive.joint)
         self._weight = max(float(np.abs(weights).max()), 1e-6)
         low, high = self._joint.stops
@@ -152,7 +153,7 @@ class _Joint:
         return resting, over_arrays(self._drive.actuator.elastic_torques)(position, *resting, self._drive.elastic)
 
     def settle(self, position: Array, load: Array, share: Array) -> Array:
-        """(n,) position after a relaxation step towards equilibrium with the load. share: fraction of a full step."""
+        """Position (n,) after a relaxation step towards equilibrium with the load. share: fraction of a full step."""
         table = zip(position, self._places.T, self._torques.T, self._slopes.T, strict=True)
         rows = [(np.interp(q, places, torques), np.interp(q, places, slopes)) for q, places, torques, slopes in table]
         torque, stiffness = np.array(rows).T

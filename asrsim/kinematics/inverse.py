@@ -1,4 +1,4 @@
-"""Inverse dynamics through the springs: the input that moves soft joints as wanted, and whether the drives can follow.
+"""Inverse dynamics of soft joints: the input for a desired motion, and the demands of the motion on the drives.
 
 tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then the inverse model of each joint's drive
 """
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
 START = 0.1
-"""s: initial interval in which demands are not checked, since motors that start unloaded must first take up their load. The
+"""Initial interval in which demands are not checked, s: motors that start unloaded must first take up their load. The
 last two knots of the splines are not checked either, since the derivatives are inaccurate there."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """The largest value that a motion needs of one part of a joint, and the limit of that part."""
+    """Largest demand of a motion on a part of a joint, and the limit of this part."""
 
     joint: str
     what: str
@@ -45,7 +45,7 @@ class Demand:
     limit: float
     unit: str
     time: float
-    """s, the instant of the largest value."""
+    """Instant of the largest value, s."""
     motor: int = 0
     """Number of the motor, 1 or 2; 0 if the demand does not concern a motor."""
 
@@ -66,21 +66,21 @@ class Demand:
 
 @dataclass(frozen=True, kw_only=True)
 class InverseDynamics:
-    """The input that moves the joints as wanted, with its demands on motors, springs and joints."""
+    """Input for a desired motion, with its demands on motors, springs and joints."""
 
     motion: DesiredMotion
-    """The desired motion of the model's joints."""
+    """Desired motion of the model's joints."""
     joints: tuple[str, ...]
-    """The driven joints."""
+    """Names of the driven joints."""
     torques: Array = field(repr=False)
-    """(n, joints) N m, torques on the links."""
+    """Torques (n, joints) on the links, N m."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
     """Demands on all parts of all joints, the highest score first."""
 
     @property
     def inputs(self) -> Array:
-        """(n, joints): first references of the joints."""
+        """First references (n, joints) of the joints."""
         return np.column_stack([drive.inputs for drive in self.drives])
 
     @property
@@ -89,7 +89,7 @@ class InverseDynamics:
         return tuple(demand for demand in self.demands if demand.score > 1.0)
 
     def inputs_at(self, time: Array, delays: Sequence[float] = ()) -> Array:
-        """(k, joints) inputs at `time` (k,), advanced by the commands' delays in s; constant beyond both ends."""
+        """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
         from scipy.interpolate import CubicSpline
 
         own = self.motion.time
@@ -114,11 +114,11 @@ class SoftArm:
 
     @cached_property
     def drives(self) -> dict[str, Drive]:
-        """Joint -> drive, for the joints whose first reference is a position."""
+        """Drives by joint, for the joints whose first reference is a position."""
         return {block.joint: drive_of(block) for block in self.robot.actuators if block.mode in INVERTED_MODES}
 
     def preset(self, joint: str, time: Array) -> Array:
-        """(n,): second reference of the joint; zeros in modes without a second reference."""
+        """Second reference (n,) of the joint; zeros in modes without a second reference."""
         names = self.drives[joint].mode.references
         given = self.scenario.references_of(joint)
         return given[names[1]].values(time) if len(names) > 1 and names[1] in given else np.zeros(len(time))
@@ -129,7 +129,7 @@ class SoftArm:
         return 0.0 if effects is None else effects.delay
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
-        """The motion of all joints of the model when `joints` move along `positions` (n, joints) at `time` (n,).
+        """Motion of all joints of the model while `joints` move along `positions` (n, joints) at `time` (n,).
 
         Other driven joints follow their desired motions, or their references. Joints without a drive do not move.
         """
@@ -148,7 +148,7 @@ class SoftArm:
         return smooth_motion(grid, np.column_stack(columns))
 
     def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
-        """The inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
+        """Inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
 
         Raises ScenarioError for controllers without proportional gain.
         """
@@ -184,7 +184,7 @@ class SoftArm:
 
 
 def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMotion) -> Array:
-    """(n,) N m s/rad: viscous damping of the link at each instant."""
+    """Viscous damping (n,) of the link at each instant, N m s/rad."""
     if not drive.mode.spring:
         return np.full(len(position), law.constant)
     stiffness = over_arrays(drive.actuator.stiffness)(position, item.motors[:, 0], item.motors[:, 1], drive.elastic)
@@ -194,7 +194,7 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
 def demands_of(
     drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint | None = None
 ) -> list[Demand]:
-    """The highest demand of the motion on each part of a joint. joint: None to ignore effort limit and stops."""
+    """Largest demand of the motion on each part of a joint. joint: None to ignore effort limit and stops."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     slides = joint is not None and joint.kind == "prismatic"

@@ -1,4 +1,4 @@
-"""From a Cartesian task to references, before the run: reachability, inverse kinematics, gravity compensation."""
+"""References for a Cartesian task, computed before the run: reachability, inverse kinematics, gravity compensation."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 PLAN_STEP = 2e-3
-"""s, time step of the inverse kinematics; references are linear between its results."""
+"""Time step of the inverse kinematics, s; references are interpolated linearly between its results."""
 ORIENTATION_TOLERANCE = 0.01
-"""rad: error above which an orientation counts as unreachable."""
+"""Orientation error above which a pose counts as unreachable, rad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class PlannedReferences:
     path: JointPath
     """Link positions that fulfil the task."""
     references: Mapping[str, Mapping[str, Array]]
-    """Joint -> name of the reference -> (n,) values at `path.time`."""
+    """Reference values (n,) at `path.time`, by joint and name of the reference."""
 
     @property
     def time(self) -> Array:
-        """(n,) s: times of the path and the references."""
+        """Times (n,) of the path and the references, s."""
         return self.path.time
 
     def signals(self) -> dict[str, dict[str, Signal]]:
@@ -58,9 +58,10 @@ def plan(
 ) -> PlannedReferences:
     """References that move the task's point along its poses.
 
-    drives: the actuated joints. A joint that the task does not move stays at its initial position; with gravity compensation,
-    its references account for the weight. initial: joint -> link position at the start, 0 by default. duration: s. presets:
-    joint -> second reference; default: the task's preset, else the typical preset of the actuator.
+    drives: drives of the actuated joints. A joint that the task does not move stays at its initial position; with gravity
+    compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
+    duration: length of the run, s. presets: second references by joint; default: the preset of the task, or else the typical
+    preset of the actuator.
     Raises ScenarioError for paths that the robot cannot follow (it names the time), and for loads
     that a spring or motor cannot hold.
     """
@@ -128,14 +129,14 @@ def _check_path(
 
 
 def _preset(task: CartesianTask, drive: Drive, presets: Mapping[str, Signal], time: Array) -> Array:
-    """(n,) values of the second reference at `time`."""
+    """Values (n,) of the second reference at `time`."""
     if drive.joint in presets:
         return presets[drive.joint].values(time)
     return np.full(len(time), for_joint(task.preset, drive.joint, drive.actuator.typical_preset))
 
 
 def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Array]:
-    """Name of each reference of the mode -> values for the given equilibrium positions."""
+    """Values of each reference of the mode, by name, for the given equilibrium positions."""
     mode = drive.mode
     if len(mode.references) == 1:
         return {mode.references[0]: equilibria}

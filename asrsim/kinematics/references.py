@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
-    """The scenario with its task and its desired motions replaced by references; unchanged if it has neither.
+    """Scenario in which references replace the task and the desired motions; unchanged if it has neither.
 
     robot: the robot with the scenario's modes and parameters. Presets in the scenario's references are kept, and gravity
     compensation accounts for them. Raises ScenarioError for poses that cannot be reached and loads that cannot be held.
@@ -46,7 +46,7 @@ def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
 
 
 def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
-    """Joint -> the first reference that moves the links as the scenario's `inverse_dynamics` requires.
+    """First references, by joint, that move the links as the scenario's `inverse_dynamics` requires.
 
     Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
     """
@@ -97,7 +97,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
 
 
 def plan_task(scenario: Scenario, robot: Robot) -> PlannedReferences:
-    """The plan of a scenario's task, with the path of the joints. Raises ScenarioError as `plan_references` does."""
+    """References and joint path for the task of a scenario. Raises ScenarioError as `plan_references` does."""
     from asrsim.kinematics.engine_model import model_of
 
     if scenario.task is None:

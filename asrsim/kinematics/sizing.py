@@ -26,35 +26,36 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 SAG = 0.3
-"""rad: sag above which a joint gets a warning; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad,
-a share of the joint's scale (see `Holding.scale`)."""
+"""Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
+fraction of the joint's scale (see `Holding.scale`)."""
 ENOUGH = 0.15
-"""rad (or share of the scale): sag that proposed parameters leave. It is below `SAG` as a margin for neglected effects."""
+"""Sag with proposed parameters, rad or fraction of the scale. It is below `SAG` as a margin for neglected effects."""
 RESERVE = 0.5
-"""Share of a motor's largest torque that may be needed to hold an arm with proposed parameters: the rest moves the arm.
+"""Largest fraction of a motor's torque that holds an arm with proposed parameters. The rest moves the arm.
 (Measured on 35 random arms without damping. At 0.8, two arms were at their motors' limits for two thirds of a run, with mean
 errors of 0.06 and 0.07 m at sliders. At 0.5, one arm was at its limits for a third of the run, with a mean error of 0.02 m.)"""
 TRIES = 40
 """Largest number of attempts to find parameters."""
 SLOW = 5.0
-"""rad/s: lowest natural frequency of a joint with proposed parameters. A slower joint has not reached its reference when a run
-of some seconds ends, even with good damping."""
+"""Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
+a few seconds, even with good damping."""
 STEP_SHARE = 0.6
-"""Share of a motor's largest torque that a step of its reference needs, with proposed parameters."""
+"""Fraction of a motor's largest torque that a step of its reference needs with proposed parameters."""
 LONGEST_DECAY = 8.0
-"""s: settling time (to 5 %) with the damping of the robot file, above which a warning is given."""
+"""Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
-"""Proposed damping ratio of a joint; in an overdamped arm the effect of the springs would be invisible."""
+"""Proposed damping ratio of a joint. In an overdamped arm, the effect of the springs would not be visible."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sizing:
-    """How far the joints sag or fall, and parameters that would hold them."""
+    """Sag of the joints, and parameters that would hold the arm."""
 
     joints: tuple[Holding, ...]
     """Sag of each joint that has a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Joint -> parameter -> value with which no joint sags too much; empty if none does, or if no such values were found."""
+    """Values of parameters, by joint and parameter, with which no joint sags too much. Empty if no joint sags too much, or if
+    no such values were found."""
 
     @property
     def weak(self) -> tuple[Holding, ...]:
@@ -65,9 +66,9 @@ class Sizing:
 def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True, sag: float = SAG) -> Sizing:
     """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
-    robot: the robot with the scenario's modes and parameters. Ignored are floating bases, modes without springs, references
-    that are torques, voltages or currents, and references that already account for the weight: those of a task, of learning,
-    or of a joint with a `desired` motion. sag: parameters are proposed for joints that sag by more than this; see `SAG`.
+    robot: the robot with the scenario's modes and parameters. The function ignores floating bases, modes without springs,
+    torque, voltage and current references, and references that already account for the weight (of a task, of learning, or of
+    a joint with a `desired` motion). sag: sag above which parameters are proposed for a joint; see `SAG`.
     """
     blocks = [
         block
@@ -107,7 +108,7 @@ def holding_findings(scenario: Scenario, robot: Robot, *, propose: bool) -> tupl
 def problems_of_weight(
     found: Sizing, robot: Robot, file: Path | None = None, *, cure: str = "Choose stiffer actuators or a lighter arm"
 ) -> tuple[Problem, ...]:
-    """A warning for each joint that sags or falls. cure: hint of the warnings if no parameters are proposed."""
+    """Warnings, one for each joint that sags or falls. cure: hint of the warnings if no parameters are proposed."""
     values = ", ".join(
         f"{joint}: {{{', '.join(f'{name}: {value:g}' for name, value in given.items())}}}"
         for joint, given in found.proposal.items()
@@ -131,7 +132,7 @@ def problems_of_weight(
 
 
 def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
-    """Joint -> parameter -> value with which no joint is slow and the motors can follow steps of the references."""
+    """Values of parameters, by joint and parameter, with which no joint is slow and the motors can follow reference steps."""
     inertia, blocks = _carried(robot), _sprung(robot)
     loads = {one.joint: abs(one.load) for one in holdings(scenario, robot, blocks)} if any(scenario.gravity) else {}
     found: dict[str, dict[str, float]] = {}
@@ -150,7 +151,7 @@ def steadying(scenario: Scenario, robot: Robot) -> dict[str, dict[str, float]]:
 
 
 def calming(scenario: Scenario, robot: Robot) -> tuple[float, Mapping[str, Mapping[str, float]]]:
-    """Settling time of the arm in s with the damping of the robot file, and joint -> proposed keys of `link_damping`. The
+    """Settling time of the arm with the damping of the robot file in s, and proposed keys of `link_damping` by joint. The
     proposal is empty if the arm settles soon, or if its masses are unknown."""
     inertia = _carried(robot)
     lasts, keys = 0.0, {}
@@ -169,12 +170,12 @@ def _sprung(robot: Robot) -> list[ActuatorBlock]:
 
 
 def _beyond(joints: tuple[Holding, ...], sag: float) -> tuple[Holding, ...]:
-    """Joints that sag by more than `sag` (a share of their scale), or come to rest on a stop."""
+    """Joints that sag by more than `sag` (a fraction of their scale), or come to rest on a stop."""
     return tuple(one for one in joints if one.on_stop or one.sag > sag * one.scale)
 
 
 def _carried(robot: Robot) -> dict[str, float]:
-    """Joint -> inertia in kg m^2 that its spring moves if all joints accelerate equally."""
+    """Inertia that the spring of each joint moves if all joints accelerate equally, kg m^2, by joint."""
     names = [joint.name for joint in robot.moving_joints]
     return dict(zip(names, np.abs(zero_pose_matrix(robot)).sum(axis=1).tolist(), strict=True))
 

@@ -1,4 +1,4 @@
-"""Poses of the tip of a Cartesian task: the actual pose of the task's point, and its desired pose."""
+"""Actual and desired pose of the point that a Cartesian task moves, the tip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class TipPoses:
-    """Adds the actual and the desired pose of the tip to samples, as two bodies of the log."""
+    """Function object that adds the actual and the desired pose of the tip to samples, as two bodies of the log."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         """The scenario must have a task."""
@@ -40,7 +40,7 @@ class TipPoses:
         return position + rotation @ np.array(self._task.point), rotation
 
     def added(self, samples: Samples) -> Samples:
-        """The samples with the bodies `tip` and `tip_goal`; the goal turns with the tip if its orientation is free."""
+        """Samples with the bodies `tip` and `tip_goal`. If the orientation is free, the goal has the orientation of the tip."""
         table = dict(zip(samples.joints, samples.values["link_position"].T, strict=True))
         root = self._chain.robot.root.name
         position, rotation = self._tip(table, _pose(samples.bodies[root]) if root in samples.bodies else None)

@@ -24,7 +24,7 @@ def linear(fraction: Array) -> Array:
 
 
 INTERPOLATIONS: dict[str, Callable[[Array], Array]] = {"minimum_jerk": minimum_jerk, "linear": linear}
-"""Profile -> covered fraction of a segment's length, as a function of the elapsed fraction of its time."""
+"""Profiles by name: fraction of the segment's length that is covered after a fraction of its time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,18 +32,18 @@ class PoseTrajectory:
     """Straight segments between poses, each turning about one axis; constant before the first and after the last pose."""
 
     times: Array
-    """(m,) s, ascending: when each pose is reached."""
+    """Ascending times (m,) at which the poses are reached, s."""
     positions: Array
-    """(m, 3) m, world frame."""
+    """Positions (m, 3) in the world frame, m."""
     rotations: Array | None
-    """(m, 3, 3); None: the orientation is free."""
+    """Rotations (m, 3, 3); None: the orientation is free."""
     interpolation: str = "minimum_jerk"
 
     @classmethod
     def through(
         cls, poses: tuple[CartesianPose, ...], interpolation: str, start: tuple[Array, Array] | None = None
     ) -> PoseTrajectory:
-        """A trajectory through a task's poses.
+        """Trajectory through the poses of a task.
 
         start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose comes later than that.
         """

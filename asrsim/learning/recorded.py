@@ -84,8 +84,8 @@ def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequenc
         if ends > MISSING * len(gap) or inside > BRIDGED:
             where = f"{columns[0].time[0] - lag:.3g} to {columns[0].time[-1] - lag:.3g} s"
             message = (
-                f"must contain the link positions of the whole motion, 0 to {plant.time[-1]:.4g} s; it lasts from {where} on "
-                f"the motion's clock, with {int(missing.any(axis=1).sum())} of {len(plant.time)} samples missing"
+                f"must contain the link positions of the whole motion, 0 to {plant.time[-1]:.4g} s; it covers {where} on "
+                f"the motion's clock, and {int(missing.any(axis=1).sum())} of {len(plant.time)} samples are missing"
             )
             hint = f"Record the whole motion without gaps longer than {BRIDGED:g} s; --lag states the offset of its clock"
             raise InputError(message, file=recording.path, hint=hint, code="recording-too-short")

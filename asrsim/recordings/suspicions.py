@@ -15,7 +15,7 @@ from asrsim.samples import Array
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
 """Typical wrong units: (value in this unit / value in SI, name of the unit)."""
 _FEWEST = 20
-"""Fewest common samples for a comparison of two columns."""
+"""Smallest number of common samples for a comparison of two columns."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 

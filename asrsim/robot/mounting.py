@@ -152,7 +152,7 @@ def with_overrides(
 
     Parameters have our names or the toolbox's tags. Under `"*"`, parameters that an actuator lacks are ignored if another
     actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError with all
-    problems: unknown joints, modes and parameters, values out of range, and values that do not fit together.
+    problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
     """
     changed, problems = overridden(robot, modes or {}, parameters or {})
     problems += block_faults(changed, robot)
@@ -208,8 +208,8 @@ def overridden(
 
 
 def block_faults(robot: Robot, before: Robot) -> list[Problem]:
-    """Problems of values in a block that do not fit together. A problem that the block in `before` has too belongs to the
-    robot's file.
+    """Problems of inconsistent values in actuator blocks. A problem that the block in `before` also has is attributed to the
+    robot file.
     """
     earlier = {block.joint: block for block in before.actuators}
     found = []

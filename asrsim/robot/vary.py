@@ -48,7 +48,9 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             continue
         for name, value in values.items():
             fault: str | None = None
-            if owner in joints and name in JOINT_NAMES:
+            if value != value:
+                fault = "must be a number"
+            elif owner in joints and name in JOINT_NAMES:
                 changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
                 joints[owner] = replace(joints[owner], **changed)
                 if value < 0.0 and name != "passive_reference":

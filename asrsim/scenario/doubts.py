@@ -22,7 +22,7 @@ from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import extremes, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
-from asrsim.signals.combine import Sum
+from asrsim.signals.combine import Delay, Scale, Sum
 from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 
 STRONGEST = 30.0
@@ -136,12 +136,14 @@ def _too_fast(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _terms(key: str, signal: Signal) -> Iterator[tuple[str, Signal]]:
-    """(key, signal), or (key, term) for each term of a sum."""
-    if not isinstance(signal, Sum):
+    """(key, signal), or (key, part) for each part of a sum, of a scaled or of a delayed signal."""
+    if isinstance(signal, Sum):
+        for index, term in enumerate(signal.terms):
+            yield from _terms(f"{key}.sum.{index}", term)
+    elif isinstance(signal, Scale | Delay):
+        yield from _terms(f"{key}.{signal.kind}.of", signal.of)
+    else:
         yield key, signal
-        return
-    for index, term in enumerate(signal.terms):
-        yield from _terms(f"{key}.sum.{index}", term)
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

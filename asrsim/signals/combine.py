@@ -12,7 +12,7 @@ from asrsim.document.composite import ListOf
 from asrsim.document.kinds import NOT_NEGATIVE, NUMBER
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import between, require
+from asrsim.signals.common import between, require, rounded
 from asrsim.signals.parse import SIGNAL
 
 
@@ -69,7 +69,7 @@ class Delay(Signal):
         if inner.size:
             # Rounding must not move a sample across a jump: `values` and `jumps` must agree.
             jumps = self.of.jumps(float(inner.min()) - 1e-6, float(inner.max()) + 1e-6)
-            seen = np.searchsorted(jumps + self.by, time, side="right")
+            seen = np.searchsorted(rounded(jumps + self.by), time, side="right")
             found = np.searchsorted(jumps, inner, side="right")
             late, early = found < seen, found > seen
             inner[late] = jumps[seen[late] - 1]
@@ -78,4 +78,4 @@ class Delay(Signal):
 
     def jumps(self, start: float, end: float) -> Array:
         inner = self.of.jumps(start - self.by - 1e-6, end - self.by + 1e-6)
-        return between(inner + self.by, start, end)
+        return between(rounded(inner + self.by), start, end)

@@ -40,6 +40,11 @@ def require(condition: bool, message: str, *, key: str) -> None:
         raise ScenarioError(message, key=key, code="signal")
 
 
+def rounded(times: Array) -> Array:
+    """Times rounded as those of steps (`asrsim.samples.grid`): an edge at 0.1 + 0.02 s is at the step at 0.12 s."""
+    return np.round(times, 12)
+
+
 def between(times: Array, start: float, end: float) -> Array:
     """Times that lie in [start, end], from ascending `times`."""
     return times[(times >= start) & (times <= end)]

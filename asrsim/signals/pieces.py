@@ -14,7 +14,7 @@ from asrsim.document.composite import ListOf
 from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, Optional
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require, since, start_time
+from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require, rounded, since, start_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ class PulseTrain(Signal):
             last = min(last, self.count - 1)
         require(last - first < MOST, f"needs {last - first} pulses between {start:g} and {end:g} s", key="period")
         rising = self.start + self.period * np.arange(first, last + 1, dtype=np.float64)
-        return rising, rising + self.width
+        return rounded(rising), rounded(rising + self.width)
 
     def values(self, time: Array) -> Array:
         time = np.asarray(time, dtype=np.float64)

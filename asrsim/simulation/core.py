@@ -196,8 +196,8 @@ class Core:
         return Given(*lists)._replace(wrenches=given.wrenches, lengths=given.lengths)
 
     def run(self, which: NDArray[np.int64], given: Given, *options: Any) -> None:
-        """Advance worlds by rows of what is given; options: first, count, every, watched, columns, out, rows, references; see
-        :func:`asrsim.simulation.kernel.run`. Raises what a law or the engine raises."""
+        """Advance worlds with the inputs `given`. options: first, count, every, watched, columns, out, rows, references; see
+        `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
             self._call(bounds[0], which, given, *options)

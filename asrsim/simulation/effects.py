@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from asrsim.samples import Array
 from asrsim.scenario.data import Effects
 from asrsim.signals.base import Signal
+from asrsim.signals.combine import Delay
+from asrsim.signals.common import rounded
 
 _BLOCK = 4096
 """Number of noise samples that are drawn in one call."""
@@ -55,8 +58,9 @@ class Imperfect(Signal):
         period = 1.0 / effects.rate if effects.rate else self.step
         # A tick at the time of a sample belongs to this sample, even if rounding makes it slightly later.
         ticks = np.floor(time / period + 1e-6)
-        seen = ticks * period if effects.rate else time
-        values = self.of.values(np.maximum(seen - effects.delay, 0.0))
+        seen = rounded(ticks * period) if effects.rate else time
+        # Before the delay has passed, the value is that at t = 0.
+        values = self._delayed.values(np.maximum(seen, effects.delay))
         if effects.noise:
             values = values + Noise(self.seed, effects.noise).draw(ticks)
         if effects.quantum:
@@ -67,10 +71,12 @@ class Imperfect(Signal):
         effects = self.effects
         if effects.rate:
             period = 1.0 / effects.rate
-            return np.arange(np.ceil(start / period - 1e-9), np.floor(end / period + 1e-9) + 1) * period
-        if effects.noise or effects.quantum:
-            return np.empty(0)
-        return self.of.jumps(max(start - effects.delay, 0.0), end - effects.delay) + effects.delay
+            return rounded(np.arange(np.ceil(start / period - 1e-9), np.floor(end / period + 1e-9) + 1) * period)
+        return self._delayed.jumps(max(start, effects.delay), end)
+
+    @cached_property
+    def _delayed(self) -> Signal:
+        return Delay(by=self.effects.delay, of=self.of) if self.effects.delay else self.of
 
 
 def through(signal: Signal, effects: Effects | None, *, step: float, seed: tuple[int, ...]) -> Signal:

@@ -34,10 +34,10 @@ ROUNDS = 200
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Model) -> tuple[SteppedJoint, ...]:
     """The drives with start values at static equilibrium under the references at t = 0.
 
-    Newton's method on the links' positions, towards a minimum of the potential energy; motors follow, each where its
-    controller's torque is the spring's. A joint that is pressed onto its stop rests there. A joint without actuator hangs where
-    gravity and its passive spring put it. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and
-    8) stay where they are. Raises ScenarioError naming the joint that finds no balance.
+    Newton's method minimises the potential energy over the link positions. Each motor stands where its controller torque equals
+    the spring torque. A joint that is pressed onto its stop rests there. A joint without actuator rests where gravity and its
+    passive spring balance. Joints that references drive with a torque, a voltage or a current (modes 0, 4, 7 and 8) keep their
+    positions. Raises ScenarioError that names a joint without an equilibrium.
     """
     inputs = Inputs(scenario, drives, substep=scenario.step, staggered=False)
     sampled = np.ascontiguousarray(inputs.sample(np.zeros(1)).T)

@@ -120,7 +120,7 @@ class Inputs:
     def sample(self, time: Array) -> Array:
         """External torques and references (n, joints, columns) at `time` (n,)."""
         rows = np.empty((len(time), len(self._signals[0]), len(self._signals)))
-        # Joints share the signals that are given for all.
+        # Joints with the same signal share its samples.
         known: dict[int, Array] = {}
         for column, signals in enumerate(self._signals):
             for joint, signal in enumerate(signals):

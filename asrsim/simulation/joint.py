@@ -156,7 +156,8 @@ def advance(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: 
 def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int, whole: bool) -> None:
     """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
 
-    During motor substeps the link does not move; the mean of their torques acts on it, which stays bounded.
+    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
+    torque bounded.
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
     turns = int(p[P_SUBSTEPS]) if h == z[STEP] else 1

@@ -61,7 +61,9 @@ def prepare(
     from asrsim.scenario import apply_to_robot, checked_robot
 
     scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    robot, warnings = checked_robot(scenario, robot)
+    declared = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
+                for joint in {**scenario.reference_ranges, **(ranges or {})}}  # fmt: skip
+    robot, warnings = checked_robot(replace(scenario, reference_ranges=declared), robot)
     robot = apply_to_robot(scenario, robot)
     stepping = STEPPINGS.get(scenario.stepping)
     drives = make_drives(
@@ -72,6 +74,7 @@ def prepare(
         motor_velocities=scenario.initial_motor_velocities,
         link_damping=scenario.link_damping,
     )
+    _check_ranges(ranges or {}, drives)
     if scenario.task is not None or any(scenario.inverse_dynamics.values()):
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
@@ -81,9 +84,7 @@ def prepare(
     try:
         if scenario.initial_equilibrium and engine.model is not None:
             drives = at_equilibrium(scenario, drives, engine.model)
-        ranges = {joint: {**scenario.reference_ranges.get(joint, {}), **(ranges or {}).get(joint, {})}
-                  for joint in {**scenario.reference_ranges, **(ranges or {})}}  # fmt: skip
-        resolution = _resolve(scenario, drives, engine, ranges)
+        resolution = _resolve(scenario, drives, engine, declared)
         substep = scenario.step / resolution.substeps
         sensors = tuple(
             sensor_of(drive, for_joint(scenario.sensor_effects, drive.name), substep=substep, index=index, seed=scenario.seed)
@@ -104,7 +105,7 @@ def prepare(
         warnings=(*robot.warnings, *warnings, *engine_warnings),
         initial_positions=tuple(drive.initial_position for drive in drives),
         initial_velocities=tuple(float(for_joint(scenario.initial_velocities, drive.name, 0.0)) for drive in drives),
-        ranges=ranges,
+        ranges=declared,
         _spare=[engine],
     )
 
@@ -163,6 +164,22 @@ def _resolve(
         cap=scenario.substep_cap,
         explicit=STEPPINGS.get(scenario.stepping).implicitness == 0.0,
     )
+
+
+def _check_ranges(ranges: Mapping[str, Mapping[str, tuple[float, float]]], drives: Sequence[SteppedJoint]) -> None:
+    """Raise InputError for unknown joints, and for ranges that are not a smallest and a largest value."""
+    names = tuple(drive.name for drive in drives)
+    problems = []
+    for joint, table in ranges.items():
+        if joint not in ("*", *names):
+            message = "the robot has no moving joint of this name"
+            problems.append(Problem(message, key=f"ranges.{joint}", choices=names, meant=joint, code="unknown-joint"))
+        for name, values in table.items():
+            if np.shape(values) != (2,) or not values[0] <= values[1]:
+                message = "must be two numbers, the smallest value first"
+                problems.append(Problem(message, key=f"ranges.{joint}.{name}", value=values, code="range"))
+    if problems:
+        raise InputError(problems)
 
 
 def _with_ranges(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
+
+import numpy as np
 
 from asrsim.engines.base import Engine, Model
 from asrsim.errors import InputError, Problem, SimulationError, did_you_mean
@@ -34,6 +37,13 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
     return entry.make(scenario, robot)
+
+
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except TypeError:
+        return False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,8 +116,14 @@ class Prepared:
             found[drive.name] = j, {**{name: GOALS + i for i, name in enumerate(names)}, EXTERNAL_TORQUE: EXTERNAL}
         return found
 
-    def start(self, positions: Mapping[str, float], velocities: Mapping[str, float]) -> tuple[list[float], list[float]]:
-        """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError."""
+    def start(
+        self,
+        positions: Mapping[str, float],
+        velocities: Mapping[str, float],
+        motors: Mapping[str, Sequence[float]] | None = None,
+    ) -> tuple[list[float], list[float]]:
+        """Positions and velocities of all joints at a start that differs from the scenario's. Raises InputError, also for
+        wrong positions of motors."""
         joints = {drive.name: drive.joint for drive in self.drives}
         problems = []
         for what, given in (("initial", positions), ("velocities", velocities)):
@@ -115,7 +131,7 @@ class Prepared:
                 low, high = joints[name].stops if name in joints and what == "initial" else (-math.inf, math.inf)
                 if name not in joints:
                     message = "the robot has no moving joint of this name"
-                elif not math.isfinite(value):
+                elif not _is_finite(value):
                     message = "must be a finite number"
                 elif not low <= value <= high:
                     message = f"lies outside the limits of '{name}', {low:g} to {high:g}"
@@ -123,20 +139,40 @@ class Prepared:
                     continue
                 hint = None if name in joints else did_you_mean(name, tuple(joints))
                 problems.append(Problem(message, key=f"{what}.{name}", value=value, hint=hint, code="start"))
+        problems += self._motor_problems(motors or {})
         if problems:
             raise InputError(problems)
         ours = (positions, self.initial_positions), (velocities, self.initial_velocities)
         placed = [[float(given.get(name, own)) for name, own in zip(joints, owns, strict=True)] for given, owns in ours]
         return placed[0], placed[1]
 
+    def _motor_problems(self, motors: Mapping[str, Sequence[float]]) -> Iterator[Problem]:
+        known = {drive.name: drive.actuator.motors if drive.actuator else 0 for drive in self.drives}
+        for name, values in motors.items():
+            hint = None
+            if name not in known:
+                message, hint = "the robot has no moving joint of this name", did_you_mean(name, tuple(known))
+            elif np.ndim(values) != 1 or not all(map(_is_finite, values)):
+                message = "must be a list of finite numbers, one for each motor"
+            elif len(values) > known[name]:
+                message = f"has {len(values)} values, but the number of motors of '{name}' is {known[name]}"
+            else:
+                continue
+            yield Problem(message, key=f"motors.{name}", value=values, hint=hint, code="start")
+
     def with_references(self, signals: Mapping[str, Mapping[str, Signal]]) -> Prepared:
         """A copy with other signals: joint -> reference, or `external_torque` -> signal. No file is read again; substeps and
         start are unchanged.
 
-        An unused engine of this object is passed on to the copy.
+        An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
+        for values that are not signals.
         """
         references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
         for joint, table in signals.items():
+            for name, signal in table.items():
+                self.slot_of(joint, name)
+                if not isinstance(signal, Signal):
+                    raise InputError("must be a signal, such as Constant", key=f"{joint}.{name}", value=signal, code="signal")
             own = {**self.scenario.references_of(joint), **table}
             if EXTERNAL_TORQUE in own:
                 torques[joint] = own.pop(EXTERNAL_TORQUE)

@@ -173,6 +173,7 @@ class Simulation:
         value: is clamped to the declared range. None: the scenario's signal acts again. Raises InputError for unknown names
         and values that are not finite.
         """
+        self._check_open()
         held = self._world.set_reference(joint, reference, value)
         return None if value is None else float(held[0])
 
@@ -246,7 +247,7 @@ class Simulation:
         """
         self._check_open()
         start = Start(positions=initial or {}, velocities=velocities or {}, motors=motors or {})
-        self.prepared.start(start.positions, start.velocities)
+        self.prepared.start(start.positions, start.velocities, start.motors)
         if parameters is not None:
             # Earlier snapshots belong to other parameters and can no longer be restored.
             self._owner = object()

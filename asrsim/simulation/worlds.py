@@ -162,8 +162,8 @@ class Worlds:
             """Selections for worlds in which other joints record the selected quantities."""
             self._watched = watched or not WATCHED.isdisjoint(self.selection.names)
             self._home_inputs = inputs_of(prepared)
-            self._signals: tuple[Signals, Inputs] = {}, self._home_inputs
-            """Latest signals of worlds, and the inputs made from them."""
+            self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
+            """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._inputs = [self._home_inputs] * count
             self._own = [prepared] * count
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
@@ -283,6 +283,7 @@ class Worlds:
         values: one value for all worlds, or one for each; they are clamped to the declared range. None: the scenario's signal
         acts again. Raises InputError.
         """
+        self._check_open()
         numbers = self._numbers(worlds)
         j, slot = self.prepared.slot_of(joint, reference)
         low, high = self.prepared.range_of(joint, reference)
@@ -291,7 +292,7 @@ class Worlds:
             # A single number, as controllers set at every step: faster without arrays.
             held, finite = min(max(values, low), high), math.isfinite(values)
         elif values is not None:
-            given = np.broadcast_to(np.asarray(values, dtype=float), len(numbers))
+            given = _spread(values, (len(numbers),), reference)
             held, finite = np.clip(given, low, high), bool(np.isfinite(given).all())
         if values is not None and not finite:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
@@ -327,11 +328,13 @@ class Worlds:
     @property
     def model(self) -> Model | None:
         """Kinematics and dynamics of the scenario's robot; None where its links have no dynamics."""
+        self._check_open()
         return self._engines[-1].model
 
     def counts(self, world: int) -> Counts:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
         self._check_watched()
+        self._numbers(world)
         return counts_of(self.core.S[world], int(self.core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshots:
@@ -367,7 +370,7 @@ class Worlds:
         """
         self._check_open()
         numbers = self._numbers(worlds).tolist()
-        given = start or Start()
+        given = Start() if start is None else start
         starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
         if len(starts) != len(numbers):
             message = f"needs one start for each world: {len(numbers)}"
@@ -381,16 +384,35 @@ class Worlds:
     ) -> None:  # fmt: skip
         """Reset worlds to positions (rad, m) and velocities (rad/s, m/s) of the links and positions (rad) of the motors.
 
-        All tables are by joint, with one number for all worlds or one for each. Parameters are unchanged. Raises InputError.
+        All tables are by joint, with one number for all worlds or one for each; for joints with several motors, a number
+        for each motor, or (worlds, motors). Parameters are unchanged. Raises InputError.
         """
+        self._check_open()
         numbers = self._numbers(worlds)
-        for place, world in enumerate(numbers.tolist()):
-
-            def pick(table: Mapping[str, Any] | None, place: int = place) -> dict[str, float]:
-                return {k: float(np.broadcast_to(v, len(numbers))[place]) for k, v in (table or {}).items()}
-
-            own = {joint: np.atleast_2d(values)[place % len(np.atleast_2d(values))] for joint, values in (motors or {}).items()}
-            self.place(world, Start(positions=pick(positions), velocities=pick(velocities), motors=own))
+        counts = {drive.name: drive.actuator.motors if drive.actuator else 0 for drive in self.prepared.drives}
+        one = (len(numbers),)
+        links = [
+            {name: _spread(given, one, name) for name, given in (table or {}).items()} for table in (positions, velocities)
+        ]
+        turned = {}
+        for name, given in (motors or {}).items():
+            # Of a joint with one motor, a list has one number for each world.
+            many = counts.get(name, 1)
+            turned[name] = (
+                _spread(given, one, name)[:, None] if many == 1 and np.ndim(given) < 2 else _spread(given, (*one, many), name)
+            )
+        starts = [
+            Start(
+                positions={name: float(table[place]) for name, table in links[0].items()},
+                velocities={name: float(table[place]) for name, table in links[1].items()},
+                motors={name: table[place].tolist() for name, table in turned.items()},
+            )
+            for place in range(len(numbers))
+        ]
+        for start in starts:
+            self.prepared.start(start.positions, start.velocities, start.motors)
+        for world, start in zip(numbers.tolist(), starts, strict=True):
+            self.place(world, start)
 
     def _begin_world(self, world: int, start: Start) -> None:
         home = self.prepared
@@ -404,8 +426,10 @@ class Worlds:
                     self._variants.clear()
                 self._variants[key] = self._own[world]
         if start.references:
-            if self._signals[0] is not start.references:
-                self._signals = start.references, inputs_of(self.prepared.with_references(start.references))
+            signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
+            latest = self._signals[0]
+            if latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items()):
+                self._signals = signals, inputs_of(self.prepared.with_references(start.references))
             self._inputs[world] = self._signals[1]
         else:
             self._inputs[world] = self._home_inputs
@@ -443,6 +467,7 @@ class Worlds:
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""
         self._check_open()
+        self._numbers(world)
         return self.core.look(world)
 
     def _own_engine(self, world: int, varied: Prepared) -> Engine:
@@ -456,7 +481,7 @@ class Worlds:
     def place(self, world: int, start: Start) -> tuple[Sequence[float], Sequence[float]]:
         """Put a world at its start. Returns the start positions and velocities of the links."""
         prepared = self._own[world]
-        positions, velocities = prepared.start(start.positions, start.velocities)
+        positions, velocities = prepared.start(start.positions, start.velocities, start.motors)
         self.core.start(world, started(prepared, positions, start.motors), positions, velocities)
         self._begun[world] = positions, velocities
         self._block = None
@@ -493,6 +518,8 @@ class Worlds:
         self.selection.check(names)
         numbers = self._numbers(worlds)
         total = (self.prepared.scenario.steps if steps is None else index(steps)) * self.substeps + 1
+        if total < 1:
+            raise InputError("must not be negative", key="steps", value=steps, code="steps")
         kept, inputs = self._run(numbers, total, keep=True)
         found: dict[str, Array] = {name: np.empty(kept.shape[:3]) for name in names}
         for place, world in enumerate(numbers.tolist()):
@@ -505,6 +532,7 @@ class Worlds:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
         if the worlds are not watched."""
         self._check_watched()
+        self._numbers(world)
         prepared, model, state = self._own[world], self.look(world).model, self.core.S[world]
         if not self.healthy[world]:
             return False
@@ -516,6 +544,7 @@ class Worlds:
 
     def prepared_of(self, world: int) -> Prepared:
         """The scenario with the parameters of a world."""
+        self._numbers(world)
         return self._own[world]
 
     def model_of(self, robot: Robot) -> Model | None:
@@ -533,9 +562,11 @@ class Worlds:
         if worlds is None:
             return self._everyone
         given = np.asarray(worlds)
-        numbers = np.flatnonzero(given) if given.dtype == bool else given.astype(np.int64).reshape(-1)
-        if (given.dtype == bool and given.shape != (self.count,)) or ((numbers < 0) | (numbers >= self.count)).any():
-            message = f"are numbers from 0 to {self.count - 1}, or a mask of {self.count}"
+        masked, whole = given.dtype == bool, given.dtype.kind in "iu" or not given.size
+        numbers = np.flatnonzero(given) if masked else given.astype(np.int64).reshape(-1) if whole else self._everyone
+        wrong = given.shape != (self.count,) if masked else not whole or len(set(numbers.tolist())) < len(numbers)
+        if wrong or ((numbers < 0) | (numbers >= self.count)).any():
+            message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
             raise InputError(message, key="worlds", value=worlds, code="worlds")
         return numbers
 
@@ -567,6 +598,14 @@ def one_world(prepared: Prepared, **options: Any) -> Worlds:
     world = Worlds.__new__(Worlds)
     world._begin(prepared, 1, watched=True, **options)
     return world
+
+
+def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
+    """Values as an array of this shape; one value stands for many. Raises InputError for other shapes and no numbers."""
+    try:
+        return np.broadcast_to(np.asarray(values, dtype=float), shape)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"must be numbers of the shape {shape}", key=name, value=values, code="shape") from error
 
 
 def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:

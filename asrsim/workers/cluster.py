@@ -1,4 +1,4 @@
-"""Workers of a Dask scheduler; results arrive as they are done."""
+"""Workers of a Dask scheduler; results arrive in the order in which they are finished."""
 
 from __future__ import annotations
 

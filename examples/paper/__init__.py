@@ -1,4 +1,5 @@
-"""The experiments of Mengacci et al. (2021): a file for each figure, which `asrsim reproduce` runs, and what they measure by.
+"""Experiments of Mengacci et al. (2021): one file for each figure, and the models that the figures are compared with.
 
-Whoever has a copy (`asrsim examples`) may change a figure or write one: a file `figure_N.py` with a `FIGURE`.
+`asrsim reproduce` runs them. To change a figure, copy the files with `asrsim examples`. A new figure is a file
+`figure_N.py` that defines `FIGURE`.
 """

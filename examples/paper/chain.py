@@ -1,6 +1,6 @@
-"""What moves figure 14's arm: Newton and Euler's law for five links, with the masses that AlterEgo's description gives.
+"""Inverse dynamics of the arm in figure 14: Newton-Euler equations of five links with the masses of AlterEgo's description.
 
-As :mod:`paper.newton`, it shares nothing with the robot's file, the engines or the kinematics.
+The equations are independent: they use neither the robot file nor the engines nor the kinematics (as in `paper.newton`).
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from asrsim.samples import Array
 from paper.statics import GRAVITY
 
 X, Y, Z = 0, 1, 2
-"""Axes."""
+"""Indices of the axes."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """A link behind its joint, stretched out along x at angles 0."""
+    """A link and the joint that carries it. At zero angles, all links are stretched out along x."""
 
     axis: int
-    """X, Y or Z of the joint, which all links share at angles 0."""
+    """Axis of the joint: X, Y or Z. At zero angles, the frames of all links are parallel."""
     place: tuple[float, float, float]
-    """m, of the joint on the link before."""
+    """Position of the joint in the frame of the previous link, m."""
     mass: float
-    """kg."""
+    """Mass, kg."""
     centre: tuple[float, float, float]
-    """m, of mass, from the joint."""
+    """Centre of mass, relative to the joint, m."""
     inertia: tuple[float, float, float]
-    """kg m^2 about the centre of mass."""
+    """Principal moments of inertia about the centre of mass, kg m^2."""
 
 
 ARM = (
@@ -42,7 +42,7 @@ ARM = (
 
 
 def five_links(q: Array, v: Array, acceleration: Array) -> Array:
-    """(n, 5) N m that move the arm under gravity without losses."""
+    """Joint torques (n, 5) that a motion of the arm needs under gravity without losses, N m."""
     count = len(q)
     spin, spinning = np.zeros((count, 3)), np.zeros((count, 3))
     pull = np.tile([0.0, 0.0, GRAVITY], (count, 1))
@@ -74,12 +74,12 @@ def five_links(q: Array, v: Array, acceleration: Array) -> Array:
 
 
 def _carried(spin: Array, spinning: Array, place: Array) -> Array:
-    """(n, 3) m/s^2 of a point that turns with a link."""
+    """Acceleration (n, 3) of a point of a rotating link relative to the origin of the link, m/s^2."""
     return np.asarray(np.cross(spinning, place) + np.cross(spin, np.cross(spin, place)))
 
 
 def _turns(axis: int, angles: Array) -> Array:
-    """(n, 3, 3): from a link's frame to that of the link before."""
+    """Rotation matrices (n, 3, 3) from the frame of a link to the frame of the previous link."""
     turns = np.tile(np.eye(3), (len(angles), 1, 1))
     one, other = (axis + 1) % 3, (axis + 2) % 3
     turns[:, one, one] = turns[:, other, other] = np.cos(angles)

@@ -25,7 +25,7 @@ SCENARIO, PRESETS = "chirp_1dof_qbmove", ("soft", "stiff")
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """AlterEgo's springs, the toolbox's default springs, and growing damping."""
+    """Parts of the figure: AlterEgo's springs, the toolbox's default springs, and damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
     wide = {name: lab.run(SCENARIO, name, overrides=WIDER, label=f"{name}_wider") for name in PRESETS}
     found = {name: response(result) for name, result in wide.items()}
@@ -58,7 +58,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
 
 
 def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
-    """That the sweep tells the response of each preset, and how far the motors follow it."""
+    """Claims about the sweep: the response of each preset is known, and the motors follow the sweep up to their bandwidth."""
     claims: list[Claim] = []
     for name in PRESETS:
         series, one = wide[name][JOINT], found[name]
@@ -86,7 +86,7 @@ def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyRespo
 def _of_resonance(
     results: Mapping[str, Result], wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]
 ) -> list[Claim]:
-    """Where the soft joint resonates, and how both presets answer at the low end."""
+    """Claims about the resonance of the soft joint and about the response of both presets at the low end of the sweep."""
     through = {name: from_equilibrium(wide[name]) for name in PRESETS}
     soft = through["soft"].resonance
     peak = {name: float(np.max(np.abs(results[name][JOINT].link_position))) for name in PRESETS}

@@ -1,4 +1,4 @@
-"""Figure 12: steps of a horizontal arm with two joints, and what the authors miss in theirs."""
+"""Figure 12: steps of a horizontal arm with two joints, and the damping that the authors' simulation lacks."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 SCENARIO, JOINTS, GOAL, AT = "step_2dof", ("joint_1", "joint_2"), 0.8, 0.1
 MOTORS_OFF = 5e-4
-"""rad by which the motors' friction and the last swings may keep the equilibrium off."""
+"""Largest distance of the equilibrium from the reference that motor friction and the last swings explain, rad."""
 FRICTION = 0.025
-"""N m: the joint's, as the paper gives it."""
+"""Friction of each joint in the paper, N m."""
 SETTLED = 0.03
-"""rad: further off is not settled on the reference."""
+"""Largest distance from the reference at which a link counts as settled, rad."""
 SHOWN = 2.5
-"""s of the pictures: then all is at rest."""
+"""Time span of the pictures, s. At its end, the arm is at rest."""
 LONG = "duration=8"
-"""Long enough for the last swings of the arm with the default springs."""
+"""Override: a duration in which the arm with the default springs comes to rest."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """AlterEgo's springs, the default springs, and both with growing damping."""
+    """Parts of the figure: AlterEgo's springs, the default springs, and both with damping that grows with the stiffness."""
     plain = lab.pairs(SCENARIO, ("soft", "stiff"))
     nominal = {name: lab.run(SCENARIO, f"nominal_{name}", overrides=[LONG]) for name in ("soft", "stiff")}
     first = Part(
@@ -84,13 +84,13 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
 
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
-    """That the link settles on the reference; where its springs are too weak for that, that friction is what holds it off."""
+    """Claim that the link settles on the reference, or, if its springs are too weak, that friction holds it elsewhere."""
     from asrsim.kinematics.compensation import equilibrium_for_load
     from asrsim.robot import drive_of
 
     block = next(block for block in result.run.robot.actuators if block.joint == joint)
     series = result[joint]
-    # Off the equilibrium by this much the springs, by their law, just outweigh the friction.
+    # At this distance from the equilibrium, the torque of the springs is as large as the friction.
     band = equilibrium_for_load(drive_of(block), GOAL, FRICTION, float(series.reference_2[-1])) - GOAL
     if band <= SETTLED:
         return Claim(
@@ -139,7 +139,7 @@ def _overshoot(result: Result, joint: str) -> float:
 
 
 def _settling(result: Result, joint: str) -> float:
-    """s after the step from which the link stays within 5 % of the step of where it ends."""
+    """Settling time: time after the step at which the link enters, for good, a band of 5 % about its final position, s."""
     q = result[joint].link_position
     outside = np.flatnonzero(np.abs(q - q[-1]) > 0.05 * GOAL)
     return float(result.time[outside[-1]]) - AT if len(outside) else 0.0

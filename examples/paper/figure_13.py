@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 SCENARIO, JOINTS, PRESETS, AMPLITUDE = "sine_2dof", ("joint_1", "joint_2"), ("soft", "stiff"), 0.8
 EXPECTED = {("soft", "joint_1"): 0.58, ("soft", "joint_2"): 0.65, ("stiff", "joint_1"): 0.785, ("stiff", "joint_2"): 0.794}
-"""rad: amplitudes that an independent simulation of the same arm gave."""
+"""Amplitudes in an independent simulation of the arm, rad."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """As in the paper, and with growing damping."""
+    """Parts of the figure: the arm as in the paper, and with damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
     first = Part(
         title="0.8 sin(0.8 t) under gravity",

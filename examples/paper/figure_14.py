@@ -1,4 +1,4 @@
-"""Figure 14: an arm with five joints meets a box: soft it stops, stiff it takes the box along."""
+"""Figure 14: an arm with five joints pushes against a box. The soft arm stops; the stiff arm moves the box."""
 
 from __future__ import annotations
 
@@ -25,19 +25,20 @@ if TYPE_CHECKING:
 
 SCENARIO, PRESETS, BOX = "box_push_5dof", ("soft", "stiff"), "box"
 Y = 1
-"""The axis of the push."""
+"""Index of the axis along which the arm pushes."""
 RESISTANCE = 0.23 * 2.0 * GRAVITY
-"""N, mu m g of the paper's box."""
+"""Friction mu m g of the paper's box, N."""
 SLIDING = 0.02
-"""m/s, from which the box slides."""
+"""Speed above which the box counts as sliding, m/s."""
 ACCURACY = {"bullet": 0.1, "mujoco": 0.2}
-"""N, by engine: how well the mean force of a sliding box is known. MuJoCo's box hops, and a row logs one substep of some."""
+"""Uncertainty of the mean force on a sliding box in each engine, N. In MuJoCo, the box hops, and a row of the log holds the
+force of only one of its substeps."""
 BEFORE = 0.01
-"""s, by which Newton's law ends before the touch, whose impact is within a step."""
+"""Time before the first contact at which the fit of Newton's law ends, s. The impact lasts less than a step."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """As in the paper, and with growing damping."""
+    """Parts of the figure: the push as in the paper, and with damping that grows with the stiffness."""
     results = lab.pairs(SCENARIO, PRESETS)
     tips = {name: result.bodies[TIP] for name, result in results.items()}
     strips = [
@@ -130,13 +131,13 @@ def _goal(result: Result) -> float:
 
 
 def _box_goal(result: Result) -> float:
-    """Where the box's centre is when the tip at its goal touches it."""
+    """Position of the box's centre along the push when the tip touches the box at the goal, m."""
     (box,) = result.run.scenario.world.objects
     return _goal(result) + TIP_RADIUS + 0.5 * box.size[Y]
 
 
 TIP_RADIUS = 0.03
-"""m, of the fist."""
+"""Radius of the fist, m."""
 
 
 def _moved(result: Result) -> float:
@@ -145,12 +146,12 @@ def _moved(result: Result) -> float:
 
 
 def _force(result: Result) -> Array:
-    """(n,) N between robot and box."""
+    """Magnitude (n,) of the contact force between robot and box, N."""
     return np.asarray(np.linalg.norm(_push(result), axis=1))
 
 
 def _push(result: Result) -> Array:
-    """(n, 3) N of the robot on the box."""
+    """Contact force (n, 3) of the robot on the box, N."""
     total = np.zeros((len(result.time), 3))
     for pair, force in result.contacts.items():
         if BOX in pair.split("/") and "ground" not in pair:
@@ -159,13 +160,13 @@ def _push(result: Result) -> Array:
 
 
 def _touch(result: Result) -> float:
-    """s, when the arm first meets the box; the run's end if it does not."""
+    """Time at which the arm first touches the box, s; the end of the run if it never does."""
     touching = _force(result) > 0.0
     return float(result.time[np.argmax(touching)] if touching.any() else result.time[-1])
 
 
 def _sliding_force(result: Result) -> float:
-    """N along the push, mean over the time in which the box slides; nan if it does not."""
+    """Mean contact force along the push while the box slides, N; NaN if it never slides."""
     slides = np.gradient(result.bodies[BOX][:, Y], result.time) > SLIDING
     return float(np.mean(_push(result)[slides, Y])) if slides.any() else float("nan")
 

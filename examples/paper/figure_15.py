@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 SCENARIO = "ilc_2dof"
 GOAL, TOLERANCE = 0.8, 0.08
-"""rad: where the paper's motion goes, and the band in which it calls it learned."""
+"""Final position of the paper's motion, and largest error at which the paper calls the motion learned, rad."""
 DRAWS = 16
-"""Perturbed plants that the learned input is played to."""
+"""Number of perturbed plants on which the learned input is played."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """As in the paper, with perturbed plants in place of the hardware."""
+    """Parts of the figure: learning as in the paper, and a test on perturbed plants in place of the hardware."""
     session, log = _session(lab)
     result, joints = session.result, session.prepared.plant.joints
     rows = tuple(
@@ -68,7 +68,7 @@ def parts(lab: Lab) -> tuple[Part, ...]:
 
 
 def _session(lab: Lab) -> tuple[Session, Path]:
-    """The learning, and the log of the arm that plays the learned input."""
+    """Learning session, and log of a run with the learned input."""
     from asrsim.learning.plant import make_plant
     from asrsim.learning.session import run_session
 
@@ -110,7 +110,10 @@ def _claims(session: Session, log: Path) -> list[Claim]:
 
 
 def _error(samples: Samples) -> float:
-    """Largest error of the last trial in rad: its log against the motion's closed form, neither of which learning judged by."""
+    """Largest error of the last trial, rad: its log compared with the closed form of the motion.
+
+    Learning itself uses neither of them.
+    """
     s = samples.time / samples.time[-1]
     wanted = GOAL * (10 * s**3 - 15 * s**4 + 6 * s**5)
     return float(np.max(np.abs(samples.values["link_position"] - wanted[:, None])))
@@ -151,7 +154,7 @@ def _hardware(session: Session, lab: Lab) -> Part:
 
 
 def _other(plant: Plant, number: int) -> Plant:
-    """A plant that differs from the learned one."""
+    """Plant number `number`, randomly perturbed."""
     draw, robot = np.random.default_rng([1, number]), plant.prepared.robot
     numbers: dict[str, dict[str, float]] = {}
     for block in robot.actuators:

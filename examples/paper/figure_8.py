@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from asrsim.reproduce import Lab
 
 RESOLVED = 0.1
-"""Omega times sample time up to which samples show an oscillation well."""
+"""Largest product of angular frequency and sampling interval at which samples resolve an oscillation."""
 FINE_TIME = 0.5
-"""s, duration of the extra run at a fine step."""
+"""Duration of the extra run at a fine step, s."""
 
 
 def parts(lab: Lab) -> tuple[Part, ...]:
-    """All eight cases, three times: as in the paper, with the friction of section 4.2, with growing damping."""
+    """Parts of the figure: all eight cases as in the paper, with the friction of section 4.2, and with growing damping."""
     results = {case: lab.run(f"step_1dof_{case[0]}", case[1]) for case in SPRINGS}
     rests = {case: rest(case) for case in SPRINGS}
     claims: list[Claim] = []
@@ -96,7 +96,7 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     ]
     sampled = result
     if omega_h > np.pi / 2:
-        # Samples of 1 ms fold such a frequency back: a short run at a fine step shows it.
+        # At a sampling interval of 1 ms, such a frequency is aliased. A short run at a fine step resolves it.
         fine = FINE_TIME / math.ceil(FINE_TIME * wanted.natural / RESOLVED)
         sampled = lab.run(f"step_1dof_{name}", variant, overrides=[f"step={fine!r}", f"duration={FINE_TIME}"], log=False)
         claims += _right_at_one_millisecond(label, result, wanted)
@@ -133,7 +133,7 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
 
 
 def _energy_share(case: tuple[str, str], result: Result) -> float:
-    """Slope of the logged energy over the closed form's, while the motors hold still and the spring is within its limit."""
+    """Ratio of the changes of logged energy and closed-form energy, while motors rest and the spring is within its limit."""
     series, spring = result["joint_1"], SPRINGS[case]
     deflection = STEP - series.link_position
     use = (result.time > AT) & (np.abs(deflection) < spring.straight)
@@ -141,7 +141,7 @@ def _energy_share(case: tuple[str, str], result: Result) -> float:
 
 
 def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[Claim]:
-    """An oscillation near the sampling rate shows folded: at 1 / step minus its frequency."""
+    """Claims about a run at 1 ms. An oscillation near the sampling rate is aliased to 1 / step minus its frequency."""
     step = result.run.scenario.step
     found = fit_ringing(result.time, result["joint_1"].link_velocity, start=AT)
     omega = np.sqrt(found.natural**2 - found.decay**2)
@@ -167,7 +167,7 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
 
 
 def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
-    """What the paper reads off its plots: soft AwAS-II and qbMove sag, the stiff ones hardly."""
+    """Claims of the paper about its plots: soft AwAS-II and qbMove sag under gravity, and stiff ones hardly sag."""
     sag = {case: STEP - float(result["joint_1"].link_position[-1]) for case, result in results.items()}
     claims = []
     for name in ("awas_ii", "qbmove"):

@@ -12,24 +12,24 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
 
 MOVED = 1e-6
-"""rad: less is no motion."""
+"""Smallest range of positions that counts as a motion, rad."""
 
 
 def with_joint_losses(robot: Robot, *, damping: float, friction: float) -> Robot:
-    """The robot with this viscous damping (N m s/rad) and Coulomb friction (N m) in every joint."""
+    """Copy of the robot with this viscous damping (N m s/rad) and Coulomb friction (N m) in every joint."""
     joints = tuple(replace(joint, damping=damping, friction=friction) if joint.moves else joint for joint in robot.joints)
     return replace(robot, joints=joints)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """A joint that never moves since its spring is weaker than its friction."""
+    """A joint that never moves because its spring is weaker than its friction."""
 
     joint: str
     torque: float
-    """N m, largest torque of the spring on the link."""
+    """Largest torque of the spring on the link, N m."""
     friction: float
-    """N m, of the joint."""
+    """Coulomb friction of the joint, N m."""
 
     def __str__(self) -> str:
         springs = f"its springs give at most {self.torque:.4f} N m, its friction holds {self.friction:g} N m"
@@ -37,7 +37,7 @@ class Held:
 
 
 def held_by_friction(result: Result) -> tuple[Held, ...]:
-    """Joints that rest during a whole run although their reference moves, with spring torques below their friction."""
+    """Joints that never move although their reference moves, because the spring torque stays below the friction."""
     found = []
     for name in result.joints:
         series = result[name]

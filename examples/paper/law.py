@@ -1,8 +1,8 @@
-"""The effect that the paper names in its section 4.2.2 and leaves out: link damping that grows with the stiffness.
+"""Link damping that grows with the stiffness. The paper mentions this effect in section 4.2.2, but does not model it.
 
-c(k) = c_URDF + ratio 2 sqrt(I k), with the stiffness k at each moment and the inertia I that the joint moves. The
-paper gives no law; this one keeps the damping ratio of a joint the same whatever its preset, which is what damping inside
-a flexible element does to first order.
+c(k) = c_URDF + ratio 2 sqrt(I k), with the current stiffness k and the inertia I that the joint moves. The paper gives no
+law. This law keeps the damping ratio of a joint constant for all presets, as damping inside a flexible element does to
+first order.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ RATIO = 0.3
 
 
 def damping_overrides(result: Result) -> tuple[str, ...]:
-    """Overrides that switch the law on, with each joint's inertia at the end of the run: torque per
-    unit acceleration while the others rest."""
+    """Overrides that switch the law on, with the inertia of each joint at the end of the run.
+
+    Inertia: torque per unit acceleration while the other joints rest.
+    """
     from asrsim.kinematics.engine_model import model_of
 
     run = result.run
@@ -36,7 +38,7 @@ def damping_overrides(result: Result) -> tuple[str, ...]:
 
 
 def swings(values: Array, goal: float) -> int:
-    """How often a series (n,) turns after its first arrival at `goal`, counting turns beyond 2 % of the step only."""
+    """Number of turning points of a series (n,) after its first arrival at `goal`; swings below 2 % of the step are ignored."""
     x = values - goal
     floor = 0.02 * abs(float(x[0]))
     state = np.where(x > floor, 1, np.where(x < -floor, -1, 0))

@@ -1,9 +1,9 @@
-"""What the motors of figures 11 to 15 are, read from their logged motion by Newton's law, as `newton` reads the links.
+"""Motor parameters of figures 11 to 15, fitted to the logged motion with Newton's law.
 
     P (r - theta) - tau_spring = J theta'' + (d + D) theta' + F sign(theta')
 
-with the references and positions that the log has, and the paper's springs. Nothing comes from the actuators, the robots'
-files or the logged torques.
+The fit uses the logged references and positions, and the paper's springs. It uses neither the actuators nor the robot
+files nor the logged torques. `paper.newton` fits the links in the same way.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
     from paper.newton import Law
 
 INERTIA, DAMPING, FRICTION = 0.0233, 0.2698, 0.02
-"""kg m^2, N m s/rad, N m: the qbMove's motors (paper table 2)."""
+"""Inertia (kg m^2), damping (N m s/rad) and friction (N m) of the qbMove's motors (paper, table 2)."""
 PROPORTIONAL, DERIVATIVE = 125.0, 4.5
-"""N m/rad, N m s/rad, of their controllers."""
+"""Gains of the motor controllers, N m/rad and N m s/rad."""
 LIMIT, FASTEST = 0.95 * 12.0, 0.95 * 6.0
-"""N m, rad/s: short of the motors' own, at which they obey another law."""
+"""Torque (N m) and speed (rad/s) up to which rows are fitted. At the limits of the motors, the equation does not hold."""
 ALLOWED = (0.01, 0.01, 0.05, 0.01)
-"""Shares by which inertia, d + D, friction and gain may be off: 25 % of the damping d are 1.4 % of d + D."""
+"""Tolerated relative errors of inertia, d + D, friction and gain. An error of 25 % in d is an error of 1.4 % in d + D."""
 
 
 def departure(samples: Samples, springs: Sequence[Springs]) -> float:
-    """How far inertia, d + D, friction and gain of the motors, by least squares, are off the paper's, as a share of ALLOWED."""
+    """Largest relative error of the fitted inertia, d + D, friction and gain of the motors, as a fraction of `ALLOWED`."""
     step = float(samples.time[1] - samples.time[0])
     links, middle, apart = (samples.values[name] for name in ("link_position", "reference_1", "reference_2"))
     rows, errors = [], []
@@ -50,19 +50,22 @@ def departure(samples: Samples, springs: Sequence[Springs]) -> float:
             use[1:-1] &= free[:-2] & free[1:-1] & free[2:]
             rows.append(np.column_stack([acceleration, v, np.sign(v), torque[1:-1]])[use])
             errors.append(error[use])
-    found = np.linalg.lstsq(np.vstack(rows), np.concatenate(errors), rcond=None)[0]
+    fitted = np.linalg.lstsq(np.vstack(rows), np.concatenate(errors), rcond=None)[0]
     paper = np.array([INERTIA, DAMPING + DERIVATIVE, FRICTION, 1.0]) / PROPORTIONAL
-    return float(np.max(np.abs(found / paper - 1.0) / ALLOWED))
+    return float(np.max(np.abs(fitted / paper - 1.0) / ALLOWED))
 
 
 def qbmove_claims(results: Mapping[str, Result], law: Law, *, until: Mapping[str, float] | None = None) -> list[Claim]:
-    """That each run's links and motors move as the paper's with AlterEgo's springs. law, until: of :func:`motion_claims`."""
+    """Claims that links and motors of each run move as the paper's do with AlterEgo's springs.
+
+    law, until: see `motion_claims`.
+    """
     runs = {name: result.samples for name, result in results.items()}
     motors = [
         Claim(
             origin="theory",
-            text=f"{name}: the motors move as Newton's law with the paper's inertia, damping, friction and gains has it",
-            quantity="how far the worst of them, read from the motion, is off, over the 1 % (friction 5 %) that it may be",
+            text=f"{name}: the motors move by Newton's law with the paper's inertia, damping, friction and gains",
+            quantity="largest error of a fitted number, relative to its tolerance of 1 % (friction: 5 %)",
             measured=departure(samples, [ALTEREGO] * len(samples.joints)),
             bound=at_most(1.0),
         )

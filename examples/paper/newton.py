@@ -1,9 +1,9 @@
-"""What the qbMove arms of figures 11 to 15 weigh and lose, read from their logged motion by Newton's law.
+"""Masses and losses of the qbMove arms of figures 11 to 15, fitted to the logged motion with Newton's law.
 
-Masses, inertias, losses and springs are written here as the paper (section 4.2) and AlterEgo's description have them, and so is
-the motion of one or two such links in a plane. Nothing comes from the actuators, the robots' files, the logged torques or an
-engine: what moved the links are the springs at the logged positions of motors and links. A motion of other springs, masses,
-damping or friction does not fit.
+Masses, inertias, losses and springs are copied from the paper (section 4.2) and AlterEgo's description. The equations of
+motion of one or two links in a plane are written here. Nothing comes from the actuators, the robot files, the logged torques
+or an engine: the torques on the links are computed from the logged positions of motors and links. A motion with other
+springs, masses, damping or friction does not fit.
 """
 
 from __future__ import annotations
@@ -25,31 +25,32 @@ if TYPE_CHECKING:
     from asrsim.samples import Array, Samples
 
     Law = Callable[[Array, Array, Array], Array]
-    """(n, joints) rad, rad/s, rad/s^2 -> N m."""
+    """Inverse dynamics: positions, velocities and accelerations (n, joints) in rad and s -> torques in N m."""
 
 MASS, CENTRE, INERTIA, LENGTH = 0.5408, 0.0793, 6.33e-4, 0.09
-"""kg, m from the axis, kg m^2 about the centre of mass, m from axis to axis: a c-flange with a cube."""
+"""A c-flange with a cube: mass (kg), distance of its centre from the axis (m), inertia about the centre (kg m^2), and
+distance between the axes (m)."""
 DAMPING, FRICTION = 0.065, 0.025
-"""N m s/rad, N m, of each joint."""
+"""Damping (N m s/rad) and friction (N m) of each joint."""
 DEFLECTION = 0.8
-"""rad, at which the toolbox cuts a spring's deflection."""
+"""Deflection at which the toolbox clips a spring, rad."""
 SLOWEST = 0.02
-"""Share of a joint's largest velocity below which a row is left out, since friction that holds takes any value."""
+"""Fraction of the largest velocity below which rows are left out, since the friction of a resting joint is not known."""
 SHARE = 0.02
-"""By which masses, damping and friction may be off."""
+"""Tolerated relative error of masses, damping and friction."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Springs:
-    """A joint's two springs: torque k sinh(a (motor - link)) each."""
+    """Two springs of a joint, each with the torque k sinh(a (motor - link))."""
 
     rates: tuple[float, float] = (11.0, 11.0)
-    """1/rad."""
+    """Rate a of each spring, 1/rad."""
     scales: tuple[float, float] = (0.02, 0.02)
-    """N m."""
+    """Scale k of each spring, N m."""
 
     def torques(self, link: Array, motors: tuple[Array, Array]) -> list[Array]:
-        """(n,) N m of each spring on the link, and of its motor against it."""
+        """Torque (n,) of each spring on the link, N m. The spring acts on its motor with the opposite torque."""
         bent = [np.clip(motor - link, -DEFLECTION, DEFLECTION) for motor in motors]
         return [k * np.sinh(a * d) for a, k, d in zip(self.rates, self.scales, bent, strict=True)]
 
@@ -59,23 +60,23 @@ IDENTIFIED = (
     Springs(rates=(6.257, 3.9), scales=(0.01038, 0.08918)),
     Springs(rates=(3.383, 7.011), scales=(0.1015, 0.05944)),
 )
-"""Of section 4.3, whose labels a and k stand swapped in the paper."""
+"""Springs identified in section 4.3. The paper's text swaps their labels a and k."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """What a motion tells."""
+    """Parameters fitted to a motion."""
 
     masses: float
-    """Times those above: what the links' inertia and weight are."""
+    """Inertia and weight of the links, as a multiple of the numbers above."""
     damping: float
-    """N m s/rad."""
+    """Damping, N m s/rad."""
     friction: float
     """N m."""
 
 
 def read_motion(samples: Samples, springs: Sequence[Springs], law: Law, *, until: float = np.inf) -> Motion:
-    """Masses, damping and friction of links with these springs, by least squares of Newton's law.
+    """Masses, damping and friction of links with these springs, by a least-squares fit of Newton's law.
 
     samples: positions of links and motors at even times; law: what moves such links; until: s, what comes later is left out.
     """
@@ -94,28 +95,31 @@ def read_motion(samples: Samples, springs: Sequence[Springs], law: Law, *, until
 
 
 def differences(positions: Array, step: float) -> tuple[Array, Array]:
-    """Velocities and accelerations at all but the first and last of `positions` (n, ...)."""
+    """Velocities and accelerations at `positions` (n, ...), by central differences, without the first and the last row."""
     ahead, behind = positions[2:], positions[:-2]
     return (ahead - behind) / (2.0 * step), (ahead - 2.0 * positions[1:-1] + behind) / step**2
 
 
 def sliding(velocity: Array) -> NDArray[np.bool_]:
-    """Rows (n,) in which friction brakes with all it has."""
+    """Mask (n,) of the rows in which the joint slides during the whole step."""
     sign = np.sign(velocity)
     use = np.abs(velocity) > SLOWEST * np.max(np.abs(velocity))
-    # A step in which the velocity changes its sign has friction of both signs.
+    # If the velocity changes its sign within a step, so does the friction.
     use[1:-1] &= (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
     use[[0, -1]] = False
     return np.asarray(use)
 
 
 def level(q: Array, v: Array, acceleration: Array) -> Array:
-    """(n, joints) N m that move one or two links in a level plane without losses; angles are relative to the link before."""
+    """Joint torques (n, joints) of one or two links in a horizontal plane without losses, N m.
+
+    Angles are relative to the previous link.
+    """
     return _planar(q, v, acceleration, 0.0)
 
 
 def hanging(q: Array, v: Array, acceleration: Array) -> Array:
-    """The same under gravity, with 0 straight down."""
+    """Joint torques (n, joints) of one or two links under gravity without losses, N m. At zero, the links hang down."""
     return _planar(q, v, acceleration, GRAVITY)
 
 
@@ -145,7 +149,7 @@ def motion_claims(
     *,
     until: Mapping[str, float] | None = None,
 ) -> list[Claim]:
-    """That each run's motion is one of the paper's masses and losses under these springs.
+    """Claims that the motion of each run fits the paper's masses and losses with these springs.
 
     springs: of each joint, AlterEgo's if not given; until: s, of each run, if not to its end.
     """
@@ -154,14 +158,14 @@ def motion_claims(
         for name, samples in runs.items()
     }
     wanted = {
-        "masses": ("masses, times the paper's, that the motion tells", 1.0, ""),
+        "masses": ("masses fitted to the motion, as a multiple of the paper's", 1.0, ""),
         "damping": ("damping that the motion tells", DAMPING, "N m s/rad"),
         "friction": ("friction that the motion tells", FRICTION, "N m"),
     }
     return [
         Claim(
             origin="theory",
-            text=f"{name}: the links move as Newton's law with the paper's springs and {what} has it",
+            text=f"{name}: the links move by Newton's law with the paper's springs and {what}",
             quantity=quantity,
             measured=getattr(motion, what),
             bound=near(value, SHARE * value, unit),

@@ -1,4 +1,4 @@
-"""Figures of matplotlib as pictures for a page, in the look of all our plots."""
+"""Matplotlib figures as pictures of a page, in the style of asrsim's plots."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from asrsim.plots.panels import Panel
 
 DPI = 130
-"""Dots per inch of what a vector picture holds as pixels."""
+"""Resolution of pixel images inside a vector picture, dots per inch."""
 FRAMES = 6
-"""Of a film strip."""
+"""Number of frames in a film strip."""
 
 
 def picture(name: str, caption: str, draw: Callable[[], Figure]) -> Picture:
-    """What `draw` draws, as SVG."""
+    """SVG picture of the figure that `draw` returns."""
     import matplotlib
 
     from asrsim.plots.output import METADATA, styled
@@ -32,14 +32,14 @@ def picture(name: str, caption: str, draw: Callable[[], Figure]) -> Picture:
     with styled():
         figure = draw()
         stream = io.BytesIO()
-        # Letters become paths, so that it looks the same without our font.
+        # Letters become paths, so that the picture looks the same on machines without the font.
         with matplotlib.rc_context({"svg.fonttype": "path"}):
             figure.savefig(stream, format="svg", metadata=METADATA["svg"], dpi=DPI)
     return Picture(name=name, caption=caption, kind="svg", data=stream.getvalue())
 
 
 def curves(results: Mapping[str, Result], *, start: float | None = None, end: float | None = None) -> list[RunCurves]:
-    """Thinned curves of runs by label, from `start` to `end` (s); runs without a log are left out."""
+    """Curves of the runs from `start` to `end` (s), thinned for plots. Runs without a log are left out."""
     from dataclasses import replace
 
     from asrsim.plots.curves import read_curves
@@ -52,9 +52,9 @@ def curves(results: Mapping[str, Result], *, start: float | None = None, end: fl
 
 
 def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until: float | None = None) -> Figure:
-    """Panels by name (`link`, or see :data:`asrsim.plots.panels.PANELS`) in rows, joints in columns, runs by colour.
+    """Figure with a row for each panel, a column for each joint and a colour for each run.
 
-    until: s, end of the axes of time.
+    panels: `link`, or a name in `asrsim.plots.panels.PANELS`; until: end of the time axes, s.
     """
     from asrsim.plots.figures import grid_figure, joint_names
     from asrsim.plots.panels import PANELS
@@ -66,7 +66,7 @@ def joints_figure(results: Mapping[str, Result], panels: Sequence[str], *, until
 
 
 def link_panel() -> Panel:
-    """Reference, equilibrium and link, as in the paper's figures: without the motors."""
+    """Panel with the positions of reference, equilibrium and link, without motors, as in the paper's figures."""
     from asrsim.plots.curves import REFERENCE
     from asrsim.plots.panels import Panel
 
@@ -77,7 +77,7 @@ def link_panel() -> Panel:
 
 
 def films(log: Path | None, name: str, caption: str) -> tuple[Picture, ...]:
-    """A film strip of a run's motion, from its log; nothing without one."""
+    """Film strip of the motion in a log; empty without a log."""
     if log is None or not log.is_file():
         return ()
     from asrsim.render import Film, film_strip, telling_times

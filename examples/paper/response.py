@@ -1,4 +1,4 @@
-"""The frequency response of figure 11's joint: of a run, as a table, as a picture."""
+"""Frequency response of the joint in figure 11, as data, table and picture."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ if TYPE_CHECKING:
 
 JOINT = "joint_1"
 BAND = (0.5, 6.0)
-"""Hz, of the paper's chirp."""
+"""Band of the paper's chirp, Hz."""
 POINTS = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-"""Hz, of the table."""
+"""Frequencies of the table, Hz."""
 WIDER = (
     "duration=24",
     f"references.{JOINT}.equilibrium_position={{chirp: {{amplitude: 0.15, from: 0.1, to: 6.7, duration: 24.0}}}}",
 )
-"""Overrides: the chirp at the same rate over a little more than the band, at whose ends its power fades."""
+"""Overrides: a chirp at the same sweep rate over a slightly wider band, since the power of a chirp fades at its ends."""
 
 
 def response(result: Result) -> FrequencyResponse:
-    """Response of the link's position to the reference of its equilibrium."""
+    """Frequency response from the reference of the equilibrium to the link position."""
     series = result[JOINT]
     return frequency_response(result.time, series.reference_1, series.link_position, band=BAND)
 
 
 def from_equilibrium(result: Result) -> FrequencyResponse:
-    """Response of the link to where its motors are: the spring, the load and friction alone."""
+    """Frequency response from the equilibrium position to the link position: only spring, load and friction, no motors."""
     series = result[JOINT]
     return frequency_response(result.time, series.equilibrium_position, series.link_position, band=BAND)
 
 
 def response_table(found: Mapping[str, FrequencyResponse]) -> Table:
-    """Gain, phase and coherence at some frequencies."""
+    """Table of gain, phase and coherence at the frequencies `POINTS`."""
     rows = []
     for frequency in POINTS:
         cells = [f"{frequency:g}"]
@@ -54,7 +54,7 @@ def response_table(found: Mapping[str, FrequencyResponse]) -> Table:
 
 
 def response_figure(results: Mapping[str, Result]) -> Drawing:
-    """Bode plot of runs, by colour."""
+    """Bode plot with a colour for each run."""
     from asrsim.plots.bode import bode_figure
     from asrsim.plots.responses import responses
 

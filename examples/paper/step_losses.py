@@ -1,4 +1,4 @@
-"""Figure 8 with losses that the paper's has not: joint friction, and damping that grows with the stiffness."""
+"""Figure 8 with losses that the paper leaves out: joint friction, and damping that grows with the stiffness."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from asrsim.reproduce import Lab
 
 DAMPING, FRICTION = 0.065, 0.025
-"""N m s/rad, N m: the joint's losses that the paper gives from its section 4.2 on."""
+"""Damping (N m s/rad) and friction (N m) of a joint, as the paper gives them from section 4.2 on."""
 SLOW = (("awas_ii", "soft"), ("qbmove", "soft"), ("qbmove", "stiff"))
-"""Cases whose motion differences over 1 ms resolve."""
+"""Cases slow enough for differences over 1 ms."""
 SWINGING = tuple(case for case in SPRINGS if case not in (("awas_ii", "stiff"), ("qbmove", "soft")))
-"""Cases whose swings 1 ms samples well enough, and whose damping leaves swings."""
+"""Cases with swings that are weakly damped and slow enough for samples of 1 ms."""
 
 
 def with_friction(lab: Lab) -> Part:
-    """All cases with the joint's losses of section 4.2: they must rest within what friction can hold, and lose as much."""
+    """All cases with the losses of section 4.2. Links must rest inside the friction band, with the given losses."""
     from asrsim.robot import load_robot
 
     claims, rows = [], []
@@ -81,7 +81,7 @@ def with_friction(lab: Lab) -> Part:
 
 
 def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> Part:
-    """Cases with link damping that grows with the stiffness: their swings must decay as the law says."""
+    """Cases with link damping that grows with the stiffness. Their swings must decay as the law predicts."""
     claims, rows = [], []
     for case, plain in results.items():
         name, variant = case

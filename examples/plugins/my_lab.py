@@ -1,4 +1,4 @@
-"""More that `--plugin` can bring: a signal, a measure and a recording format of one's own.
+"""A plugin that adds a signal, a measure and a recording format.
 
 asrsim run lab.yaml --plugin examples/plugins/my_lab.py
 """
@@ -32,7 +32,7 @@ class Triangle(Signal):
 
 
 def crest_factor(time, values):
-    """Largest magnitude over the root mean square. In `expect:`: `measure: crest_factor`."""
+    """Ratio of the largest magnitude and the root mean square. In `expect:`: `measure: crest_factor`."""
     return float(np.max(np.abs(values)) / np.sqrt(np.mean(values**2)))
 
 
@@ -40,7 +40,7 @@ RECORD = np.dtype([("time", "<f8"), ("elbow.link_position", "<f4"), ("elbow.link
 
 
 def read_mylog(path, reading):
-    """A logger's file of records: time in s, position in rad, velocity in rad/s."""
+    """Read a logger's binary file. Each record: time in s, position in rad, velocity in rad/s."""
     data = path.read_bytes()
     if len(data) % RECORD.itemsize:
         raise RecordingError(f"ends within a record of {RECORD.itemsize} bytes")
@@ -50,6 +50,6 @@ def read_mylog(path, reading):
 
 
 SIGNALS.add(Triangle.kind, Triangle)
-# confined=False: read in this process, since the child that reads other binary formats does not know this file.
+# confined=False: the file is read in this process. The child process that reads other binary formats does not load plugins.
 READERS.add("mylog", Reader(suffixes=(".mylog",), read=read_mylog, confined=False))
 MEASURES.add("crest_factor", Measure(name="crest_factor", function=crest_factor, unit="1", needs="series"))

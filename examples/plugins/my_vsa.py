@@ -1,10 +1,10 @@
-"""A variable-stiffness actuator of one's own: two motors against each other through cubic springs.
+"""A plugin with a variable-stiffness actuator: two antagonistic motors with cubic springs.
 
-tau_i = k d_i + c d_i^3, d_i = sat(theta_i - q). Pulling the motors apart (the preset) stiffens the joint: at the
-equilibrium its stiffness is 2 k + 6 c preset^2.
+tau_i = k d_i + c d_i^3, d_i = sat(theta_i - q). The preset is half of the angle between the motors. It stiffens the joint:
+at the equilibrium, the stiffness is 2 k + 6 c preset^2.
 
-Use it:    asrsim run scenario.yaml --plugin my_vsa.py
-Check it:  asrsim check --actuator my_vsa --plugin my_vsa.py
+Use the actuator:    asrsim run scenario.yaml --plugin my_vsa.py
+Check the actuator:  asrsim check --actuator my_vsa --plugin my_vsa.py
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from asrsim.actuators import Actuator, Parameter, max_deflection, saturate
 
 
 class MyVsa(Actuator):
-    """Antagonistic cubic springs."""
+    """Actuator with antagonistic cubic springs."""
 
-    name = "my_vsa"  # libmy_vsa_plugin.so finds it
+    name = "my_vsa"  # in a URDF: filename="libmy_vsa_plugin.so"
     title = "My variable-stiffness actuator"
     source = "an example of the asrsim documentation"
     law = "d_i = sat(theta_i - q); tau_i = k d_i + c d_i^3; stiffness = sum (k + 3 c d_i^2)"
@@ -29,24 +29,24 @@ class MyVsa(Actuator):
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
-        """Torques of both springs in N m."""
+        """Torques of both springs on the link, N m."""
         k, c, limit = parameters
         d_1, d_2 = saturate(theta_1 - q, limit), saturate(theta_2 - q, limit)
         return k * d_1 + c * d_1 * d_1 * d_1, k * d_2 + c * d_2 * d_2 * d_2
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness in N m/rad: minus the slope of the summed torque in q."""
+        """Stiffness, N m/rad: minus the derivative of the total torque with respect to q."""
         k, c, limit = parameters
         d_1, d_2 = saturate(theta_1 - q, limit), saturate(theta_2 - q, limit)
         return 2.0 * k + 3.0 * c * (d_1 * d_1 + d_2 * d_2)
 
     @staticmethod
     def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
-        """Modes 3 and 6: equilibrium and preset to motor positions, rad."""
+        """Motor positions for an equilibrium and a preset in modes 3 and 6, rad."""
         return equilibrium + preset, equilibrium - preset
 
     @staticmethod
     def equilibrium_position(theta_1: float, theta_2: float) -> float:
-        """Where the unloaded link rests, rad."""
+        """Position at which the unloaded link rests, rad."""
         return 0.5 * (theta_1 + theta_2)

@@ -1,6 +1,6 @@
-"""An engine of one's own: a pendulum, one joint on a base that is held, in closed form.
+"""A plugin with a physics engine for a pendulum: one joint on a fixed base, in closed form.
 
-Import this file, and write `engine: pendulum`.
+Import this file, and write `engine: pendulum` in the scenario.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ from asrsim.robot.poses import link_poses, rotation_matrix
 
 
 class PendulumModel:
-    """What is known of the pendulum at any state: see asrsim.engines.base.Model."""
+    """Rigid-body model of the pendulum: see `asrsim.engines.base.Model`."""
 
     def __init__(self, scenario, robot):
         merged = merge_fixed(robot)
@@ -58,7 +58,7 @@ class PendulumModel:
 
 
 class PendulumEngine(RigidEngine):
-    """Friction of the joint, its stops, damping and the step itself come from RigidEngine."""
+    """Engine for the pendulum. The base class computes the step with friction, stops and damping of the joint."""
 
     version = "pendulum 1"
 

@@ -1,4 +1,4 @@
-"""Makes the recordings of this folder: a simulation of another robot than the one at hand, with a laboratory's faults.
+"""Make the recordings of this folder: simulations of a robot that differs from the example files, with measurement errors.
 
 Usage: python examples/recordings/record.py [FOLDER]
 """
@@ -15,19 +15,19 @@ import asrsim
 HERE = Path(__file__).parent
 ROBOT = HERE.parent / "urdf" / "dof2_vertical.urdf"
 SPRINGS = {"joint_1": 0.88, "joint_2": 1.08}
-"""Share of the robot file's spring constants."""
+"""Spring constants as a fraction of the values in the robot file."""
 CLOCK = 12.5
-"""s at which the laboratory's clock stands when the motion starts."""
+"""Time on the laboratory's clock when the motion starts, s."""
 ENCODER = 360.0 / 4096.0
-"""degrees, one count."""
+"""Resolution of the encoders, degrees."""
 NOISE = 0.1
-"""degrees, standard deviation."""
+"""Standard deviation of the encoder noise, degrees."""
 STEPS = {"joint_1": (0.5, 0.7, 3.5, -0.3), "joint_2": (1.0, 0.5, 4.0, 0.6)}
-"""Joint -> when (s) and to where (rad) it is sent, twice."""
+"""Two steps of each joint: time (s) and setpoint (rad)."""
 
 
 def two_joints() -> str:
-    """The CSV file of the two joints."""
+    """Text of the CSV file with the motion of two joints."""
     springs = {
         joint: {"spring_k_1": 0.02 * share, "spring_k_2": 0.02 * share, "motor_1_friction_torque": 0.025,
                 "motor_2_friction_torque": 0.025}
@@ -48,7 +48,7 @@ def two_joints() -> str:
     random = np.random.default_rng(7)
     names, columns = ["time [s]"], [result.time + CLOCK]
     for joint, (at, to, then, end) in STEPS.items():
-        # Commands as they were sent: before delay and hold.
+        # The commands are recorded as they were sent, before delay and hold.
         sent = np.where(result.time >= then, end, np.where(result.time >= at, to, 0.0))
         names += [f"{joint}.reference_1 [rad]", f"{joint}.reference_2 [rad]", f"{joint}.link_position [deg]"]
         degrees = np.degrees(result[joint].link_position) + random.normal(0.0, NOISE, len(sent))
@@ -58,7 +58,7 @@ def two_joints() -> str:
 
 
 def bench_motion() -> str:
-    """The CSV file of a motion for the test bench: a link that swings, while the motor is sent to and fro."""
+    """Text of the CSV file with a motion for the test bench: the link swings while the motor setpoint oscillates."""
     time = np.arange(0, 1001) * 1e-3
     swing = 2.0 * np.pi
     table = {

@@ -1,4 +1,4 @@
-"""`check` tells every fault of a scenario and of its robot at once, and nothing that only follows from another fault."""
+"""`check` reports all faults of a scenario and its robot at once, but no consequences of another fault."""
 
 from __future__ import annotations
 
@@ -94,19 +94,19 @@ def told(folder: Path, faults: list[str]) -> list[str]:
     return [json.dumps(error, ensure_ascii=False) for error in report["files"][0]["errors"]]
 
 
-def test_the_sound_files_have_no_fault(tmp_path: Path) -> None:
+def test_correct_files_have_no_fault(tmp_path: Path) -> None:
     assert told(tmp_path, []) == []
 
 
 @pytest.mark.parametrize("faults", DRAWN, ids=lambda faults: str(len(faults)))
-def test_every_fault_of_both_files_is_told_at_once_and_nothing_else(faults: list[str], tmp_path: Path) -> None:
+def test_check_reports_exactly_the_faults_of_both_files(faults: list[str], tmp_path: Path) -> None:
     errors = told(tmp_path, faults)
     missing = [fault for fault in faults if not any(FAULTS[fault][3] in error for error in errors)]
     assert missing == []
     assert len(errors) == len(faults), errors
 
 
-def test_a_mode_whose_constants_the_scenario_gives_is_no_fault(tmp_path: Path) -> None:
+def test_scenario_may_supply_the_motor_constants_of_a_mode(tmp_path: Path) -> None:
     (tmp_path / "leg.urdf").write_text(URDF.replace(MOTORS, ""))
     constants = "{mot_1_kt: 0.02, mot_2_kt: 0.02, mot_1_R: 1, mot_2_R: 1}"
     (tmp_path / "s.yaml").write_text(SCENARIO.replace("parameters:", f"parameters:\n  toe: {constants}"))

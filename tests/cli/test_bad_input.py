@@ -1,4 +1,4 @@
-"""Bad input through the command line: each ends with a line that names the fault, an exit code, and no traceback."""
+"""Bad input on the command line ends with an exit code and a line that names the fault, without a traceback."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ REFUSED = ("Traceback", "unexpected error")
 
 
 def chain(count: int, *, kind: str = "revolute", name: str = "j") -> str:
-    """A robot of `count` joints in a row."""
+    """URDF of a chain of `count` joints."""
     links = "".join(f'<link name="l{i}">{INERTIAL}</link>' for i in range(count))
     joints = "".join(
         f'<joint name="{name}{i}" type="{kind}"><parent link="{f"l{i - 1}" if i else "base"}"/><child link="l{i}"/>'
@@ -40,7 +40,7 @@ def chain(count: int, *, kind: str = "revolute", name: str = "j") -> str:
 
 
 def collision(geometry: str) -> tuple[str, str]:
-    """A change of the tiny robot: a collision on its link."""
+    """Replacement in the tiny robot's text that adds a collision element to its link."""
     return "</inertial>", f"</inertial><collision><geometry>{geometry}</geometry></collision>"
 
 
@@ -79,7 +79,7 @@ def test_robots(case: str, tiny, asrsim_command) -> None:
         (chain(2, kind="fixed"), "no moving joint"),
     ],
 )
-def test_robots_that_the_engine_does_not_take(text: str, words: str, tiny, asrsim_command) -> None:
+def test_robots_that_the_engine_rejects(text: str, words: str, tiny, asrsim_command) -> None:
     tiny.robot.write_text(text)
     tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.1\n")
     for arguments in (("check", tiny.robot), ("check", tiny.scenario), ("run", tiny.scenario, "--no-plot")):
@@ -88,8 +88,8 @@ def test_robots_that_the_engine_does_not_take(text: str, words: str, tiny, asrsi
         assert words in outcome.out + outcome.err
 
 
-def test_the_largest_robot_that_the_engine_takes(tiny, asrsim_command) -> None:
-    """Beyond it PyBullet mixes up positions and velocities of the last joints: each must stay where it starts."""
+def test_largest_robot_of_pybullet_stays_at_its_start(tiny, asrsim_command) -> None:
+    """Larger robots make PyBullet confuse the states of the last joints. Each joint must stay at its start position."""
     tiny.robot.write_text(chain(MAX_MOVING))
     tiny.scenario.write_text("robot: pendulum.urdf\nduration: 0.002\ngravity: [0, 0, 0]\ninitial: {'*': 0.01}\n")
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--json").code == 0
@@ -99,7 +99,7 @@ def test_the_largest_robot_that_the_engine_takes(tiny, asrsim_command) -> None:
 
 @pytest.mark.parametrize("padding", [0, 4, 8, 12])
 def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> None:
-    """PyBullet reads lines in pieces of 8 kB; a seam inside a tag breaks the document."""
+    """PyBullet reads lines in blocks of 8 kB. A block that ends inside a tag would break the document."""
     text = (
         chain(28)
         .replace('value="1"', 'value="1.234567890123456789"')
@@ -115,7 +115,7 @@ def test_a_robot_on_one_line_keeps_its_numbers(padding: int, tmp_path: Path) -> 
         engine.close()
 
 
-def test_an_element_too_long_for_the_engine(tiny, asrsim_command) -> None:
+def test_too_long_xml_elements_are_refused(tiny, asrsim_command) -> None:
     pytest.importorskip("pybullet")
     name = "&quot;" * 250  # 250 characters, each written as six
     text = tiny.robot.read_text().replace('name="arm"', f'name="{name}"').replace('link="arm"', f'link="{name}"')
@@ -133,7 +133,7 @@ SCENARIOS = {
     "too long": ("duration: 1.5", "duration: 1e12", "steps; at most"),
     "too stiff": ("duration: 1.5", "duration: 1.5\nparameters: {elbow: {spring_k: 1e9}}", "cannot be resolved"),
 }
-"""Case -> what is replaced in the tiny scenario, by what, and words of the error."""
+"""Cases by name: text to replace in the tiny scenario, new text, and words of the error."""
 
 
 @pytest.mark.parametrize("case", SCENARIOS)
@@ -148,19 +148,19 @@ def test_scenarios(case: str, tiny, asrsim_command) -> None:
         assert not any(word in told for word in REFUSED)
 
 
-def test_reading_a_scenario_ends(tiny, asrsim_command) -> None:
+def test_endless_scenario_files_are_refused(tiny, asrsim_command) -> None:
     outcome = asrsim_command("run", "/dev/zero")
     assert outcome.code == 1
-    assert "at most that many are read" in outcome.err
+    assert "is larger than the limit of" in outcome.err
 
 
-def test_hundreds_of_problems_are_cut_short(tiny, asrsim_command) -> None:
+def test_long_lists_of_problems_are_shortened(tiny, asrsim_command) -> None:
     tiny.scenario.write_text(tiny.scenario.read_text() + "".join(f"k{i}: 1\n" for i in range(300)))
     assert "... and 260 more" in asrsim_command("run", tiny.scenario).err
     assert len(json.loads(asrsim_command("run", tiny.scenario, "--json").out)["errors"][0]["problems"]) == 300
 
 
-def test_a_value_of_a_megabyte_is_cut_short() -> None:
+def test_long_values_are_shortened_in_messages() -> None:
     assert len(str(Problem(message="is wrong", value="9" * 1_000_000))) < 300
 
 
@@ -168,7 +168,7 @@ def test_a_value_of_a_megabyte_is_cut_short() -> None:
 
 
 def stl(*points: float, count: int = 1) -> bytes:
-    """A binary STL file of one triangle that says that it has `count`."""
+    """Binary STL file with one triangle whose header states `count` triangles."""
     return bytes(80) + struct.pack("<I12fH", count, 0, 0, 1, *(points or (0, 0, 0, 1, 0, 0, 0, 1, 0)), 0)
 
 
@@ -219,7 +219,7 @@ def test_a_broken_mesh_is_a_warning_that_names_the_link(tiny, asrsim_command) ->
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_crash_of_the_engine_happens_to_a_child() -> None:
+def test_engine_crash_only_ends_a_child_process() -> None:
     assert crashes(lambda: os.kill(os.getpid(), signal.SIGKILL))
     assert not crashes(lambda: None)
     assert not crashes(lambda: 1 / 0)
@@ -237,7 +237,7 @@ def test_a_robot_without_name_or_with_blanks_in_names_runs(tiny, asrsim_command)
 @pytest.mark.parametrize(
     "command", [("actuators", "nope"), ("check", "--actuator", "nope"), ("check", "--plugin", "nope.py", "x")]
 )
-def test_errors_are_json_where_json_is_asked_for(command: tuple[str, ...], asrsim_command) -> None:
+def test_errors_are_json_with_the_json_option(command: tuple[str, ...], asrsim_command) -> None:
     outcome = asrsim_command(*command, "--json")
     assert outcome.code == 1
     assert json.loads(outcome.out)["ok"] is False
@@ -245,7 +245,7 @@ def test_errors_are_json_where_json_is_asked_for(command: tuple[str, ...], asrsi
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize(("redirection", "code"), [(">&-", 0), (">/dev/full", 1)])
-def test_streams_that_are_closed_or_full(redirection: str, code: int, tiny) -> None:
+def test_closed_or_full_output_streams_end_the_command(redirection: str, code: int, tiny) -> None:
     command = f'"{sys.executable}" -m asrsim.cli.app actuators {redirection}'
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == code
@@ -287,7 +287,7 @@ class Mine(Actuator):
         ("if theta_1 > 0.4: raise ValueError('late')", "elastic_torques: the law raised ValueError: late"),
     ],
 )
-def test_laws_that_fail(line: str, words: str, tiny, asrsim_command) -> None:
+def test_faulty_plugin_laws_give_an_error(line: str, words: str, tiny, asrsim_command) -> None:
     name = f"n{abs(hash(line))}"
     plugin = tiny.folder / "mine.py"
     plugin.write_text(PLUGIN.format(name=name, line=line))
@@ -300,7 +300,7 @@ def test_laws_that_fail(line: str, words: str, tiny, asrsim_command) -> None:
     assert not any(word in outcome.out + outcome.err for word in REFUSED)
 
 
-def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
+def test_plugin_output_does_not_enter_the_json(tiny, asrsim_command) -> None:
     plugin = tiny.folder / "mine.py"
     plugin.write_text(PLUGIN.format(name="printing", line="pass"))
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--plugin", plugin, "--json")
@@ -308,7 +308,7 @@ def test_what_a_plugin_prints_is_not_in_the_json(tiny, asrsim_command) -> None:
     assert "loaded" in outcome.err
 
 
-def test_an_installed_actuator_that_is_broken_harms_nobody_else(tiny) -> None:
+def test_broken_installed_plugin_does_not_affect_other_commands(tiny) -> None:
     info = tiny.folder / "mine-1.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
@@ -330,7 +330,7 @@ def test_an_installed_actuator_that_is_broken_harms_nobody_else(tiny) -> None:
 # -- what cannot be drawn ---------------------------------------------------------------------------------------------
 
 
-def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_plots_do_not_hide_the_results(tiny, asrsim_command, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_arguments: object, **_keys: object) -> None:
         raise OutputError("joints.png: cannot be written: No space left on device")
 
@@ -356,7 +356,7 @@ def test_a_run_that_cannot_be_drawn_is_told_of_all_the_same(tiny, asrsim_command
         (("bench", "robot.urdf", "motin.csv"), "Did you mean 'motion.csv'?"),
     ],
 )
-def test_a_name_that_is_nearly_a_files_is_told_which(tmp_path, monkeypatch, asrsim_command, command, wanted) -> None:
+def test_misspelt_file_names_get_a_suggestion(tmp_path, monkeypatch, asrsim_command, command, wanted) -> None:
     (tmp_path / "robot.urdf").write_text(chain(1))
     (tmp_path / "scenario.yaml").write_text("robot: robot.urdf\nduration: 1\n")
     (tmp_path / "motion.csv").write_text("t,j0\n0,0\n1,0\n")

@@ -1,4 +1,4 @@
-"""`asrsim bench`: a table and its picture; the released code's numbers to the last digits."""
+"""`asrsim bench`: table, picture, and agreement with the released code up to rounding."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def test_toolbox_stepping_gives_the_released_codes_numbers() -> None:
     assert [check for check in checks if not check.figure <= 1e-12] == []
 
 
-def test_the_bench_draws_beside_its_table(tmp_path: Path, asrsim_command) -> None:
-    """A spring of 10 N m/rad whose motor stands at zero is turned away from it."""
+def test_bench_draws_its_picture_next_to_the_table(tmp_path: Path, asrsim_command) -> None:
+    """The motion turns a link away from its motor, which stands at zero; the spring has 10 N m/rad."""
     (tmp_path / "robot.urdf").write_text(URDF.format(plugin="libsea_plugin.so", mode=5, tags="<spring_k>10</spring_k>"))
     (tmp_path / "motion.csv").write_text("time,joint.position\n0,0\n0.001,0.001\n0.002,0.002\n")
     files = ("bench", tmp_path / "robot.urdf", tmp_path / "motion.csv", "-o", tmp_path / "out.csv")

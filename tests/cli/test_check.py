@@ -1,4 +1,4 @@
-"""`asrsim check` and `asrsim actuators`, as a user meets them."""
+"""Output of `asrsim check` and `asrsim actuators`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def good(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_prismatic_joint_has_units_of_its_own(runner: CliRunner, good: Path) -> None:
+def test_check_shows_metres_and_newtons_for_prismatic_joints(runner: CliRunner, good: Path) -> None:
     turning = runner.invoke(app, ["check", str(good)]).stdout
     sliding = good.with_name("slide.urdf")
     sliding.write_text(GOOD.replace("revolute", "prismatic"))
@@ -58,7 +58,7 @@ def test_table_shows_values_units_and_origins(runner: CliRunner, good: Path) -> 
     assert "0 errors, 1 warning" in result.stdout
 
 
-def test_json_for_machines(runner: CliRunner, good: Path) -> None:
+def test_check_prints_json(runner: CliRunner, good: Path) -> None:
     result = runner.invoke(app, ["check", "--json", str(good)])
     data = json.loads(result.stdout, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     (entry,) = data["files"]
@@ -84,7 +84,7 @@ def test_a_coarser_step_takes_more_substeps(runner: CliRunner, good: Path, tmp_p
     assert substeps[0] < substeps[1]
 
 
-def test_errors_of_every_file_and_exit_code_1(runner: CliRunner, good: Path, tmp_path: Path) -> None:
+def test_check_reports_errors_of_every_file(runner: CliRunner, good: Path, tmp_path: Path) -> None:
     bad = tmp_path / "bad.urdf"
     bad.write_text(GOOD.replace("<operation_mode>3", "<operation_mode>7"))
     result = runner.invoke(app, ["check", str(bad), str(tmp_path / "none.urdf"), str(good)])
@@ -149,7 +149,7 @@ def test_list_of_actuators(runner: CliRunner) -> None:
 
 
 @pytest.mark.parametrize("name", ["scenario.JSON", "scenario"])
-def test_a_scenario_is_known_by_its_text_where_its_name_says_nothing(tiny, asrsim_command, name: str) -> None:
+def test_scenarios_are_recognised_by_their_content(tiny, asrsim_command, name: str) -> None:
     keys = {"robot": "pendulum.urdf", "duration": 1.0, "references": {"elbow": {"equilibrium_position": 0.2}}}
     (tiny.folder / name).write_text(json.dumps(keys))
     assert asrsim_command("check", name).code == 0

@@ -1,4 +1,4 @@
-"""Control characters of files never reach the terminal: they are shown as escapes."""
+"""Control characters in files never reach the terminal; they are printed as escape sequences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_a_problem_is_one_line_without_control_characters() -> None:
 
 
 @pytest.mark.parametrize("text", ["\x1b[31mred\x1b[0m", "tab\tand\nline", "é 中 ─"])
-def test_our_own_output_passes(text: str, tmp_path: Path) -> None:
+def test_known_control_codes_are_kept(text: str, tmp_path: Path) -> None:
     path = tmp_path / "out"
     with path.open("w", encoding="utf-8") as stream:
         CleanStream(stream, OWN_CODES).write(text)
@@ -29,7 +29,7 @@ def test_our_own_output_passes(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["\x1b]0;title\x07", "\x1b[2J", "\x1b[1A", "\r", "\x9b2J", "\x00", "\u202e"])
-def test_what_moves_or_hides_does_not(text: str, tmp_path: Path) -> None:
+def test_codes_that_move_the_cursor_are_removed(text: str, tmp_path: Path) -> None:
     path = tmp_path / "out"
     with path.open("w", encoding="utf-8", newline="") as stream:
         CleanStream(stream, OWN_CODES).write(text)
@@ -41,7 +41,7 @@ def test_what_moves_or_hides_does_not(text: str, tmp_path: Path) -> None:
     ("place", "character"),
     [("robot", "\x9b"), ("joint", "\u202e"), ("key", "\x1b"), ("file", "\x9b")],
 )
-def test_no_command_prints_them(place: str, character: str, tiny, asrsim_command) -> None:
+def test_no_command_prints_control_characters_of_files(place: str, character: str, tiny, asrsim_command) -> None:
     robot, scenario = tiny.robot.read_text(), tiny.scenario.read_text()
     text = f"[2J{character}[2J"
     escaped = f"\\u{ord(character):04x}"

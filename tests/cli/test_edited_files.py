@@ -1,4 +1,4 @@
-"""Files of ours that somebody edited, checksums and all: read, or refused in words; never an error of the program's own."""
+"""Edited output files with valid checksums are read or refused with a message; they never cause an internal error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from support.edits import edits
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
-    """A short run with claims, an object and a recording of its own."""
+    """Short run with claims, an object and a recording."""
     from support.tiny import PENDULUM
 
     folder = tmp_path_factory.mktemp("edited")
@@ -46,7 +46,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> asrsim.Result:
 
 
 def use(log: Path) -> None:
-    """Everything that reads a log."""
+    """Call every reader of a log."""
     for reader in (
         lambda: read_log(log),
         lambda: read_recording(log),
@@ -60,7 +60,7 @@ def use(log: Path) -> None:
 
 
 def write_edited(path: Path, log: Log, name: str, data: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The log again, with other data under a name, checksums and all."""
+    """Write the log with other data under a name, and with valid checksums."""
     plain = writing.info_attachments(log.info)
     with monkeypatch.context() as patch:
         if name == "columns":

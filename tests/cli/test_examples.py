@@ -1,4 +1,4 @@
-"""The commands of the tutorial and of the help run as they stand there; `asrsim examples` copies what they need."""
+"""Commands of the tutorial and of the help texts run as printed; `asrsim examples` copies the files that they need."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FASTER = {
     "run out/ilc_2dof": ["--no-plot"],
     "plot out/step_2dof --format": ["--joint", "joint_1"],
 }
-"""Words of a command -> options that make it faster here."""
+"""Options that make a command faster in this test, by words of the command."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
@@ -40,7 +40,7 @@ def texts_of_examples(name: str) -> list[str]:
 
 
 def examples_of_the_help() -> list[str]:
-    """Every example in the help of a command, after those that write what others read."""
+    """Examples in the help texts of all commands, ordered so that input files are written before they are read."""
     names = dict.fromkeys(["run", *COMMANDS])
     return [text for name in names if name not in LONG for text in texts_of_examples(name)]
 
@@ -69,7 +69,7 @@ def test_the_example_of_design_designs_for_the_recorded_arm(asrsim_command):
     assert done.code == 0, done.err
 
 
-def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
+def test_examples_are_copied_without_replacing_foreign_files(tmp_path):
     out = tmp_path / "examples"
     written = copy_examples(out)
     shown = {path.name for path in (ROOT / "examples").iterdir()} - {"__pycache__", "out"}
@@ -88,13 +88,13 @@ def test_examples_are_copied_whole_and_nothing_of_others_is_replaced(tmp_path):
     assert mine.read_text(encoding="utf-8") != "mine"
 
 
-def test_a_file_in_place_of_the_folder_is_one_clear_error(tmp_path):
+def test_copying_examples_onto_a_file_is_an_error(tmp_path):
     (tmp_path / "examples").write_text("", encoding="utf-8")
     with pytest.raises(OutputError):
         copy_examples(tmp_path / "examples")
 
 
-def test_the_recorded_sample_is_made_by_its_script(tmp_path):
+def test_sample_recordings_are_those_of_their_script(tmp_path):
     shutil.copytree(ROOT / "examples" / "urdf", tmp_path / "urdf")
     place = tmp_path / "recordings"
     shutil.copytree(ROOT / "examples" / "recordings", place)
@@ -112,7 +112,7 @@ def test_the_recorded_sample_is_made_by_its_script(tmp_path):
     ],
 )
 def test_the_shell_completes_variants(line: str, offered: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """As bash asks for it: the option that is completed has no value yet, so that nothing behind it was parsed."""
+    """As in a request of bash, the option has no value yet, so that the arguments after it are not parsed."""
     from typer.testing import CliRunner
 
     monkeypatch.chdir(ROOT)

@@ -1,4 +1,4 @@
-"""Values that no user means: refused at the boundary with a message, or taken as they are; never an internal error."""
+"""Absurd values are refused with a message or accepted unchanged; they never cause an internal error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from support.paths import ROOT
 SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 
 
-def test_more_draws_than_a_study_may_have_are_refused() -> None:
+def test_studies_with_too_many_draws_are_refused() -> None:
     with pytest.raises(InputError, match="must be 1 to"):
         asrsim.sweep(SCENARIO, {"link_1.mass": "uniform(0.3, 0.5)"}, variants=["soft"], samples=10**23)
 
@@ -24,7 +24,7 @@ def test_rates_of_commands_and_sensors_have_an_upper_bound(side: str) -> None:
         asrsim.load_scenario(SCENARIO, variant="soft", overrides={"effects": {side: {"joint_1": {"rate": 2.5e11}}}})
 
 
-def test_names_of_users_are_no_formulas_in_pictures_of_fits_and_studies(tmp_path: Path) -> None:
+def test_plots_do_not_interpret_names_as_formulas(tmp_path: Path) -> None:
     from matplotlib.figure import Figure
 
     from asrsim.plots.output import save_figure, styled

@@ -1,4 +1,4 @@
-"""`asrsim ilc` from end to end: its folder, interruption, and playing what was learned."""
+"""`asrsim ilc` from end to end: its output folder, interruption, and playback of the learned input."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def lift(tmp_path):
     return path
 
 
-def test_the_learned_input_is_played_by_asrsim_run(asrsim_command, lift, tmp_path):
+def test_run_plays_the_learned_input(asrsim_command, lift, tmp_path):
     assert asrsim_command("ilc", lift, "--out", "learned", "--no-plot").code == 0
     played = asrsim_command("run", "learned/learned.yaml", "--out", "played", "--no-plot", "--json")
     assert played.code == 0, played.err
@@ -43,16 +43,16 @@ def test_the_learned_input_is_played_by_asrsim_run(asrsim_command, lift, tmp_pat
     assert claim["holds"]
 
 
-def test_a_fresh_run_of_the_same_scenario_says_what_it_replaces(asrsim_command, lift, tmp_path):
+def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path):
     asrsim_command("ilc", lift, "--out", "here")
     again = asrsim_command("ilc", lift, "--out", "here", "--no-plot")
     assert again.code == 0
     assert "replaced 6 files of an earlier learning run of this scenario" in again.out
-    # Nothing of the earlier run stands beside the new one.
+    # The new run has removed all files of the earlier run.
     assert not (tmp_path / "here" / "ilc.png").exists()
 
 
-def test_the_command_fails_where_learning_does_not_converge(asrsim_command, lift):
+def test_ilc_fails_if_learning_does_not_converge(asrsim_command, lift):
     result = asrsim_command("ilc", lift, "--out", "o", "--set", "ilc.max_iterations=1", "--json", "--no-plot")
     assert result.code == 1
     assert json.loads(result.out)["outcome"] == "exhausted"
@@ -64,8 +64,8 @@ def trials_in(state):
 
 
 @pytest.mark.slow
-def test_ctrl_c_and_resume_give_the_same_bits_on_the_real_robot(asrsim_command, tmp_path):
-    """Interrupted by SIGINT in the middle of the paper's learning; what it learns in the end is the same."""
+def test_interrupted_and_resumed_ilc_gives_equal_bits(asrsim_command, tmp_path):
+    """SIGINT interrupts the paper's learning. The final input is the same as without an interruption."""
     scenario = EXAMPLES / "scenarios" / "ilc_2dof.yaml"
     arguments = ["--set", "ilc.max_iterations=4", "--no-plot"]
     asrsim_command("ilc", scenario, "--out", "whole", *arguments)

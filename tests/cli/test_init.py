@@ -1,4 +1,4 @@
-"""`asrsim init`: starters that load, fit and run."""
+"""`asrsim init`: starter scenarios load, fit their robot and run."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def test_starters_of_every_actuator_and_mode_fit_their_robot(tmp_path, mode):
 @pytest.mark.parametrize(
     ("name", "actuator"), [("dof5_arm", None), ("dof2_vertical", None), ("plain_arm", "qbmove"), ("plain_arm", "awas_ii")]
 )
-def test_no_variant_of_a_starter_is_doubted_by_check(tmp_path, name, actuator):
-    """Soft springs of the five-joint arm would sag by 0.36 rad under its own weight."""
+def test_check_has_no_warning_for_starter_variants(tmp_path, name, actuator):
+    """With soft springs, the five-joint arm would sag by 0.36 rad under its own weight."""
     robot = ROOT / "examples" / "urdf" / f"{name}.urdf"
     write_starter(robot, tmp_path / "start.yaml", actuators={"*": actuator} if actuator else None)
     for scenario in load_scenario(tmp_path / "start.yaml"):
@@ -76,7 +76,7 @@ def test_a_robot_without_a_moving_joint_gets_no_starter(tmp_path):
 
 
 @pytest.mark.parametrize("upper", [-0.61, 0.0, 0.25, math.pi])
-def test_a_joint_whose_zero_is_on_or_beyond_its_stop_starts_away_from_it(tmp_path, upper):
+def test_starter_keeps_joints_away_from_their_stops(tmp_path, upper):
     robot = write_robot(tmp_path, {"name": "calf", "lower": -2.7, "upper": upper})
     out = tmp_path / "start.yaml"
     write_starter(robot, out)
@@ -86,8 +86,8 @@ def test_a_joint_whose_zero_is_on_or_beyond_its_stop_starts_away_from_it(tmp_pat
 
 
 @pytest.mark.parametrize("mode", [5, 6])
-def test_the_stiff_variant_leaves_the_motors_torque_to_move_with(tmp_path, mode):
-    """Springs of AlterEgo's shoulder, which at a preset of 0.6 rad would pull with far more than the motors have."""
+def test_stiff_variant_leaves_motor_torque_for_the_motion(tmp_path, mode):
+    """At a preset of 0.6 rad, the springs of AlterEgo's shoulder would need far more torque than the motors have."""
     robot = write_robot(tmp_path, {"name": "shoulder", "mode": mode})
     law = "<spring_a1>22.9</spring_a1><spring_k1>0.02</spring_k1><spring_a2>22.9</spring_a2><spring_k2>0.02</spring_k2>"
     robot.write_text(robot.read_text().replace("</plugin>", f"{law}</plugin>"))
@@ -121,7 +121,7 @@ def test_step_stays_within_the_limits(tmp_path):
     assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below", "centred")] == [
         (0.8, 1.1), (-0.2, -0.5), (0.025, 0.055), (-0.8, -1.1), (0.0, 0.08),
     ]  # fmt: skip
-    # Without damping a joint swings to twice its step.
+    # Without damping, a joint overshoots to twice its step.
     for joint in load_robot(robot).joints:
         swing = 2 * steps[joint.name].after - steps[joint.name].before
         assert joint.lower < swing < joint.upper
@@ -133,7 +133,7 @@ def test_names_that_yaml_would_misread_are_quoted(tmp_path):
     assert set(load_scenario(tmp_path / "s.yaml")[0].references) == {"1", "true", "joint: 2"}
 
 
-def test_a_foreign_schema_file_is_left_alone(tmp_path):
+def test_foreign_schema_files_are_not_replaced(tmp_path):
     robot = write_robot(tmp_path, {"name": "j"})
     (tmp_path / SCHEMA_FILE).write_text("{}")
     with pytest.raises(OutputError, match="not written by asrsim"):

@@ -1,4 +1,4 @@
-"""`asrsim init --experiment`: the recorded commands played, the motion compared, and the same numbers from run and plot."""
+"""`asrsim init --experiment`: recorded commands are played, and the motion is compared with the recording."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_commands_are_played_smoothly_between_their_samples(tmp_path: Path) -> N
     assert claim.value == pytest.approx(0.1 * np.ptp(SMOOTH), rel=0.05)
 
 
-def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_path: Path) -> None:
+def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path: Path) -> None:
     robot, recording = EXAMPLES / "dof2_vertical.urdf", EXAMPLES.parent / "recordings" / "two_joints.csv"
     write_from_recording(robot, recording, tmp_path / "s.yaml")
     task = task_of(tmp_path / "s.fit.yaml")
@@ -80,9 +80,7 @@ def test_the_offered_fit_asks_for_motors_of_one_make_once_and_for_a_delay(tmp_pa
         ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
     ],
 )
-def test_the_offered_fit_can_be_looked_at_whatever_the_recording_calls_its_command(
-    tmp_path: Path, robot: str, header: str, told: str
-) -> None:
+def test_suggested_fit_loads_for_every_kind_of_command(tmp_path: Path, robot: str, header: str, told: str) -> None:
     write_from_recording(EXAMPLES / f"{robot}.urdf", lab(tmp_path, header=header), tmp_path / "s.yaml")
     task = task_of(tmp_path / "s.fit.yaml")
     with ExitStack() as stack:
@@ -112,7 +110,7 @@ def test_the_command_is_played_on_the_recordings_clock(
     assert scenario.duration == pytest.approx(start + 0.79, abs=1.1e-3)
 
 
-def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bag_commands_are_played_and_stored_in_the_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_arm(tmp_path / "bag", "SQLITE3")
     _, scenario = make(tmp_path, tmp_path / "bag", robot="dof2_horizontal")
@@ -126,8 +124,8 @@ def test_a_bag_is_played_compared_and_carried_in_the_log(tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize("name", ["s.fit.yaml", "s.yaml"])
-def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: Path, name: str) -> None:
-    """The fit beside the scenario, the scenario itself; --force changes nothing in that."""
+def test_init_never_overwrites_its_inputs(tmp_path: Path, name: str) -> None:
+    """The recording has the name of the scenario or of its fit file. The option --force does not help."""
     text = lab(tmp_path, header="time [ms],q1,q1_ref,current").read_bytes()
     (tmp_path / name).write_bytes(text)
     with pytest.raises(AsrsimError, match="is an input of this command"):
@@ -136,8 +134,8 @@ def test_no_file_that_is_written_takes_the_place_of_one_that_is_read(tmp_path: P
 
 
 @pytest.mark.parametrize(("zero", "decimals"), [(0.0, 3), (0.7004, 9), (1_715_000_000.123, 9), (-0.35, 3)])
-def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Path, zero: float, decimals: int) -> None:
-    """However the clock is offset, and however the offset's rounding falls."""
+def test_stair_commands_are_played_at_their_recorded_steps(tmp_path: Path, zero: float, decimals: int) -> None:
+    """The offset of the clock and its rounding do not matter."""
     from asrsim.simulation.run import simulate
 
     stairs = 0.05 + 0.1 * np.floor(TIME / 0.07 + 1e-9)
@@ -152,7 +150,7 @@ def test_stairs_are_played_on_the_step_at_which_they_were_recorded(tmp_path: Pat
     np.testing.assert_allclose(changed, np.ceil(np.round(recorded / 0.001, 3)) * 0.001, atol=1e-9)
 
 
-def test_a_mapping_reaches_claims_and_commands(tmp_path: Path) -> None:
+def test_column_mapping_applies_to_claims_and_commands(tmp_path: Path) -> None:
     path = lab(tmp_path, header="time,alpha,beta,current", scale=180 / np.pi)
     mapping = ["alpha=joint_1.link_position [deg]", "beta=joint_1.reference_1 [deg]"]
     _, scenario = make(tmp_path, path, mapping=mapping)
@@ -186,10 +184,8 @@ def test_mode_4_takes_the_recorded_torque(tmp_path: Path, header: str, played: s
 
 @pytest.mark.parametrize(("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
                                                 ("time,dq1,q1_ref [N m],current", {})])  # fmt: skip
-def test_a_joint_whose_place_is_not_recorded_begins_at_its_command(
-    tmp_path: Path, header: str, begins: dict[str, float]
-) -> None:
-    """Unless that is a torque, which says nothing of a place."""
+def test_unrecorded_joints_start_at_their_command(tmp_path: Path, header: str, begins: dict[str, float]) -> None:
+    """Exception: a torque command contains no position."""
     mode = None if begins else 4
     _, scenario = make(tmp_path, lab(tmp_path, header=header), mode=mode)
     assert scenario.initial_positions == pytest.approx(begins)
@@ -222,7 +218,7 @@ def test_a_command_without_unit_is_stated_as_assumed(tmp_path: Path) -> None:
     assert "no unit" in next(line for line in text.splitlines() if "q1_ref" in line)
 
 
-def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path) -> None:
+def test_motor_position_replaces_a_missing_command(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor_pos1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")
     assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
@@ -236,7 +232,7 @@ def test_without_a_command_the_motor_stands_in_or_it_is_an_error(tmp_path: Path)
 
 @pytest.mark.slow
 class TestRealRecordings:
-    """The three real recordings, as they are."""
+    """Tests with unmodified real recordings."""
 
     def test_an_arm_with_two_elastic_joints(self, tmp_path: Path, shared: Path) -> None:
         mapping = [f"tip_deflection{i}_rad=-joint_{i}.deflection" for i in (1, 2)]
@@ -257,7 +253,7 @@ class TestRealRecordings:
         assert {"link_position", "link_velocity"} <= {claim.quantity for claim in scenario.expect}
 
 
-def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Path) -> None:
+def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):
         make(tmp_path, lab(tmp_path), "plain_arm")
     for unit, mode in (("rad", 6), ("V", 7)):
@@ -271,8 +267,8 @@ def test_actuators_go_on_a_plain_robot_in_the_mode_of_their_command(tmp_path: Pa
 
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
-def test_springs_of_given_actuators_hold_the_arm_where_the_recorded_commands_begin(tmp_path: Path, actuator: str) -> None:
-    """At the defaults a qbMove at the shoulder would sag by 0.8 rad."""
+def test_chosen_springs_hold_the_arm_at_the_recorded_start(tmp_path: Path, actuator: str) -> None:
+    """With default parameters, a qbMove at the shoulder would sag by 0.8 rad."""
     pose = 1.2 + 0.1 * np.sin(6.0 * TIME)
     names = [f"{joint}.{quantity}" for joint in ("shoulder", "elbow") for quantity in ("reference_1", "link_position")]
     np.savetxt(
@@ -283,7 +279,7 @@ def test_springs_of_given_actuators_hold_the_arm_where_the_recorded_commands_beg
 
 
 @pytest.mark.parametrize("mode", [0, 1, 3, 6])
-def test_claims_are_about_quantities_that_a_run_in_this_mode_has(tmp_path: Path, mode: int) -> None:
+def test_claims_use_quantities_of_the_chosen_mode(tmp_path: Path, mode: int) -> None:
     names = ("link_position", "reference_1", "motor_1_velocity", "motor_1_position", "deflection")
     header = ",".join(["time", *(f"joint_1.{name}" for name in names)])
     np.savetxt(tmp_path / "lab.csv", np.column_stack([TIME, *[SMOOTH] * 5]), delimiter=",", header=header, comments="")

@@ -1,4 +1,4 @@
-"""A file of another kind than a command takes is called what it is, beside the command that takes it."""
+"""If a command gets a file of the wrong kind, the error names the kind and the command that takes it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ TAKES = {
     "robot": ("init",),
     "log": ("plot", "render", "report", "rerun"),
 }
-"""Kind of file -> commands that take it first."""
+"""Commands that take a kind of file as their first argument, by kind."""
 ALSO = {"check": {"robot"}, "sweep": {"study"}, "identify": {"fit"}}
-"""Command -> further kinds that it takes."""
+"""Further kinds of files that a command takes, by command."""
 
 
 @pytest.fixture
 def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
-    """One file of each kind; the log is the example that plots are tested with."""
+    """A file of each kind. The log is the example of the plot tests."""
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "made").code == 0
     found = {
         "robot": EXAMPLES / "urdf" / "dof1_sea.urdf",
@@ -38,13 +38,13 @@ def files(tmp_path: Path, tiny, asrsim_command) -> dict[str, Path]:
     return found
 
 
-def test_every_kind_is_known_by_its_file(files) -> None:
+def test_file_kinds_are_recognised(files) -> None:
     assert {kind: kind_of(path) for kind, path in files.items()} == {kind: kind for kind in COMMANDS}
     assert kind_of(files["log"].parent) == "log"
 
 
 @pytest.mark.parametrize("wanted", TAKES)
-def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -> None:
+def test_commands_name_the_kind_of_a_wrong_file(wanted: str, files, asrsim_command) -> None:
     for command in TAKES[wanted]:
         for kind, path in files.items():
             if kind in {wanted} | ALSO.get(command, set()):
@@ -56,7 +56,7 @@ def test_commands_say_what_they_were_given(wanted: str, files, asrsim_command) -
             assert f"Use it with: {known}" in done.err + done.out, (command, kind)
 
 
-def test_recordings_that_are_none(files, asrsim_command) -> None:
+def test_files_without_recordings_are_named(files, asrsim_command) -> None:
     for kind in ("robot", "scenario", "fit", "study", "summary"):
         for arguments in (("plot", files["log"], "--experiment"), ("init", files["robot"], "--experiment")):
             done = asrsim_command(*arguments, files[kind])
@@ -64,7 +64,7 @@ def test_recordings_that_are_none(files, asrsim_command) -> None:
             assert f"is a {kind}, no recording" in done.err
 
 
-def test_a_recording_may_have_keys_of_a_scenario(tmp_path: Path, files, asrsim_command) -> None:
+def test_recording_with_scenario_keys_is_a_recording(tmp_path: Path, files, asrsim_command) -> None:
     recording = tmp_path / "lab.json"
     rows = [[k / 100, k / 1000] for k in range(300)]
     times, places = zip(*rows, strict=True)

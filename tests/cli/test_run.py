@@ -1,4 +1,4 @@
-"""`asrsim run` and `asrsim rerun`, as a user and a shell meet them."""
+"""Output files, messages and exit codes of `asrsim run` and `asrsim rerun`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from support.paths import ROOT
 
 FOREVER = ("--set", "duration=1e5", "--set", "compiled=false")
 LOAD = "external_torques={elbow: {step: {at: 0.5, to: 1e9}}}"
-"""A torque that no joint bears."""
+"""Torque that makes every joint diverge."""
 LIMIT = 60.0
-"""s in which a subprocess must come to something, on a slow machine."""
+"""Time limit for a subprocess on a slow machine, s."""
 
 
 def start(tiny, *arguments: object, **options: object) -> subprocess.Popen[str]:
@@ -69,7 +69,7 @@ def test_json_is_the_only_output_and_the_summary_file_holds_the_same(tiny, asrsi
     assert json.loads(Path(run["files"]["summary"]).read_text()) == run
 
 
-def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
+def test_run_draws_pictures_by_default(tiny, asrsim_command) -> None:
     assert asrsim_command("run", tiny.scenario, "--set", "duration=0.2").code == 0
     pictures = list(log_of(tiny).parent.glob("*.png"))
     assert pictures
@@ -77,7 +77,7 @@ def test_pictures_are_drawn_unless_told_not_to(tiny, asrsim_command) -> None:
     assert sorted(summary["files"]["plots"]) == sorted(f"out/step/default/{path.name}" for path in pictures)
 
 
-def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
+def test_each_variant_has_its_own_folder(tiny, asrsim_command) -> None:
     soft_and_stiff = "variants:\n  soft: {parameters: {elbow: {spring_k: 5}}}\n  stiff: {parameters: {elbow: {spring_k: 50}}}\n"
     tiny.scenario.write_text(tiny.scenario.read_text() + soft_and_stiff)
     short = ("run", tiny.scenario, "--no-plot", "--set", "duration=0.01")
@@ -90,7 +90,7 @@ def test_variants_each_in_their_folder(tiny, asrsim_command) -> None:
     assert read_log(tiny.folder / "one" / "log.mcap").info.variant == "stiff"
 
 
-def test_a_variant_that_cannot_be_built_is_named_and_ends_the_command(tiny, asrsim_command) -> None:
+def test_invalid_variant_is_named_and_ends_the_command(tiny, asrsim_command) -> None:
     variants = "variants:\n  a: {duration: 0.1}\n  b: {parameters: {elbow: {spring_k: 1e12}}}\n  c: {duration: 0.1}\n"
     tiny.scenario.write_text(tiny.scenario.read_text() + variants)
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")
@@ -109,7 +109,7 @@ def test_a_failed_claim_does_not_keep_the_other_variants_from_running(tiny, asrs
     assert [(run["variant"], run["ok"]) for run in json.loads(outcome.out)["runs"]] == [("a", False), ("b", True)]
 
 
-def test_warnings_of_all_variants_are_told_once(tiny, asrsim_command) -> None:
+def test_equal_warnings_of_variants_are_printed_once(tiny, asrsim_command) -> None:
     tiny.robot.write_text(tiny.robot.read_text().replace("<spring_k>", "<sprang>1</sprang><spring_k>"))
     tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")
@@ -132,7 +132,7 @@ def test_expectations_decide_the_exit_code(tiny, asrsim_command, value: float, c
     assert summary["ok"] is (code == 0)
 
 
-def test_a_claim_that_cannot_be_evaluated_is_told_before_the_run(tiny, asrsim_command) -> None:
+def test_invalid_claims_are_reported_before_the_run(tiny, asrsim_command) -> None:
     claim = "{joint: elbow, quantity: motor_2_position, measure: final, value: 0}"
     outcome = asrsim_command("run", tiny.scenario, "--set", f"expect=[{claim}]", *FOREVER)
     assert outcome.code == 1
@@ -140,7 +140,7 @@ def test_a_claim_that_cannot_be_evaluated_is_told_before_the_run(tiny, asrsim_co
     assert not log_of(tiny).exists()
 
 
-def test_the_same_scenario_replaces_its_results_and_says_so(tiny, asrsim_command) -> None:
+def test_repeated_run_reports_that_it_replaces_results(tiny, asrsim_command) -> None:
     assert "replaced" not in asrsim_command("run", tiny.scenario, "--no-plot").out
     outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.2")
     assert outcome.code == 0
@@ -148,7 +148,7 @@ def test_the_same_scenario_replaces_its_results_and_says_so(tiny, asrsim_command
     assert read_log(log_of(tiny)).samples.time[-1] == 0.2
 
 
-def test_another_scenarios_results_are_kept(tiny, asrsim_command) -> None:
+def test_results_of_another_scenario_are_not_replaced(tiny, asrsim_command) -> None:
     other = tiny.folder / "other.yaml"
     shutil.copy(tiny.scenario, other)
     assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "results").code == 0
@@ -162,7 +162,7 @@ def test_another_scenarios_results_are_kept(tiny, asrsim_command) -> None:
     assert read_log(tiny.folder / "results" / "log.mcap").info.scenario_path.endswith("other.yaml")
 
 
-def test_a_repetition_that_ends_before_its_log_says_how_much_is_missing(tiny, asrsim_command, monkeypatch) -> None:
+def test_rerun_reports_the_missing_part_of_a_shorter_repetition(tiny, asrsim_command, monkeypatch) -> None:
     from asrsim.runs import repeat
     from asrsim.simulation.run import simulate
 
@@ -176,7 +176,7 @@ def test_a_repetition_that_ends_before_its_log_says_how_much_is_missing(tiny, as
     assert "60 samples before the log" in outcome.err
 
 
-def test_what_a_run_no_longer_makes_goes_with_the_earlier_one(tiny, asrsim_command) -> None:
+def test_repeated_run_removes_obsolete_files_of_the_earlier_run(tiny, asrsim_command) -> None:
     quick = ("run", tiny.scenario, "-o", "out", "--set", "duration=0.1", "--no-plot", "-q")
     outcome = asrsim_command(*quick, "--report")
     assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
@@ -214,7 +214,7 @@ def test_divergence_ends_with_joint_time_and_cure(tiny, asrsim_command, changes:
 
 
 def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
-    """While the loop is compiled nobody asks whether to stop; once somebody has, the first signal is left to them."""
+    """During compilation nothing polls `stop`, so the signal ends the command. After the first poll, the run handles it."""
     from asrsim.cli.interrupt import Interruption
 
     before = signal.getsignal(signal.SIGINT)
@@ -230,11 +230,11 @@ def test_ctrl_c_before_the_first_step_ends_the_command_at_once() -> None:
 
 
 @pytest.mark.parametrize("place", ["asrsim.robot", "at the end"])
-def test_ctrl_c_is_told_of_wherever_it_comes(tiny, place: str) -> None:
-    """While a library is imported, in the command, and behind it, where it is too late; in a process of its own."""
+def test_interrupts_end_with_a_message_at_any_time(tiny, place: str) -> None:
+    """The signal arrives during an import, in the command, or after it (too late), in a separate process."""
     code = (
         "import signal, sys, atexit\n"
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # of a parent in the background it is ignored
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a parent in the background would ignore it
         "class Finder:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         f"        if name == {place!r}: sys.meta_path.remove(self); signal.raise_signal(signal.SIGINT)\n"
@@ -300,7 +300,7 @@ def test_rerun_finds_one_changed_bit(tiny, asrsim_command) -> None:
     ]
 
 
-def test_rerun_runs_no_code_of_a_log_unasked(tiny, asrsim_command) -> None:
+def test_rerun_needs_consent_to_run_code_of_a_log(tiny, asrsim_command) -> None:
     plugin = tiny.folder / "my_drive.py"
     plugin.write_text(
         "from asrsim.actuators.sea import Sea\n\nclass MyDrive(Sea):\n    name = 'my_drive'\n    title = 'My drive'\n"

@@ -1,4 +1,4 @@
-"""Names from files that a terminal or a browser would obey."""
+"""Names from files that a terminal or a browser would take as commands."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from support.paths import ROOT
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]])
-def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
-    """Tables have lines and signs that ASCII has not, and so may names; JSON loses none."""
+def test_ascii_terminals_get_replaced_characters(tiny, options: list[str]) -> None:
+    """Tables and names may contain characters that ASCII lacks; JSON keeps all of them."""
     tiny.robot.write_text(tiny.robot.read_text().replace("elbow", "coudé"), encoding="utf-8")
     old = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "asrsim", "check", str(tiny.robot), *options]
@@ -27,7 +27,7 @@ def test_an_old_terminal_shows_what_it_can(tiny, options: list[str]) -> None:
 
 
 class Scripts(HTMLParser):
-    """The texts of a page's scripts, as a browser parts them."""
+    """Reader of a page that collects the text of each script, as a browser separates them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class Scripts(HTMLParser):
 
 
 @pytest.mark.parametrize("name", ["<!--<script>", "</script><script>alert(1)</script>", "a&amp;<b>", "]]>-->"])
-def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
+def test_names_cannot_break_the_scripts_of_a_report(tiny, name: str) -> None:
     from xml.sax.saxutils import quoteattr
 
     import asrsim
@@ -69,7 +69,7 @@ def test_no_name_swallows_the_scripts_of_a_report(tiny, name: str) -> None:
 
 
 @pytest.mark.parametrize("count", [1, SHOWN - 1, SHOWN, SHOWN + 1, SHOWN + 7])
-def test_of_many_places_it_is_said_how_many_are_left(count: int) -> None:
+def test_shared_messages_list_places_and_count_the_rest(count: int) -> None:
     problems = [Problem(message="odd", key=f"joint_{i}", code="odd") for i in range(count)]
     (line,) = problem_lines(problems)
     assert "None" not in line

@@ -1,4 +1,4 @@
-"""Every command that writes: others' files stay, a full disk leaves what was there; and how a run is ended."""
+"""Commands that write files: foreign files and, on a full disk, earlier results stay; signals and kills end a run cleanly."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ilc: {trajectory: {elbow: {minimum_jerk: {duration: 0.2, to: 0.3}}}, tolerance: 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a run in `made`, a motion for the bench and a scenario to learn."""
+    """Folder with a run in `made`, a motion for the bench, and a scenario for learning."""
     folder = tmp_path_factory.mktemp("writers")
     files = {"pendulum.urdf": PENDULUM, "step.yaml": SCENARIO, "lift.yaml": LIFT, "motion.csv": MOTION}
     for name, text in files.items():
@@ -44,7 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def place(made: Path, tmp_path: Path) -> Path:
-    """A copy of `made`."""
+    """Copy of the folder `made`."""
     return Path(shutil.copytree(made, tmp_path, dirs_exist_ok=True))
 
 
@@ -58,11 +58,11 @@ WRITERS = {
     "ilc": ("ilc lift.yaml --out out", ["state.npz", "learned.csv", "learned.yaml", "ilc.json", "ilc.png"]),
     "init": ("init pendulum.urdf --out out/start.yaml", ["start.yaml"]),
 }
-"""Command -> arguments that write into `out`, and files that it writes there."""
+"""Arguments with which each command writes into `out`, and the files that it writes."""
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_files_of_somebody_else_stay(place: Path, asrsim_command, name: str) -> None:
+def test_commands_do_not_overwrite_foreign_files(place: Path, asrsim_command, name: str) -> None:
     arguments, files = WRITERS[name]
     (place / "out").mkdir()
     for file in files:
@@ -87,7 +87,7 @@ def test_planted_links_are_not_followed(place: Path, asrsim_command, name: str) 
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name not in ("init", "plot pdf svg")])
-def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, name: str) -> None:
+def test_commands_may_overwrite_their_own_files(place: Path, asrsim_command, name: str) -> None:
     arguments, files = WRITERS[name]
     (place / "out").mkdir()
     for _ in range(2):
@@ -105,7 +105,7 @@ def test_what_a_command_wrote_it_may_write_again(place: Path, asrsim_command, na
         "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
     ],
 )  # fmt: skip
-def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str) -> None:
+def test_commands_never_overwrite_their_inputs(place: Path, asrsim_command, arguments: str) -> None:
     before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
     outcome = asrsim_command(*arguments.split())
     assert outcome.code in (1, 2)
@@ -120,7 +120,7 @@ def test_an_input_is_never_an_output(place: Path, asrsim_command, arguments: str
         ("report made --out page", "must end in .html or .htm, not page"),
     ],
 )  # fmt: skip
-def test_a_folder_is_no_file_and_a_file_no_folder(place: Path, asrsim_command, arguments: str, said: str) -> None:
+def test_folders_and_files_are_not_interchanged(place: Path, asrsim_command, arguments: str, said: str) -> None:
     outcome = asrsim_command(*arguments.split())
     assert outcome.code == 2
     assert said in " ".join(outcome.err.split())
@@ -136,7 +136,7 @@ def test_a_run_does_not_replace_the_log_that_it_compares_with(place: Path, asrsi
     assert open_log(place / "made/log.mcap").status == "complete"
 
 
-def test_a_summary_names_nothing_to_be_removed(place: Path, asrsim_command) -> None:
+def test_file_list_of_an_edited_summary_is_not_trusted(place: Path, asrsim_command) -> None:
     summary = place / "made/summary.json"
     data = json.loads(summary.read_text())
     (place / "made/thesis.tex").write_text(HAND)
@@ -158,7 +158,7 @@ def test_a_folder_in_use_is_refused(place: Path, asrsim_command) -> None:
 
 
 def begin(place: Path, size: int = 50_000) -> subprocess.Popen:
-    """A long run in a process of its own, once its log has `size` bytes."""
+    """Start a long run in a separate process, and wait until its log has `size` bytes."""
     command = [
         sys.executable,
         *["-m", "asrsim.cli.app", "run", "step.yaml", "--no-plot", "--set", "duration=600", "--out", "long"],
@@ -190,7 +190,7 @@ def test_a_signal_ends_a_run_with_a_readable_log(place: Path, number: int) -> No
 def test_a_killed_run_leaves_no_lock_the_earlier_result_and_a_log_to_repeat(place: Path, asrsim_command) -> None:
     assert asrsim_command("run", "step.yaml", "--set", "duration=0.1", "--out", "long", "--no-plot").code == 0
     before = (place / "long/log.mcap").read_bytes()
-    # A kill within the first chunk (576 kB) would leave no sample.
+    # A kill during the first chunk (576 kB) would leave no samples.
     first = begin(place, size=1_000_000)
     refused = asrsim_command("run", "step.yaml", "--out", "long", "--no-plot")
     first.kill()
@@ -233,7 +233,7 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 400 kB."""
+    """Folder on a disk of 400 kB."""
     folder = tmp_path / "disk"
     folder.mkdir()
     if (
@@ -248,7 +248,7 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if name != "plot pdf svg"])
-def test_a_full_disk_leaves_what_was_there(place: Path, asrsim_command, disk: Path, name: str) -> None:
+def test_full_disk_keeps_the_earlier_results(place: Path, asrsim_command, disk: Path, name: str) -> None:
     arguments, _ = WRITERS[name]
     arguments = re.sub(r"--out out", "--out disk", arguments)
     if name != "init":

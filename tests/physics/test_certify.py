@@ -1,4 +1,4 @@
-"""The reported numerical error bounds the true one within a factor of two."""
+"""The numerical error that `--certify` reports is within a factor of two of the true error."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("case", CASES)
-def test_the_estimate_bounds_the_true_error_within_a_factor_of_two(case: str, stepping: str, shared: Path) -> None:
+def test_certificate_is_within_a_factor_of_two_of_the_error(case: str, stepping: str, shared: Path) -> None:
     file = shared / "data/gazebo_urdf" / f"dof1_m3_step_{case}_ideal.urdf"
     robot = load_robot(file)
     references = {"joint": {"equilibrium_position": Constant(value=0.8), "stiffness_preset": Constant(value=CASES[case])}}
@@ -41,8 +41,8 @@ def test_the_estimate_bounds_the_true_error_within_a_factor_of_two(case: str, st
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("limited", [False, True])
-def test_the_estimate_is_the_true_error_whatever_order_was_measured(stepping: str, limited: bool) -> None:
-    """Motors at their limits are no longer of second order; what is estimated by the measured one is right within a fifth."""
+def test_certificate_is_accurate_at_reduced_order(stepping: str, limited: bool) -> None:
+    """Motors at their limits reduce the order below two. The estimate with the measured order is accurate to 20 %."""
     wave = {"sinusoid": {"amplitude": 0.4, "angular_frequency": 9.0}}
     weak = {"motor_1_max_torque": 0.5, "motor_2_max_torque": 0.5} if limited else {}
     scenario = make_scenario(

@@ -1,4 +1,4 @@
-"""Worlds with contacts: what nothing touches moves as it would without them, and a fixed base stands in the way of things."""
+"""Worlds with contacts: bodies without contact move as in a world without contacts, and a fixed base collides with objects."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ MOTIONS: dict[str, tuple[str, str, dict[str, Any], float]] = {
     "a stop after turns": ("-11.5", "60", {"external_torques": {"two": -2.0}, "gravity": [0, 0, 0]}, 1e-3),
     "a stop on one side": ("-inf", "0.3", {"external_torques": {"two": 2.0}, "gravity": [0, 0, 0]}, 1e-3),
 }  # fmt: skip
-"""Limits of the second joint (rad), keys, and by how much a solver with contacts may differ (rad): stops give way a little."""
+"""Limits of the second joint (rad), scenario keys, and tolerance in a world with contacts (rad), where stops are softer."""
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path: Path, engine: str) -> None:
-    """With the friction of both; the base stands in the ground, which does not push it."""
+    """Base and objects have friction. The base penetrates the ground, which exerts no force on it."""
     table = '<link name="base"><collision><geometry><box size="2 2 1"/></geometry></collision></link>'
     (tmp_path / "arm.urdf").write_text(ARM.replace('<link name="base"/>', table).replace("LOW", "-1").replace("HIGH", "1"))
     objects = {
@@ -56,7 +56,7 @@ def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path: Path, engine: s
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("height", [-0.7, 0.4])
-def test_the_ground_is_where_it_is_said_to_be(tmp_path: Path, engine: str, height: float) -> None:
+def test_ground_has_the_height_in_the_scenario(tmp_path: Path, engine: str, height: float) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
     ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, height + 0.12]}
     scenario = asrsim.make_scenario(
@@ -68,7 +68,7 @@ def test_the_ground_is_where_it_is_said_to_be(tmp_path: Path, engine: str, heigh
 
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_path: Path, engine: str) -> None:
-    """A ball on a slide pushes a box over the ground, stops at its limit, and the box slides on and comes to rest."""
+    """A ball on a slide pushes a box over the ground and stops at its limit. The box slides on until it rests."""
     ball = "<collision><geometry><sphere radius='0.02'/></geometry></collision>"
     (tmp_path / "slide.urdf").write_text(f"""<robot name="slide"><link name="base"/><link name="ball"><inertial>
 <mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>{ball}</link>

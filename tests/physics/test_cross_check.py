@@ -1,4 +1,4 @@
-"""The run in another engine: equal where nothing touches, told where it is not."""
+"""Cross-check by a run in another engine: equal without contacts; differences are reported."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def example(name: str, variant: str, **fields: object) -> asrsim.Scenario:
 
 @pytest.fixture
 def wrong_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A MuJoCo engine that pulls by a millionth too much."""
+    """MuJoCo engine with a relative error of one millionth in gravity."""
 
     def make(scenario, robot):
         return mujoco_engine.make_mujoco(replace(scenario, gravity=(0.0, -9.81 * (1 + 1e-6), 0.0)), robot)
@@ -57,7 +57,7 @@ def test_engines_agree_where_nothing_touches(engine: str, tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("wrong_mujoco")
 @pytest.mark.parametrize("out", [True, False])
-def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Path) -> None:
+def test_cross_check_finds_a_relative_error_of_one_millionth(out: bool, tmp_path: Path) -> None:
     scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
     result = asrsim.run(scenario, out=tmp_path if out else None, certify=True)
     check = result.summary.cross_check
@@ -69,12 +69,12 @@ def test_an_engine_that_is_wrong_by_a_millionth_is_found(out: bool, tmp_path: Pa
 
 
 class HalfFriction(mujoco_engine.MujocoEngine):
-    """Joints rub half as much."""
+    """Faulty engine with half the joint friction."""
 
     native = None
 
     def step(self, exchange, wrenches, lengths):
-        """As its base."""
+        """Step with half the friction."""
         rubbing = exchange.copy()
         rubbing[..., FRICTION] *= 0.5
         super().step(rubbing, wrenches, lengths)
@@ -82,7 +82,7 @@ class HalfFriction(mujoco_engine.MujocoEngine):
 
 
 class MovedStop(mujoco_engine.MujocoEngine):
-    """A stop is 10 mrad off."""
+    """Faulty engine with a stop displaced by 10 mrad."""
 
     def __init__(self, scenario, robot):
         super().__init__(scenario, robot)
@@ -90,8 +90,8 @@ class MovedStop(mujoco_engine.MujocoEngine):
 
 
 @pytest.mark.parametrize("wrong", [HalfFriction, MovedStop])
-def test_friction_or_stops_that_one_engine_has_wrong_are_found(wrong: type, tmp_path: Path, monkeypatch) -> None:
-    """A link that rubs falls onto its stop."""
+def test_cross_check_finds_wrong_friction_and_stops(wrong: type, tmp_path: Path, monkeypatch) -> None:
+    """The run: a link with friction falls onto its stop."""
     (tmp_path / "r.urdf").write_text(
         '<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>'
         '<inertia ixx="3e-3" iyy="3e-3" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute">'
@@ -105,10 +105,10 @@ def test_friction_or_stops_that_one_engine_has_wrong_are_found(wrong: type, tmp_
     assert not asrsim.run(tmp_path / "s.yaml", cross_check=True).summary.cross_check["agrees"]
 
 
-def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) -> None:
-    """Three free links fall over and over: what is 1e-12 rad at the start is 1e-3 at the end, in one engine too.
+def test_cross_check_accepts_chaotic_motions(tmp_path: Path) -> None:
+    """Three free links rotate chaotically: a change of 1e-12 rad at the start is 1e-3 rad at the end, even in one engine.
 
-    The first begins on its stop.
+    The first link starts on its stop.
     """
     stop = '<limit lower="-60" upper="2.5" effort="9" velocity="99"/>'
     links = "".join(
@@ -126,14 +126,14 @@ def test_a_motion_that_multiplies_differences_accuses_no_engine(tmp_path: Path) 
     assert "multiplies differences" in check["note"]
 
 
-def test_contacts_may_differ_and_it_is_said() -> None:
+def test_cross_check_with_contacts_may_differ_with_a_note() -> None:
     check = asrsim.run(example("box_push_5dof", "soft", duration=0.2, task=None), cross_check=True).summary.cross_check
     assert check["contacts"]
     assert check["agrees"]
     assert "legitimate" in check["note"]
 
 
-def test_without_another_engine_the_check_is_refused_and_certify_goes_without(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(ENGINES.get("mujoco"), module="no_such_module_here")
     monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
     assert other_engine("bullet") is None
@@ -148,8 +148,8 @@ def test_without_another_engine_the_check_is_refused_and_certify_goes_without(mo
 
 @pytest.mark.parametrize("kept", [True, False])
 @pytest.mark.parametrize("asked", [{"cross_check": True}, {"certify": True}], ids=str)
-def test_a_robot_that_was_given_is_the_one_that_both_engines_and_finer_steps_run(tiny, tmp_path, asked, kept) -> None:
-    """Three times as heavy as the scenario's file says: another robot's motion would be far off."""
+def test_cross_check_and_certify_use_the_robot_passed_in(tiny, tmp_path, asked, kept) -> None:
+    """The robot is three times as heavy as in the robot file, so the robot of the file would move very differently."""
     robot = load_robot(tiny.robot)
     heavy = replace(robot, links=tuple(replace(link, mass=3.0 * link.mass) if link.mass else link for link in robot.links))
     overrides = ["engine=mujoco", "compiled=false", "duration=0.2"]

@@ -1,4 +1,4 @@
-"""Damping of the links, which a substep takes implicitly."""
+"""Viscous damping of the links, which a substep treats implicitly."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEP, INERTIA = 1e-3, 0.01
 
 
 def shares(decay: float, *, stepping: str = "leapfrog", engine: str = "mujoco") -> np.ndarray:
-    """What each step leaves of the velocity of a link that nothing but damping stops; decay: c h / I."""
+    """Ratio of the velocities after and before each step of a link with damping alone. decay: c h / I."""
     body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, damping=decay * INERTIA / STEP)
     result = run(
         chain(body), mode=0, gravity=0.0, duration=0.02, engine=engine, stepping=stepping, substeps=1,
@@ -23,21 +23,21 @@ def shares(decay: float, *, stepping: str = "leapfrog", engine: str = "mujoco") 
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_slow_damping_acts_on_the_mean_velocity_of_a_step(engine: str) -> None:
+def test_weak_damping_acts_on_the_mean_velocity_of_a_step(engine: str) -> None:
     assert shares(0.1, engine=engine) == pytest.approx((1.0 - 0.05) / (1.0 + 0.05), rel=1e-9)
 
 
 @pytest.mark.parametrize("decay", [20.0, 1e3])
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_a_motion_that_dies_within_a_step_rings_by_half(decay: float, stepping: str) -> None:
+def test_overdamped_motion_reverses_and_halves_per_step(decay: float, stepping: str) -> None:
     assert shares(decay, stepping=stepping) == pytest.approx(-0.5, rel=1e-6)
 
 
-def test_damping_of_euler_is_explicit_where_that_is_stable() -> None:
+def test_euler_damps_explicitly_where_this_is_stable() -> None:
     assert shares(0.4, stepping="euler") == pytest.approx(0.6, rel=1e-9)
 
 
-def test_damping_follows_the_stiffness_where_there_is_a_spring_and_is_constant_where_there_is_none() -> None:
+def test_damping_ratio_follows_stiffness_only_in_joints_with_a_spring() -> None:
     constant, ratio = LinkDamping(constant=0.1), LinkDamping(constant=0.1, ratio=0.5, inertia=0.02)
     for mode, same in ((1, True), (6, False)):
         robot = chain(Body(actuator="sea"))

@@ -1,4 +1,4 @@
-"""Divergence by physics: what is unstable is stopped, with its cause; what is fine is never touched."""
+"""Divergence: unstable runs stop with an error that names the cause; stable runs never stop."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_spring_that_one_step_cannot_resolve_is_refused() -> None:
 
 
 @pytest.mark.parametrize("omega_h", [1.98, 2.02])
-def test_a_spring_runs_below_omega_h_2_and_is_refused_above(omega_h: float) -> None:
+def test_springs_with_omega_h_above_two_are_refused(omega_h: float) -> None:
     step, probe = 0.001, {"spring_stiffness": 100.0}
     body = replace(LOAD, actuator="sea")
     options = {"mode": 3, "references": {"equilibrium_position": 0.1}, "duration": 0.01, "step": step, "substeps": 1}
@@ -45,7 +45,7 @@ def test_a_spring_runs_below_omega_h_2_and_is_refused_above(omega_h: float) -> N
             run(chain(body), parameters=stiff, **options)
 
 
-def test_the_cap_on_substeps_is_kept() -> None:
+def test_springs_that_exceed_the_substep_cap_are_refused() -> None:
     with pytest.raises(UnresolvedSpringError, match="the cap is 10"):
         run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=10)
     resolved = run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=17)
@@ -54,7 +54,7 @@ def test_the_cap_on_substeps_is_kept() -> None:
 
 @pytest.fixture
 def softer_than_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An actuator whose stiffness is written down wrongly, as a user's may be: too few substeps are chosen for it."""
+    """Actuator with a wrong stiffness law, as in a faulty plugin: asrsim chooses too few substeps."""
     monkeypatch.setattr(ACTUATORS.get("awas_ii"), "stiffness", staticmethod(lambda *_: 1.0))
 
 
@@ -63,7 +63,7 @@ def softer_than_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("effort", ["1e6", "300"], ids=["no limit", "effort limit"])
 @pytest.mark.parametrize("friction", [0.0, 0.025])
 def test_a_spring_that_is_not_resolved_diverges_in_energy(effort: str, friction: float, engine: str) -> None:
-    """Finite numbers all the way: the deflection saturates. Only the energy tells."""
+    """All values stay finite, since the deflection saturates. Only the energy reveals the divergence."""
     robot = chain(replace(AWAS, friction=friction, limits=LIMITS.format(effort=effort)))
     with pytest.raises(DivergenceError, match=r"joint 'joint_1' diverged.* J ") as caught:
         run(robot, mode=3, references=STIFF, duration=2.0, substeps=1, engine=engine)
@@ -79,15 +79,15 @@ def test_a_spring_that_is_not_resolved_diverges_in_energy(effort: str, friction:
 
 
 @pytest.mark.usefixtures("softer_than_it_is")
-def test_among_several_joints_the_right_one_is_named() -> None:
+def test_divergence_error_names_the_unstable_joint() -> None:
     robot = chain(Body(actuator="sea", mass=1.0, reach=0.05, inertia=0.05), replace(AWAS, mass=0.2))
     with pytest.raises(DivergenceError) as caught:
         run(robot, mode=3, duration=1.0, substeps=1, joints={"joint_1": {"equilibrium_position": 0.1}, "joint_2": STIFF})
     assert caught.value.joint == "joint_2"
 
 
-def test_numbers_that_leave_all_bounds_are_told_from_springs() -> None:
-    """A constant torque on a free link: nothing wrong with the numerics, but no robot is that fast."""
+def test_excessive_input_is_distinguished_from_an_unstable_spring() -> None:
+    """A constant torque on a free link is simulated correctly, but no robot is so fast."""
     with pytest.raises(DivergenceError, match=r"no longer finite or sane.*input or gain"):
         run(chain(LOAD), duration=1.0, gravity=0.0, external={"joint_1": Constant(value=10.0)})
 
@@ -159,7 +159,7 @@ FINE: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("name", FINE)
-def test_hard_but_sound_runs_are_left_alone(name: str) -> None:
+def test_demanding_but_stable_runs_are_not_stopped(name: str) -> None:
     options = dict(FINE[name])
     bodies = options.pop("bodies")
     parameters = options.pop("parameters", {})
@@ -169,12 +169,12 @@ def test_hard_but_sound_runs_are_left_alone(name: str) -> None:
     assert np.all(np.isfinite(result.samples.values["link_position"]))
 
 
-def test_links_that_swing_for_long_are_left_alone() -> None:
-    """Kinetic and gravitational energy change places at once, and the engine's velocity is half a step behind."""
+def test_long_swings_are_not_stopped() -> None:
+    """Kinetic and gravitational energy change quickly, and the engine's velocity is half a step late."""
     assert run(chain(*[replace(ARM, actuator=None)] * 2), duration=20.0, initial=[1.5, 0.5]).status == "complete"
 
 
-def test_contacts_are_left_alone() -> None:
+def test_contacts_do_not_stop_a_run() -> None:
     assert push(Ramp(final=20.0, start=0.1, duration=0.5), duration=0.8).status == "complete"
     assert slide(0.5, duration=0.5).status == "complete"
 
@@ -191,13 +191,13 @@ def guard(energy: float | None, *, given: float = 0.0, residual: float = 0.0, tu
     return None if fault is None else " ".join(fault)
 
 
-def test_the_guard_knows_what_was_given() -> None:
+def test_guard_accounts_for_supplied_energy() -> None:
     assert guard(9.0, given=7.0) is None
     assert "links hold 7 J that nothing gave them" in str(guard(9.0))
     assert guard(-50.0) is None, "friction and stops of the joints may take anything"
 
 
-def test_the_guard_sees_springs_on_both_sides() -> None:
+def test_guard_detects_energy_gained_and_lost_in_springs() -> None:
     assert guard(2.0, residual=3.0) is None
     assert str(guard(2.0, residual=9.0)) == "a 9 J vanished in its actuator"
     assert str(guard(2.0, residual=-9.0)) == "a 9 J came from nowhere in its actuator"

@@ -1,4 +1,4 @@
-"""Where the energy goes: what is logged adds up, whatever limits and stops do."""
+"""Logged energies: their sum balances, also at limits and stops."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WAVE = Sinusoid(amplitude=0.3, frequency=2.0)
 
 
 def shares(robot: Any, **options: Any) -> list[float]:
-    """Residual over work at 1 ms and a quarter of it, without substeps."""
+    """Ratio of energy residual and work at steps of 1 ms and 0.25 ms, without substeps."""
     found = []
     for step in (1e-3, 2.5e-4):
         result = run(robot, step=step, substeps=1, motor_substeps=1, **options)
@@ -31,8 +31,8 @@ def shares(robot: Any, **options: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("mode", [2, 4, 5])
-def test_a_lever_that_jumps_takes_and_gives_what_the_rest_does_not(mode: int) -> None:
-    """The adjuster is where its reference puts it: its work in a jump is what spring, link and a moving motor absorb."""
+def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode: int) -> None:
+    """The adjuster follows its reference exactly. Its work in a jump equals the energy that spring, link and motor absorb."""
     first = {2: "reference_1", 4: "motor_1_torque", 5: "reference_1"}[mode]
     second = PulseTrain(start=0.02, period=0.08, width=0.04, low=0.01, high=0.025)
     coarse, fine = shares(
@@ -63,7 +63,7 @@ def test_the_balance_closes_at_limits(parameters: dict[str, float]) -> None:
     assert fine < 0.6 * coarse
 
 
-def test_the_effort_limit_takes_its_share() -> None:
+def test_energy_balance_includes_the_effort_limit() -> None:
     limits = '<limit lower="-3" upper="3" effort="0.5" velocity="100"/>'
     coarse, fine = shares(
         chain(replace(BODY, actuator="sea", limits=limits)), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
@@ -74,7 +74,7 @@ def test_the_effort_limit_takes_its_share() -> None:
 
 
 def test_the_effort_limit_is_the_most_torque_that_moves_the_link() -> None:
-    """Of 2 N m that are asked for, 0.5 N m accelerate a free link: q = 0.5 t^2 / (2 I)."""
+    """The command is 2 N m, and the limit is 0.5 N m: a free link moves by q = 0.5 t^2 / (2 I)."""
     limits = '<limit lower="-300" upper="300" effort="0.5" velocity="1000"/>'
     result = run(
         chain(replace(BODY, actuator="sea", damping=0.0, limits=limits)),
@@ -87,7 +87,7 @@ def test_the_effort_limit_is_the_most_torque_that_moves_the_link() -> None:
     assert column(result, "link_position")[-1] == pytest.approx(0.5 * 0.2**2 / (2.0 * inertia), rel=1e-6)
 
 
-def test_what_is_logged_adds_up() -> None:
+def test_logged_energies_balance() -> None:
     """Motor work = losses + springs + kinetic energy of the motor + link work, at every row; all start at zero."""
     result = run(
         chain(replace(BODY, actuator="sea")), mode=4, duration=0.5, references={"motor_1_torque": WAVE},
@@ -100,11 +100,11 @@ def test_what_is_logged_adds_up() -> None:
     held = column(result, "spring_energy") + kinetic
     left = parts["motor_work"] - parts["friction_loss"] - parts["link_work"] - (held - held[0])
     np.testing.assert_allclose(left, parts["energy_residual"], atol=1e-12)
-    # Of what went into friction, only what bends its bristles can come back.
+    # Only the elastic energy of the bristles can return from the friction.
     bristles = 0.02**2 / (2.0 * 1000.0)
     assert np.max(np.maximum.accumulate(parts["friction_loss"]) - parts["friction_loss"]) < 2.1 * bristles
     assert np.all(np.diff(column(result, "damping_loss")) >= 0.0)
-    # The link: what it was given is in its motion, less what damping took.
+    # The work on the link equals its kinetic energy plus the damping loss.
     mass = BODY.inertia + BODY.mass * BODY.reach**2
     link = 0.5 * mass * column(result, "link_velocity") ** 2
     link += BODY.mass * 9.81 * BODY.reach * (1.0 - np.cos(column(result, "link_position")))
@@ -133,7 +133,7 @@ def test_a_rigid_joint_has_no_spring_energy(mode: int) -> None:
     np.testing.assert_array_equal(column(result, "motor_work"), column(result, "link_work"))
 
 
-def test_a_push_leaves_energy_and_momentum_alone_afterwards() -> None:
+def test_energy_and_momentum_are_constant_after_a_push() -> None:
     still = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
     result: Run = run(
         chain(replace(BODY, actuator="qbmove", damping=0.0)), mode=4, duration=1.0, substeps=1, motor_substeps=1, gravity=0.0,
@@ -145,8 +145,8 @@ def test_a_push_leaves_energy_and_momentum_alone_afterwards() -> None:
     np.testing.assert_allclose(momentum[60:], 0.6 * 0.05, rtol=1e-12)
 
 
-def test_a_blow_shorter_than_a_substep_gives_its_energy() -> None:
-    """It is over before the next row, so only the halves of its kick know of it."""
+def test_energy_of_a_push_within_a_substep_is_logged() -> None:
+    """The push ends before the next row of the log, so only the half kicks include it."""
     blow = PulseTrain(high=800.0, period=10.0, width=0.2e-3, start=0.4991, count=1)
     result = run(chain(BODY), step=1e-3, substeps=1, duration=0.6, external={"*": blow})
     assert np.max(np.abs(column(result, "external_torque"))) == 0.0
@@ -156,8 +156,8 @@ def test_a_blow_shorter_than_a_substep_gives_its_energy() -> None:
 
 @pytest.mark.parametrize("mode", [2, 3, 5, 6])
 @pytest.mark.parametrize("actuator", ACTUATORS.names())
-def test_what_is_left_of_the_balance_falls_with_the_square_of_the_step(actuator: str, mode: int) -> None:
-    """Springs with hysteresis, motors with dynamics and without that move all the time, a link that swings."""
+def test_energy_residual_falls_with_the_square_of_the_step(actuator: str, mode: int) -> None:
+    """The run has springs with hysteresis, moving motors with and without dynamics, and a swinging link."""
     law = ACTUATORS.get(actuator)
     wave = {"amplitude": 0.2, "frequency": 2.0}
     second = {"amplitude": 0.1 * law.typical_preset, "frequency": 3.0, "offset": law.typical_preset}

@@ -1,6 +1,6 @@
-"""PyBullet alone: with MuJoCo not importable it moves as MuJoCo does.
+"""PyBullet without an importable MuJoCo gives the same motion as MuJoCo.
 
-The two engines share the rule of a step and the solver of friction and stops, and nothing that knows the robot.
+Both engines share the time stepping and the solver for friction and stops, but have separate models of the robot.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ print(json.dumps(test_engines_alone.motion("bullet", sys.argv[2], stops=True).to
 
 
 def chain(folder: Path, base: str = "") -> Path:
-    """Five hinges whose stops are near."""
+    """Write a chain of five hinges with narrow position limits."""
     inertial = (
         '<inertial><origin xyz="0.05 0.01 -0.1"/><mass value="0.5"/>'
         '<inertia ixx="2e-3" iyy="3e-3" izz="2.5e-3" ixy="1e-4" ixz="0" iyz="0"/></inertial>'
@@ -53,7 +53,7 @@ def make(engine: str, path: Path | str) -> Any:
 
 
 def motion(engine: str, path: Path | str, *, stops: bool = False, friction: float = 0.05) -> np.ndarray:
-    """(400, 5) rad in 0.4 s of swinging torques, friction and damping."""
+    """Positions (400, 5) in 0.4 s with oscillating torques, friction and damping, rad."""
     world = make(engine, path)
     world.start([0.1, -0.2, 0.3, 0.0, 0.1], [2.0, -1.0, 3.0, 1.0, -2.0], step=1e-3, staggered=True, implicitness=0.5)
     exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))
@@ -70,7 +70,7 @@ def motion(engine: str, path: Path | str, *, stops: bool = False, friction: floa
     return found
 
 
-def test_five_joints_with_friction_reach_their_stops_as_in_mujoco_where_mujoco_is_not_importable(tmp_path: Path) -> None:
+def test_pybullet_without_mujoco_agrees_on_friction_and_stops(tmp_path: Path) -> None:
     path = chain(tmp_path)
     arguments = [sys.executable, "-c", RUN, str(Path(__file__).parent), str(path)]
     alone = json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
@@ -86,7 +86,7 @@ FAR = "world: {objects: {far: {shape: box, size: [0.1, 0.1, 0.1], position: [30,
 
 
 @pytest.mark.parametrize("more", ["", FAR], ids=["nothing around", "contacts"])
-def test_an_engine_continues_from_a_state_to_the_bit(tmp_path: Path, more: str) -> None:
+def test_engine_continues_from_a_state_bit_for_bit(tmp_path: Path, more: str) -> None:
     world = make("bullet", chain(tmp_path, more))
     world.start([0.1] * 5, [1.0] * 5, step=1e-3, staggered=True, implicitness=0.5)
     exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))

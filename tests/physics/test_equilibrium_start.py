@@ -1,4 +1,4 @@
-"""`initial: equilibrium`: a run begins at rest and stays there, whatever carries the arm."""
+"""`initial: equilibrium`: a run starts at rest and stays at rest for every actuator, mode and stop."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from validation.models import INSTALLED, Body, chain, column, run
 ARM = {"mass": 0.2, "reach": 0.05, "inertia": 1e-4, "damping": 0.01}
 HELD = tuple(mode for mode in MODES.values() if (mode.spring or mode.controller) and not mode.direct)
 FIRST, PRESET = 0.5, 0.004
-"""rad, and rad or m: references."""
+"""First reference (rad) and preset (rad or m)."""
 
 
 class Coupled(Actuator):
-    """Two motors whose spring torques depend on both: a spring between them, and one from each to the link."""
+    """Actuator with two motors, a spring between the motors, and a spring from each motor to the link."""
 
     name, title, source, motors = "coupled", "Coupled", "test", 2
     parameters = (Parameter(name="k", default=20.0, unit="N m/rad", doc="of all springs"),)
@@ -52,7 +52,7 @@ def coupled() -> None:
 
 
 def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: float) -> dict[str, Any]:
-    """How far links and motors of an arm of two joints move in 50 ms, and what the first one's motor stands off by."""
+    """Motion of links and motors of an arm with two joints in 50 ms, and distance of the first link from its reference."""
     second = 0.0 if not mode.mapped else PRESET if ACTUATORS.get(actuator).adjuster else 0.1
     values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
     robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
@@ -69,20 +69,20 @@ def start(actuator: str, mode: Mode, stepping: str = "leapfrog", **parameters: f
 @pytest.mark.parametrize("actuator", [*(name for name in ACTUATORS.names() if name != "coupled"), "coupled"])
 @pytest.mark.parametrize("mode", HELD, ids=lambda mode: mode.name)
 @pytest.mark.parametrize(("stepping", "integral"), [("leapfrog", 0.0), ("leapfrog", 30.0), ("euler", 0.0), ("toolbox", 0.0)])
-def test_nothing_moves(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
+def test_equilibrium_start_stays_at_rest(actuator: str, mode: Mode, integral: float, stepping: str) -> None:
     gains = {f"controller_{i}_integral": integral for i in range(1, ACTUATORS.get(actuator).motors + 1) if mode.controller}
     moved = start(actuator, mode, stepping, **gains)
     droop = moved.pop("droop")
     assert max(moved.values()) < 1e-8
-    # The arm leans on what holds it, but for an integral action on the link itself.
+    # Only integral action on the link removes the sag.
     assert (abs(droop) > 1e-5) == (mode.number != 1 or integral == 0.0)
 
 
 @pytest.mark.parametrize("pressed", [(1,), (2,), (1, 2)])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_joint_that_is_pressed_onto_its_stop_rests_there(pressed: tuple[int, ...], side: float, engine: str) -> None:
-    """References of .3 rad and stops at .2: where the springs alone would carry the links lies beyond."""
+def test_equilibrium_start_may_rest_on_a_stop(pressed: tuple[int, ...], side: float, engine: str) -> None:
+    """The references are 0.3 rad and the stops 0.2 rad, so the equilibrium of the springs alone is beyond the stops."""
     stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
     bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
     result = run(
@@ -110,7 +110,7 @@ def test_a_robot_in_free_fall_keeps_its_posture(seed: int, tmp_path: Path) -> No
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("parameters", [{"joint_1": {"spring_stiffness": 31.0}}, {"link_2": {"mass": 0.35}}], ids=str)
-def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, dict[str, float]], engine: str) -> None:
+def test_equilibrium_is_recomputed_for_new_parameters(parameters: dict[str, dict[str, float]], engine: str) -> None:
     robot = chain(*[Body(actuator="sea", **ARM)] * 2)
     scenario = Scenario(
         name="other", engine=engine, robot=robot.path, gravity=(0.0, 0.0, -9.81), modes={"*": 6}, duration=0.05,
@@ -129,8 +129,8 @@ def test_other_numbers_have_an_equilibrium_of_their_own(parameters: dict[str, di
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 @pytest.mark.parametrize("weight", [0.0, 9.81])
-def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(way: float, weight: float) -> None:
-    """On the stop, unless its weight takes the link back inside."""
+def test_reference_beyond_a_stop_has_the_correct_equilibrium(way: float, weight: float) -> None:
+    """The link rests on the stop unless its weight pulls it back inside."""
     limits = '<limit lower="-0.5" upper="0.5" effort="1000" velocity="100"/>'
     result = run(
         chain(Body(actuator="sea", limits=limits, **ARM)), mode=3, duration=0.05, initial_equilibrium=True, compiled=False,
@@ -140,7 +140,7 @@ def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(w
     assert np.ptp(place) < 1e-6
     if weight:
         assert 0.35 < way * place[0] < 0.5
-        # The spring carries what hangs on it: 0.2 kg at 0.05 m.
+        # The spring carries the weight of 0.2 kg at 0.05 m.
         assert abs(column(result, "link_torque")[0]) == pytest.approx(0.2 * (0.6 - way * place[0]), rel=1e-6)
         assert 0.2 * (0.6 - way * place[0]) == pytest.approx(0.2 * weight * 0.05 * np.sin(way * place[0]), rel=1e-3)
     else:
@@ -149,7 +149,7 @@ def test_a_reference_beyond_a_stop_rests_where_spring_weight_and_stop_leave_it(w
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("starts", [(0.0, 0.0), (0.9, -2.5), (np.pi, 0.0), (np.pi, np.pi)])
-def test_joints_without_actuator_hang_behind_one_that_has_one(starts: tuple[float, float], engine: str) -> None:
+def test_passive_joints_hang_down_at_the_equilibrium(starts: tuple[float, float], engine: str) -> None:
     bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))
     result = run(
         chain(*bodies), mode=6, duration=0.5, engine=engine, initial_equilibrium=True, initial=(0.0, *starts),
@@ -157,6 +157,6 @@ def test_joints_without_actuator_hang_behind_one_that_has_one(starts: tuple[floa
     )  # fmt: skip
     positions = np.array([column(result, "link_position", j) for j in range(3)])
     assert np.ptp(positions, axis=1) == pytest.approx(0.0, abs=1e-8)
-    # The links behind the first hang straight down; angles are counted from joint to joint.
+    # The links after the first hang straight down. Angles are relative to the previous link.
     assert np.cos(positions[0] + positions[1])[0] == pytest.approx(1.0, abs=1e-12)
     assert np.cos(positions[2])[0] == pytest.approx(1.0, abs=1e-12)

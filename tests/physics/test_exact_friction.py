@@ -1,5 +1,4 @@
-"""Coulomb friction of many joints at once, held against its law: a joint sticks under less than its friction, or slides under
-all of it."""
+"""Coulomb friction of many joints: a joint sticks with less than its friction torque, or slides with all of it."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ JOINTS = 7
 
 
 def chain(folder: Path, random: np.random.Generator) -> Path:
-    """Seven links about random axes, each joint with a friction of its own."""
+    """Write a chain of seven links with random axes and random friction."""
     parts = ['<robot name="chain"><link name="l0"/>']
     for i in range(JOINTS):
         axis = " ".join(f"{x:.12g}" for x in random.normal(size=3))
@@ -33,7 +32,7 @@ def chain(folder: Path, random: np.random.Generator) -> Path:
 
 
 def step(engine: Engine, place: np.ndarray, before: np.ndarray, torque: np.ndarray, friction: np.ndarray) -> np.ndarray:
-    """The exchange (joints, 5) after a step from there."""
+    """Exchange array (joints, 5) after a step from the given state."""
     engine.start(place.tolist(), before.tolist(), step=STEP, staggered=False, implicitness=0.0)
     exchange = np.zeros((1, JOINTS, 5))
     exchange[0, :, TORQUE], exchange[0, :, FRICTION] = torque, friction
@@ -70,8 +69,8 @@ def test_every_joint_sticks_or_slides(tmp_path: Path, name: str, seed: int, rest
 
 
 @pytest.mark.parametrize("resting", [0, 3, 6])
-def test_the_bits_do_not_depend_on_who_runs_the_code(tmp_path: Path, resting: int) -> None:
-    """Plain Python and compiled code: a square root, unlike a power of one half, is the same in both."""
+def test_compiled_and_plain_friction_solvers_agree_bit_for_bit(tmp_path: Path, resting: int) -> None:
+    """The solver uses `sqrt`, which has equal bits in plain Python and compiled code. The power 0.5 does not."""
     pytest.importorskip("numba")
     random = np.random.default_rng(resting)
     robot = load_robot(chain(tmp_path, random))
@@ -79,7 +78,7 @@ def test_the_bits_do_not_depend_on_who_runs_the_code(tmp_path: Path, resting: in
     compiled, _ = ENGINES.get("mujoco").make(Scenario(name="chain", robot=robot.path), robot)
     assert compiled.native is not None
     friction = np.array([joint.friction for joint in robot.moving_joints])
-    for _ in range(700):  # of a thousand roots one differs
+    for _ in range(700):  # one in a thousand powers differs
         place, before = random.uniform(-1.5, 1.5, JOINTS), random.uniform(-2.0, 2.0, JOINTS)
         before[random.permutation(JOINTS)[:resting]] = 0.0
         torque = random.uniform(-6.0, 6.0, JOINTS)

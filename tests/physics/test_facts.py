@@ -1,4 +1,4 @@
-"""Recorded facts that the project carries with it: the released toolbox's own outputs, and its runs in Gazebo.
+"""Comparison with recordings in the repository: outputs of the released toolbox, and its runs in Gazebo.
 
 `facts/recorded.npz`: first 60 steps of twelve cases of the released plugin classes (each actuator in modes 3, 4 and 6), and
 positions over 0.4 s of six runs of the paper's one-joint step in Gazebo 11 at 1 ms; `facts/recorded.json` describes the former.
@@ -21,19 +21,19 @@ FACTS = Path(__file__).parent / "facts"
 DESCRIPTION = json.loads((FACTS / "recorded.json").read_text(encoding="utf-8"))
 GAZEBO = {"awas_s0.005": "AwAS-II .005", "qbmove_p0.2": "qbMove .2", "bavs_p0.001": "BAVS .001"}
 BOUNDS = {"awas_s0.005": 5e-5, "qbmove_p0.2": 1e-4, "bavs_p0.001": 4e-3}
-"""rad; links that turn by more than 0.05 rad a step show Gazebo's own quaternions (BAVS)."""
+"""Tolerance by case, rad. For links that turn by more than 0.05 rad per step (BAVS), Gazebo's quaternions are inaccurate."""
 
 
 @pytest.mark.parametrize("case", DESCRIPTION["cases"], ids=lambda case: case["key"])
-def test_the_released_codes_own_numbers(case: Mapping[str, Any]) -> None:
+def test_toolbox_stepping_gives_the_recorded_toolbox_outputs(case: Mapping[str, Any]) -> None:
     with np.load(FACTS / "recorded.npz") as tables:
         assert distance(case, tables[case["key"]], DESCRIPTION["columns"]) < 1e-12
 
 
 @pytest.mark.parametrize("kind", ["", "_ideal"])
 @pytest.mark.parametrize("case", GAZEBO)
-def test_gazebos_own_runs(case: str, kind: str) -> None:
-    """The paper's section 4.1: 0.2 kg at 40 mm, a step to 0.8 rad with ideal motors; ideal: no friction and no limits."""
+def test_runs_agree_with_recorded_gazebo_runs(case: str, kind: str) -> None:
+    """Section 4.1 of the paper: 0.2 kg at 40 mm, step to 0.8 rad with ideal motors. Kind `ideal`: no friction, no limits."""
     actuator, preset, parameters = SETTINGS[GAZEBO[case]]
     limits = '<limit lower="-3.14" upper="3.14" effort="300" velocity="100"/>'
     body = Body(

@@ -1,4 +1,4 @@
-"""Faults that gave wrong numbers in silence: axes, link controllers, sticking, energies, delays, strong damping."""
+"""Former faults that gave wrong results without an error: axes, link controllers, stiction, energies, delays, damping."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from validation.models import INSTALLED, Body, chain, column, run
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("axis", ["0 2 0", "0 1.0005 0", "0.3 0.3 -0.1", "1e-3 0 0"])
-def test_of_an_axis_its_direction_counts(tmp_path: Path, engine: str, axis: str) -> None:
+def test_length_of_a_joint_axis_has_no_effect(tmp_path: Path, engine: str, axis: str) -> None:
     unit = np.array([float(part) for part in axis.split()])
     unit /= np.linalg.norm(unit)
     given = plan(links(axis, "0 1 0"), (joint("j1", start=0.4), joint("j2", start=-0.3)), 0.3)
@@ -34,7 +34,7 @@ JUMP = Wave(offset=0.3, amplitude=0.2, frequency=2.0, at=0.1, jump=0.4)
 
 
 def controlled(effort: float = np.inf) -> RandomRun:
-    """Mode 1 beside a joint with a motor, whose substeps are none of the link controller's."""
+    """Run of a joint in mode 1 next to a joint with a motor. The motor's substeps must not affect the link controller."""
     first = joint("j1", effort=effort, actuator="sea", mode=1, parameters=GAINS, references=(JUMP,))
     parameters = {
         "spring_stiffness": 20.0, "max_deflection": 1.5, "motor_1_inertia": 0.02, "motor_1_damping": 0.1,
@@ -48,7 +48,7 @@ def controlled(effort: float = np.inf) -> RandomRun:
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("motor_substeps", [1, 3, 11])
-def test_integral_action_on_a_link_does_not_know_the_motors_substeps(tmp_path: Path, engine: str, motor_substeps: int) -> None:
+def test_link_integrator_does_not_depend_on_motor_substeps(tmp_path: Path, engine: str, motor_substeps: int) -> None:
     given = controlled()
     found = samples(given, tmp_path, engine=engine, substeps=2, motor_substeps=motor_substeps)
     np.testing.assert_allclose(found.values["link_position"], truth(given, found.time), atol=1e-4)
@@ -56,8 +56,8 @@ def test_integral_action_on_a_link_does_not_know_the_motors_substeps(tmp_path: P
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", [1.5, 3.0])
-def test_an_effort_limit_cuts_the_whole_of_a_controller(tmp_path: Path, engine: str, effort: float) -> None:
-    """sat(PI - D v), and not sat(PI) - D v."""
+def test_effort_limit_clips_the_whole_controller_output(tmp_path: Path, engine: str, effort: float) -> None:
+    """The torque is sat(PI - D v), not sat(PI) - D v."""
     given = controlled(effort)
     found = samples(given, tmp_path, engine=engine)
     torque = found.values["link_torque"]
@@ -68,8 +68,8 @@ def test_an_effort_limit_cuts_the_whole_of_a_controller(tmp_path: Path, engine: 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("effort", [1.5, 1e6])
 @pytest.mark.parametrize("mode", [1, 3, 6])
-def test_the_logged_torque_is_what_moved_the_link(engine: str, effort: float, mode: int) -> None:
-    """I (v_n - v_0) = h sum of the kicks, without gravity: to rounding."""
+def test_logged_torque_explains_the_change_of_momentum(engine: str, effort: float, mode: int) -> None:
+    """Without gravity, I (v_n - v_0) = h times the sum of the logged torques, up to rounding."""
     limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
     name = "link_position" if mode == 1 else "equilibrium_position"
     result = run(
@@ -89,7 +89,7 @@ def test_the_logged_torque_is_what_moved_the_link(engine: str, effort: float, mo
 
 
 def held_chain(count: int, share: float) -> list[Body]:
-    """Stretched out level; friction of each joint: `share` of what hangs on it."""
+    """Horizontal chain. The friction of each joint is `share` times its gravity torque."""
     bodies = []
     for j in range(count):
         load = 9.81 * MASS * sum(0.2 * (k - j) + REACH for k in range(j, count))
@@ -98,7 +98,7 @@ def held_chain(count: int, share: float) -> list[Body]:
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_a_chain_that_friction_holds_does_not_move(engine: str) -> None:
+def test_friction_holds_a_chain_at_rest(engine: str) -> None:
     result = run(chain(*held_chain(7, 1.2)), initial=[np.pi / 2], duration=2.0, engine=engine, compiled=False)
     assert result.samples is not None
     q = result.samples.values["link_position"]
@@ -107,8 +107,8 @@ def test_a_chain_that_friction_holds_does_not_move(engine: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_eighty_links_that_friction_holds(engine: str) -> None:
-    """The loads span five orders of magnitude, and rounding with them."""
+def test_friction_holds_eighty_links_at_rest(engine: str) -> None:
+    """The gravity torques and the rounding errors span five orders of magnitude."""
     result = run(chain(*held_chain(80, 1.2)), initial=[np.pi / 2], duration=0.2, engine=engine)
     assert result.samples is not None
     q = result.samples.values["link_position"]
@@ -122,7 +122,7 @@ def test_eighty_links_that_friction_holds(engine: str) -> None:
 
 
 def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.ndarray:
-    """Positions each ms of a pendulum under a PD controller that sees it `delay` s late; Heun's rule on a fine grid."""
+    """Positions of a pendulum under a PD controller with a sensor delay of `delay` s, every 1 ms, by Heun's method."""
     p, d, inertia = 12.0, 0.25, INERTIA + MASS * REACH**2
     late, count = round(delay / fine), round(duration / fine)
     q, v = np.zeros(count + 1), np.zeros(count + 1)
@@ -144,7 +144,7 @@ def delayed_pendulum(delay: float, duration: float, fine: float = 1e-5) -> np.nd
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("delay", [0.004, 0.012])
-def test_a_late_sensor_is_late_in_position_and_velocity(tmp_path: Path, engine: str, delay: float) -> None:
+def test_sensor_delay_applies_to_position_and_velocity(tmp_path: Path, engine: str, delay: float) -> None:
     gains = {"controller_1_proportional": 12.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.25}
     goal = replace(NEVER, offset=0.5)
     given = plan(links("0 1 0"), (joint("j1", actuator="sea", mode=1, parameters=gains, references=(goal,)),), 0.4)
@@ -163,8 +163,8 @@ def test_a_late_sensor_is_late_in_position_and_velocity(tmp_path: Path, engine: 
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("damping", [0.5, 3.0, 20.0, 300.0])
-def test_strong_damping_is_no_fault_of_the_numbers(tmp_path: Path, engine: str, damping: float) -> None:
-    """c h / I from 0.25 to 150 about the last joint."""
+def test_strong_damping_is_simulated_accurately(tmp_path: Path, engine: str, damping: float) -> None:
+    """The damping number c h / I of the last joint is 0.25 to 150."""
     joints = tuple(joint(f"j{i}", start=0.5, damping=damping) for i in (1, 2, 3))
     given = plan(links("0 1 0", "0 1 0", "1 0 0", damping=damping), joints, 0.3)
     found = samples(given, tmp_path, engine=engine)

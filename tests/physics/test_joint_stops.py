@@ -1,4 +1,4 @@
-"""Joint stops are inelastic, whatever the step and its phase; alone, several at once, under friction, on both engines."""
+"""Joint stops are inelastic for every step size and phase, alone or together, with friction, in both engines."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_a_free_link_ends_at_rest_at_its_stop(engine: str, world: World, phase: 
 
 
 PRESSED = Body(mass=1.0, reach=0.1, inertia=0.01, limits=limit(0.0, 2.0))
-"""A link of 0.02 kg m^2 about its joint, which rests on its lower stop."""
+"""Link of 0.02 kg m^2 about its joint, at rest on its lower stop."""
 STICKING = Body(mass=1.0, reach=0.1, inertia=0.01, friction=0.3)
 
 
@@ -42,10 +42,10 @@ STICKING = Body(mass=1.0, reach=0.1, inertia=0.01, friction=0.3)
 @pytest.mark.parametrize("pushed", ["torque", "force"])
 @pytest.mark.parametrize(("body", "before", "pull"), [(PRESSED, -0.5, 0.5), (STICKING, 0.2, 0.2)], ids=["stop", "friction"])
 @pytest.mark.parametrize("late", [0.0, 0.2, 0.45, 0.7])
-def test_a_link_leaves_when_the_torque_that_holds_it_jumps(
+def test_link_leaves_its_stop_when_the_torque_jumps(
     engine: str, compiled: bool, pushed: str, body: Body, before: float, pull: float, late: float
 ) -> None:
-    """pull: torque in N m that accelerates the link after the jump. A jump between two steps is late by a part of a step."""
+    """pull: torque that accelerates the link after the jump, N m. A jump between two steps acts up to half a step late."""
     step, jump = 1e-3, 0.03 + late * 1e-3
     load = Step(at=jump, before=before, after=0.5)
     keys: dict[str, object] = {"external": {"joint_1": load}}
@@ -54,13 +54,13 @@ def test_a_link_leaves_when_the_torque_that_holds_it_jumps(
         keys = {"wrenches": (Wrench(link="link_1", force=(None, None, None), torque=torque, point=(0.0, 0.0, 0.0)),)}
     result = run(chain(body), engine=engine, gravity=0.0, duration=0.1, step=step, compiled=compiled, **keys)
     acceleration, off = pull / 0.02, min(late, 1.0 - late) * step
-    # A leapfrog step lags by half of the square of the distance between the jump and the nearest whole step.
+    # The error of a leapfrog step is half the square of the distance between the jump and the nearest whole step.
     there = 0.5 * acceleration * ((0.1 - jump) ** 2 - off**2)
     assert column(result, "link_position")[-1] == pytest.approx(there, abs=1e-9)
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-def test_two_joints_that_a_jump_frees_are_of_second_order(engine: str) -> None:
+def test_joints_released_by_a_jump_move_at_second_order(engine: str) -> None:
     """One joint sticks, the other rests on its stop."""
     truth = StoppedArm(
         mass=0.5, reach=0.15, inertia=2e-3, length=0.3, gravity=0.0, friction=(0.2, 0.02), lower=(-2.0, 0.0), upper=(2.0, 2.0)
@@ -91,7 +91,7 @@ def arm(random: np.random.Generator) -> StoppedArm:
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", range(6))
-def test_two_joints_meet_their_stops_as_an_event_driven_solution_does(engine: str, seed: int) -> None:
+def test_two_joints_with_stops_match_an_event_driven_solution(engine: str, seed: int) -> None:
     random = np.random.default_rng(seed)
     truth = arm(random)
     start, speed = random.uniform(-0.15, 0.15, 2), random.uniform(-4.0, 4.0, 2)
@@ -129,6 +129,6 @@ def test_two_joints_meet_their_stops_as_an_event_driven_solution_does(engine: st
             external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
         )  # fmt: skip
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
-    # Between events the order is two; an event is met to within a step, and what follows it may widen the error.
+    # Between events the order is two. The time of an event is accurate to a step, and the error may grow afterwards.
     assert errors[1] < 5e-4
     assert errors[1] < 0.4 * errors[0]

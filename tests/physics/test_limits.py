@@ -1,4 +1,4 @@
-"""Limits of joints: torque beyond the velocity limit, in kicks that are cut, too; a brake beyond the effort limit."""
+"""Velocity and effort limits of joints, also in substeps that are split by a jump of an input."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from validation.models import INSTALLED, Body, chain, column, run
 STIFFNESS, INERTIA, FASTEST = 4.0, 0.01, 1.0
 SWINGS = {
     "whole": Constant(value=0.0),
-    # Each kick has a jump, of no size that counts.
+    # Every kick contains a jump of negligible size.
     "cut": PulseTrain(low=0.0, high=1e-12, period=2e-3, width=1e-3, start=2.5e-4),
 }
 
@@ -19,8 +19,8 @@ SWINGS = {
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("kicks", SWINGS)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_spring_brakes_a_joint_that_is_too_fast_and_drives_it_no_faster(engine: str, kicks: str, sign: float) -> None:
-    """Thrown at twice the limit: stopped as by the spring alone, then driven back up to the limit and not beyond."""
+def test_velocity_cutoff_lets_springs_brake_but_not_accelerate(engine: str, kicks: str, sign: float) -> None:
+    """The joint starts at twice the limit. The spring alone stops it, then drives it back up to the limit."""
     limits = f'<limit lower="-30" upper="30" effort="1e6" velocity="{FASTEST}"/>'
     body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, limits=limits)
     result = run(
@@ -32,7 +32,7 @@ def test_a_spring_brakes_a_joint_that_is_too_fast_and_drives_it_no_faster(engine
     time = result.samples.time
     braked = time <= 0.5 * np.pi / rate
     np.testing.assert_allclose(q[braked], 2.0 * FASTEST / rate * np.sin(rate * time[braked]), atol=2e-4)
-    # One kick may begin below the limit and end beyond it.
+    # A kick may start below the limit and end above it.
     assert -FASTEST - 1e-3 * rate * 2.0 * FASTEST < speed.min() < -FASTEST
     crossed = (time[1:] > 0.5 * np.pi / rate) & (q[1:] > 0.0) & (speed < -FASTEST)
     assert np.ptp(speed[crossed]) < 1e-6

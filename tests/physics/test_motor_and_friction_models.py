@@ -1,5 +1,5 @@
-"""Optional models beside the toolbox's, held against closed forms and an ODE of our own: electric motors, friction that
-depends on speed and load, hysteresis of springs."""
+"""Optional models compared with closed forms and independent solutions: electric motors, friction that depends on speed and
+load, hysteresis of springs."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from validation.models import Body, chain, column, read, run
 
 ENGINES_HERE = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
 FREE = {"motor_1_damping": 0.0, "motor_1_friction_torque": 0.0, "motor_1_max_torque": 1e3, "motor_1_max_velocity": 1e3}
-"""A motor with nothing that hinders it."""
+"""Parameters of a motor without losses and limits."""
 DC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 20.0, "motor_1_resistance": 2.0, "motor_1_inertia": 0.02}
-"""n k_t = 1 N m/A, R = 2 ohm: (n k_t)^2 / R = 0.5 N m s/rad, a time constant of 40 ms."""
+"""Electric motor with n k_t = 1 N m/A, R = 2 ohm: (n k_t)^2 / R = 0.5 N m s/rad, time constant 40 ms."""
 EVERYTHING = {
     "stribeck_friction": 0.03, "stribeck_velocity": 0.2, "load_friction": 0.1, "friction_stiffness": 300.0,
     "torque_constant": 0.05, "gear_ratio": 30.0, "resistance": 3.0, "max_voltage": 12.0, "max_current": 3.0,
@@ -34,13 +34,13 @@ EVERYTHING = {
 
 
 def rubbing(robot: Robot, **friction: float) -> Robot:
-    """The robot with friction of its moving joints."""
+    """Copy of the robot with the given friction in its moving joints."""
     changed: dict[str, Any] = dict(friction)
     return replace(robot, joints=tuple(replace(joint, **changed) if joint.moves else joint for joint in robot.joints))
 
 
 def bench(mode: int, parameters: dict[str, float], *, link: Any = 0.0, **how: Any) -> Any:
-    """An SEA on a test bench that holds its link, or moves it."""
+    """Result of a test bench that holds or moves the link of an SEA."""
     motion = {} if link == 0.0 else {"motion": {"joint_1": link}}
     robot = chain(Body(actuator="sea", inertia=1e-2))
     return run(robot, mode=mode, engine="bench", parameters=parameters, compiled=False, **motion, **how)
@@ -49,7 +49,7 @@ def bench(mode: int, parameters: dict[str, float], *, link: Any = 0.0, **how: An
 # -- electric motors -----------------------------------------------------------------------------------------------------
 
 
-def test_a_motor_under_voltage_runs_up_to_its_no_load_speed() -> None:
+def test_voltage_accelerates_a_motor_to_its_no_load_speed() -> None:
     """tau = n k_t i, u = R i + n k_t omega: omega = u / (n k_t) (1 - exp(-t / T)), T = J R / (n k_t)^2, to second order."""
     errors = []
     for substeps in (1, 2):
@@ -62,7 +62,7 @@ def test_a_motor_under_voltage_runs_up_to_its_no_load_speed() -> None:
     assert column(result, "motor_1_voltage")[50:] == pytest.approx(6.0, abs=1e-12)
     current = column(result, "motor_1_current")
     assert current[-1] == pytest.approx(3.0 * np.exp(-0.3 / 0.04), rel=1e-3)
-    # R int i^2 dt = u^2 / R T / 2 (1 - exp(-2 t / T)); the motor's work is in its own inertia.
+    # Heat: R int i^2 dt = u^2 / R T / 2 (1 - exp(-2 t / T)). The work of the motor is its kinetic energy.
     assert column(result, "winding_loss")[-1] == pytest.approx(18.0 * 0.02, rel=2e-3)
     assert column(result, "motor_work")[-1] == pytest.approx(0.5 * 0.02 * 36.0, rel=3e-3)
     assert np.abs(column(result, "energy_residual")).max() < 2e-5
@@ -84,7 +84,7 @@ def test_a_motor_under_voltage_runs_up_to_its_no_load_speed() -> None:
     ],
 )  # fmt: skip
 def test_stall_torque_and_limits(mode: int, reference: dict[str, float], limits: dict[str, float], torque: float) -> None:
-    """Against a locked link the motor comes to rest where the spring holds n k_t u / R, or what a limit leaves of it."""
+    """With a locked link, the motor stops where the spring torque equals n k_t u / R, clipped by the limits."""
     parameters = {**FREE, **DC, "motor_1_damping": 5.0, "spring_stiffness": 50.0, "max_deflection": 3.0, **limits}
     result = bench(mode, parameters, references=reference, duration=2.0)
     assert column(result, "elastic_torque_1")[-1] == pytest.approx(torque, rel=1e-6)
@@ -93,7 +93,7 @@ def test_stall_torque_and_limits(mode: int, reference: dict[str, float], limits:
 
 
 def test_a_servo_of_voltage_droops_by_its_gain_in_volts() -> None:
-    """u = P (r - theta), tau = n k_t u / R: under load the motor stands off by tau R / (n k_t P); a start at rest knows it."""
+    """With u = P (r - theta) and tau = n k_t u / R, the steady error is tau R / (n k_t P), also at an equilibrium start."""
     values = {**FREE, **DC, "spring_stiffness": 20.0, "max_deflection": 3.0, "controller_1_proportional": 40.0}
     robot = chain(Body(actuator="sea", mass=0.3, reach=0.2, inertia=1e-3, damping=0.05))
     how: dict[str, Any] = {"parameters": values, "references": {"reference_1": 0.6}, "compiled": False}
@@ -112,7 +112,7 @@ COULOMB, EXCESS, FADE = 0.2, 0.15, 0.05
 
 @pytest.fixture(scope="module")
 def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
-    """Time and place of a mass that a spring pulls along at a steady speed: it sticks and slips."""
+    """Time and position of a mass that a spring pulls at constant speed: stick-slip motion."""
     time = np.arange(0.0, 3.0005, 1e-3)
     place, speed = stick_slip(
         time, lambda t, x: SPRING * (SPEED * t - x), lambda v, _: COULOMB + EXCESS * exp(-((v / FADE) ** 2)), mass=INERTIA
@@ -122,7 +122,7 @@ def limit_cycle() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_joint_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
-    """The belt's limit cycle: to second order, events and all."""
+    """The error of the limit cycle is of second order, including the events."""
     robot = rubbing(
         chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=COULOMB)),
         stribeck_friction=EXCESS,
@@ -142,7 +142,7 @@ def test_a_joint_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) ->
 
 
 def test_a_motor_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) -> None:
-    """The same of a motor that winds up its spring; its bristles give way by 0.35 mrad before it slips."""
+    """The motor winds up its spring with stick-slip motion; its bristles deflect by 0.35 mrad before it slips."""
     parameters = {
         **FREE, "motor_1_inertia": INERTIA, "motor_1_friction_torque": COULOMB, "motor_1_stribeck_friction": EXCESS,
         "motor_1_stribeck_velocity": FADE, "spring_stiffness": SPRING, "max_deflection": 3.0,
@@ -152,15 +152,15 @@ def test_a_motor_sticks_and_slips(limit_cycle: tuple[np.ndarray, np.ndarray]) ->
     error = np.abs(column(result, "motor_1_position") - limit_cycle[1])
     assert error.max() < 3e-3
     assert error.mean() < 7e-4
-    # Bristles give back what they hold, and no more.
+    # Bristles return only their stored energy.
     lost = column(result, "friction_loss")
     assert (np.maximum.accumulate(lost) - lost).max() < 1.01 * 0.5 * (COULOMB + EXCESS) ** 2 / 1000.0
     assert np.abs(column(result, "energy_residual")).max() < 2e-6
 
 
 @pytest.mark.parametrize("engine", ENGINES_HERE)
-def test_a_joint_rubs_by_its_load(engine: str) -> None:
-    """I a = tau (1 - c) - tau_c where it moves; it stands up to tau_c / (1 - c)."""
+def test_joint_friction_grows_with_the_load(engine: str) -> None:
+    """A moving joint obeys I a = tau (1 - c) - tau_c; a joint at rest sticks up to tau_c / (1 - c)."""
     robot = rubbing(chain(Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1)), load_friction=0.2)
     for torque in (0.124, 0.5):
         result = run(
@@ -171,14 +171,14 @@ def test_a_joint_rubs_by_its_load(engine: str) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [200.0, 1000.0, 5000.0])
-def test_a_motor_that_sticks_gives_way_by_its_bristles(stiffness: float) -> None:
+def test_sticking_motor_deflects_its_bristles(stiffness: float) -> None:
     numbers = {"motor_1_friction_torque": 0.5, "motor_1_friction_stiffness": stiffness, "motor_1_damping": 2.0}
     result = bench(4, {**FREE, **numbers, "spring_stiffness": 1e-12}, references={"motor_1_torque": 0.2}, duration=0.5)
     assert column(result, "motor_1_position")[-1] == pytest.approx(0.2 / stiffness, rel=1e-6)
 
 
-def test_a_motor_rubs_by_its_load() -> None:
-    """Winding its spring up slowly it gives k theta (1 + c) + tau_c; letting it go k theta (1 - c) - tau_c."""
+def test_motor_friction_grows_with_the_load() -> None:
+    """The motor torque is k theta (1 + c) + tau_c while the spring is wound slowly, and k theta (1 - c) - tau_c on release."""
     parameters = {
         **FREE, "motor_1_friction_torque": 0.1, "motor_1_load_friction": 0.2, "motor_1_damping": 1.0, "spring_stiffness": 5.0,
         "max_deflection": 3.0,
@@ -196,7 +196,7 @@ def test_a_motor_rubs_by_its_load() -> None:
 
 
 @pytest.mark.parametrize("length", [0.005, 0.05, 0.5])
-def test_a_loop_takes_what_its_law_says(length: float) -> None:
+def test_hysteresis_loss_of_a_loop_follows_the_law(length: float) -> None:
     level, amplitude = 0.3, 0.1
     result = bench(
         2, {"hysteresis_torque": level, "hysteresis_deflection": length, "max_deflection": 3.0},
@@ -206,7 +206,7 @@ def test_a_loop_takes_what_its_law_says(length: float) -> None:
     assert lost[20_000] - lost[19_000] == pytest.approx(4.0 * level * (amplitude - length * tanh(amplitude / length)), rel=1e-6)
     assert np.diff(lost).min() >= -1e-15
     assert np.abs(column(result, "energy_residual")).max() < 2e-4 * lost[-1]
-    # Where the loop is wide, it is tau up and tau down.
+    # Far from the reversals, the hysteresis torque is +tau or -tau.
     q = column(result, "link_position")[19_000:]
     extra = column(result, "elastic_torque_1")[19_000:] + 10.0 * q
     if length < 0.01:
@@ -214,8 +214,8 @@ def test_a_loop_takes_what_its_law_says(length: float) -> None:
         assert extra.min() == pytest.approx(-level, rel=1e-3)
 
 
-def test_hysteresis_is_passive_and_depends_on_the_way_alone() -> None:
-    """No way round gives more than it took; and the way in one stride ends where many small steps do."""
+def test_hysteresis_is_passive_and_independent_of_rate() -> None:
+    """No closed path releases more energy than it absorbs, and one large step gives the same state as many small steps."""
     random = np.random.default_rng(1)
     level, length = 0.4, 0.02
     h = work = place = 0.0
@@ -232,7 +232,7 @@ def test_hysteresis_is_passive_and_depends_on_the_way_alone() -> None:
 
 
 def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
-    """Two springs of a VSA, in a mode with motors: the energy of the swing is what the loops took."""
+    """Two springs of a VSA in a mode with motors: the energy of the swing equals the hysteresis loss."""
     robot = chain(Body(actuator="qbmove", mass=0.3, reach=0.1, inertia=1e-3))
     values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
     result = run(
@@ -248,8 +248,8 @@ def test_a_free_link_comes_to_rest_by_hysteresis_alone() -> None:
 
 @pytest.mark.parametrize("substeps", [3, 5])
 @pytest.mark.parametrize(("actuator", "near"), [("sea", 2e-4), ("qbmove", 5e-5)])
-def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator: str, near: float, substeps: int) -> None:
-    """Of a link that swings against motors which hold still."""
+def test_hysteresis_loss_does_not_depend_on_motor_substeps(actuator: str, near: float, substeps: int) -> None:
+    """A link swings while its motors stand still."""
     references = {"equilibrium_position": 0.0, "stiffness_preset": 0.3}
     values = {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}
     motors = (1, 2) if actuator == "qbmove" else (1,)
@@ -265,15 +265,15 @@ def test_hysteresis_takes_as_much_however_many_substeps_the_motors_have(actuator
     (q, lost), (same, as_much) = found
     np.testing.assert_allclose(same, q, rtol=0.0, atol=near)
     assert as_much[-1] == pytest.approx(lost[-1], rel=2e-3)
-    # It takes most of the swing.
+    # Hysteresis dissipates most of the energy of the swing.
     assert np.ptp(q[-200:]) < 0.5 * np.ptp(q)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.1])
 @pytest.mark.parametrize("frequency", [1.0, 3.0])
-def test_springs_are_foreseen_as_far_bent_as_motors_can_throw_the_link(frequency: float, spread: float) -> None:
-    """Twice as fast as the references move, and no faster than motors are: J v^2 / 2 goes into the springs, beyond the
-    pretension that the motors hold."""
+def test_predicted_deflection_includes_the_energy_of_the_moving_link(frequency: float, spread: float) -> None:
+    """The kinetic energy of the link goes into the pretensioned springs. The assumed speed of the link is twice the speed of
+    the references, at most the speed limit of the motors."""
     a, k, inertia, amplitude, fastest = 7.0, 0.02, 5e-3, 0.3, 8.0
     robot = chain(Body(actuator="qbmove", mass=1e-9, reach=0.0, inertia=inertia))
     wave = {"amplitude": amplitude, "frequency": frequency}
@@ -293,12 +293,12 @@ def test_springs_are_foreseen_as_far_bent_as_motors_can_throw_the_link(frequency
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stored(middle) < energy else (low, middle)
-    # What one spring reaches, the other is granted, too.
+    # Both springs are assumed to reach the larger deflection.
     assert result.resolution.stiffness[0] == pytest.approx(2.0 * a * k * np.cosh(a * (spread + low)), rel=0.01)
 
 
 @pytest.mark.parametrize(("actuator", "springs"), [("sea", 1), ("qbmove", 2)])
-def test_hysteresis_is_foreseen_as_stiff_as_it_is_where_a_motion_turns(actuator: str, springs: int) -> None:
+def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator: str, springs: int) -> None:
     robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
     for values in ({}, {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}):
         result = run(
@@ -313,14 +313,14 @@ def test_hysteresis_is_foreseen_as_stiff_as_it_is_where_a_motion_turns(actuator:
 
 
 def all_on(name: str) -> dict[str, float]:
-    """Every optional parameter of an actuator."""
+    """Values that enable every optional model of an actuator."""
     motors = range(1, ACTUATORS.get(name).motors + 1)
     values = {f"motor_{i}_{key}": value for i in motors for key, value in EVERYTHING.items()}
     return {**values, "hysteresis_torque": 0.02, "hysteresis_deflection": 0.05}
 
 
 def full_run(name: str, mode: int, **how: Any) -> Any:
-    """A swing of a link under gravity with everything on."""
+    """Run of a link that swings under gravity, with all optional models."""
     law = ACTUATORS.get(name)
     first, second = law.motor_references(0.3, law.typical_preset)
     second = law.typical_preset if law.adjuster else second
@@ -339,7 +339,7 @@ def full_run(name: str, mode: int, **how: Any) -> Any:
 
 @pytest.mark.parametrize("mode", [3, 5, 7])
 @pytest.mark.parametrize("name", ACTUATORS.names())
-def test_everything_works_on_every_actuator(name: str, mode: int) -> None:
+def test_all_optional_models_run_on_every_actuator(name: str, mode: int) -> None:
     runs = [full_run(name, mode, engine=engine) for engine in ENGINES_HERE]
     for result in runs:
         assert all(np.isfinite(values).all() for values in result.samples.values.values())
@@ -351,14 +351,14 @@ def test_everything_works_on_every_actuator(name: str, mode: int) -> None:
 
 
 def state_of(simulation: Simulation) -> list[list[float]]:
-    """Positions and velocities of links and motors."""
+    """State of a simulation: positions and velocities of links and motors."""
     seen = simulation.observe()
     names = ("link_position", "link_velocity", *(f"motor_{i}_{what}" for i in (1, 2) for what in ("position", "velocity")))
     return [np.nan_to_num(getattr(seen, name)).tolist() for name in names]
 
 
-def test_a_model_may_be_switched_on_between_runs() -> None:
-    """Other kinds of joints than a loop was made for: a fit goes from none of something to some."""
+def test_optional_models_may_be_enabled_between_runs() -> None:
+    """The simulation loop was compiled without the models. A fit may increase a parameter from zero."""
     result = run(
         chain(Body(actuator="sea", inertia=1e-2)), mode=5, references={"reference_1": 0.3}, duration=0.1, compiled=False
     )
@@ -378,12 +378,12 @@ TAGS = "<stribeckFriction>0.1</stribeckFriction><stribeckVelocity>0.2</stribeckV
 
 
 def robot_with(joint: str = "", block: str = "") -> Robot:
-    """One joint with tags of its own, and of its actuator."""
+    """Robot with one joint. joint, block: XML tags of the joint and of its actuator."""
     text = chain(Body(actuator="qbmove")).text.replace("</robot>", f"{joint}</robot>").replace("</plugin>", f"{block}</plugin>")
     return read(text)
 
 
-def test_tags_are_read_and_written() -> None:
+def test_optional_model_tags_are_read_and_written() -> None:
     robot = robot_with(f'<gazebo reference="joint_1">{TAGS}</gazebo>', "<mot_1_kt>0.05</mot_1_kt><hyst_tau>0.3</hyst_tau>")
     joint, values = robot.joint("joint_1"), robot.actuators[0].values()
     assert (joint.stribeck_friction, joint.stribeck_velocity, joint.load_friction) == (0.1, 0.2, 0.05)
@@ -411,7 +411,7 @@ def test_tags_are_read_and_written() -> None:
         ("", "<mot_2_R>-3</mot_2_R>", "must be at least 0 ohm"),
     ],
 )  # fmt: skip
-def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
+def test_invalid_model_parameters_are_refused(joint: str, block: str, said: str) -> None:
     with pytest.raises(RobotError, match=said):
         robot_with(joint, block)
 
@@ -426,11 +426,11 @@ def test_nonsense_is_refused(joint: str, block: str, said: str) -> None:
         ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
     ],
 )  # fmt: skip
-def test_doubtful_values_are_said(joint: str, block: str, said: str) -> None:
+def test_implausible_model_parameters_give_a_warning(joint: str, block: str, said: str) -> None:
     assert any(said in str(warning) for warning in robot_with(joint, block).warnings)
 
 
-def test_what_the_released_order_has_not_is_said() -> None:
+def test_toolbox_stepping_warns_of_models_that_it_lacks() -> None:
     with pytest.raises(ScenarioError, match="cannot drive its motors"):
         run(chain(Body(actuator="sea")), mode=7, references={"motor_1_voltage": 1.0}, duration=0.1)
     result = run(
@@ -443,7 +443,7 @@ def test_what_the_released_order_has_not_is_said() -> None:
     assert "hysteresis_loss" not in result.samples.values
 
 
-def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
+def test_log_has_topics_for_optional_models(tmp_path: Any) -> None:
     import asrsim
     from asrsim.log import read_log
 
@@ -461,8 +461,8 @@ def test_the_log_has_topics_for_it(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize("motor_substeps", [1, 3, 9])
-def test_a_spring_that_moves_along_keeps_what_it_remembers(motor_substeps: int) -> None:
-    """Motor and link go 3 rad together, a hundred times the deflection of memory, and the spring between stays as it is."""
+def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_substeps: int) -> None:
+    """Motor and link move 3 rad together, a hundred times the hysteresis deflection, and the deflection stays constant."""
     parameters = {
         **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
         "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,

@@ -1,4 +1,4 @@
-"""Motors at their position stops and speed limits: what is logged there is what a motor at rest, or at that speed, has."""
+"""Motors at position stops and speed limits: logged torques and losses are those of a motor at rest or at this speed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.signals import Step
 from validation.models import INSTALLED, Body, chain, column, run
 
 HEAVY = chain(Body(actuator="sea", mass=1e6, reach=0.0, inertia=1e6))
-"""A link that stands still, so that the motor pulls at a spring with a fixed end."""
+"""Heavy link that hardly moves, so that the end of the motor's spring is fixed."""
 WINDING = {"motor_1_torque_constant": 3.0, "motor_1_resistance": 1.0, "motor_1_max_torque": 100.0}
 
 
@@ -23,7 +23,7 @@ def drive(**keys: Any) -> Any:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 @pytest.mark.parametrize("stop", [0.3, 0.30037, 0.3009])
-def test_a_winding_on_its_stop_draws_voltage_over_resistance(engine: str, stepping: str, stop: float) -> None:
+def test_motor_on_its_stop_draws_voltage_over_resistance(engine: str, stepping: str, stop: float) -> None:
     result = drive(
         engine=engine, stepping=stepping, mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": stop, "motor_1_min_position": -stop, "spring_k": 20.0},
@@ -32,13 +32,13 @@ def test_a_winding_on_its_stop_draws_voltage_over_resistance(engine: str, steppi
     assert column(result, "motor_1_velocity")[1000:] == pytest.approx(0.0, abs=1e-9)
     assert column(result, "motor_1_current")[1000:] == pytest.approx(4.0, abs=1e-9)
     assert column(result, "motor_1_torque")[1000:] == pytest.approx(12.0, abs=1e-9)
-    # R i^2 = 16 W heat the winding, and a motor that stands does no work.
+    # The winding dissipates R i^2 = 16 W, and a motor at rest does no work.
     assert np.ptp(column(result, "winding_loss")[1000:2001]) == pytest.approx(16.0, rel=1e-9)
     assert np.ptp(column(result, "motor_work")[1000:]) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_a_winding_at_its_speed_limit_draws_what_the_back_emf_leaves(stepping: str) -> None:
+def test_current_at_the_speed_limit_includes_the_back_emf(stepping: str) -> None:
     result = drive(
         stepping=stepping, mode=7, duration=0.5, references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_velocity": 0.5, "spring_k": 1e-6},
@@ -48,7 +48,7 @@ def test_a_winding_at_its_speed_limit_draws_what_the_back_emf_leaves(stepping: s
 
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
-def test_a_controller_that_pushes_a_motor_on_its_stop_gives_gain_times_error(stepping: str) -> None:
+def test_controller_torque_on_a_stop_is_gain_times_error(stepping: str) -> None:
     result = drive(
         stepping=stepping, mode=5, duration=1.0, references={"reference_1": 0.55},
         parameters={
@@ -61,7 +61,7 @@ def test_a_controller_that_pushes_a_motor_on_its_stop_gives_gain_times_error(ste
 
 @pytest.mark.parametrize("friction", [0.0, 0.7])
 @pytest.mark.parametrize("stop", [0.2, 0.20041])
-def test_a_motor_leaves_its_stop_as_its_equation_of_motion_says(friction: float, stop: float) -> None:
+def test_motor_leaves_its_stop_by_its_equation_of_motion(friction: float, stop: float) -> None:
     inertia, damping, stiffness, slope, leaves = 0.02, 0.5, 5.0, 1000.0, 0.8
     result = drive(
         mode=4, duration=0.85, step=2.5e-4, references={"motor_1_torque": Step(at=leaves, before=6.0, after=-2.0)},
@@ -72,7 +72,7 @@ def test_a_motor_leaves_its_stop_as_its_equation_of_motion_says(friction: float,
     )  # fmt: skip
 
     def rate(_: float, state: np.ndarray) -> list[float]:
-        # Dahl's bristles: stretched by the way to the stop, they turn over on the way back.
+        # Dahl's bristles: the way to the stop deflects them, and the way back reverses the deflection.
         rub = max(friction - slope * (stop - state[0]), -friction)
         return [state[1], (-2.0 - damping * state[1] - stiffness * state[0] - rub) / inertia]
 

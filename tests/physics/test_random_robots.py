@@ -1,4 +1,4 @@
-"""Random robots against an independent solution: Pinocchio and DOP853, laws written anew, engines, bases, jumps, modes."""
+"""Random robots against the independent solution `support.independent_ode`, for all engines, bases, jumps and modes."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def test_every_actuator_and_mode_at_second_order(tmp_path: Path, seed: int, fixe
 
 @pytest.mark.parametrize("fixed", [True, False])
 def test_passive_trees_at_second_order(tmp_path: Path, fixed: bool) -> None:
-    """Nothing but links, springs and damping: the engines' own part."""
+    """Robots have only links, springs and damping, which the engines compute."""
     check(random_run(901, moving=6, fixed=fixed, passive=1.0, jumps=False), tmp_path, INSTALLED, order=1.9)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(105, False), (112, True)])
-def test_what_the_toolbox_does_not_have_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
-    """Electric motors and their limits, hysteresis of springs, motors in motion at the start, late commands, in one robot."""
+def test_optional_models_converge_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
+    """One robot has electric motors with limits, hysteresis, moving motors at the start, and delayed commands."""
     check(random_run(seed, moving=3, fixed=fixed, extras=True), tmp_path, INSTALLED[:1], order=1.5)
 
 
 @pytest.mark.parametrize(("seed", "fixed"), [(101, True), (123, False)])
 def test_energies_balance_at_second_order(tmp_path: Path, seed: int, fixed: bool) -> None:
-    """What motors give goes into springs, links, heat and losses, with everything that a joint may have."""
+    """The work of the motors equals the energy of springs and links plus heat and losses, with all optional models."""
     run = random_run(seed, moving=3, fixed=fixed, extras=True, friction=True)
     base = asrsim.make_scenario(run.write(tmp_path), engine=INSTALLED[0], compiled=False, **run.keys())
     first = simulate(base)
@@ -57,7 +57,7 @@ def test_the_motors_dahl_friction_converges(tmp_path: Path) -> None:
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("seed", [5, 6])
 def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -> None:
-    """Those that fixed joints hold, too: the engines' bodies are made of several."""
+    """Links behind fixed joints are included, since engines merge them into one body."""
     run = random_run(seed)
     scenario = asrsim.make_scenario(run.write(tmp_path), engine=engine, **run.keys())
     truth = Truth(run)
@@ -86,7 +86,7 @@ def test_poses_and_slopes_of_all_links(tmp_path: Path, engine: str, seed: int) -
 @pytest.mark.parametrize("fixed", [True, False])
 @pytest.mark.parametrize("seed", range(1000, 1030))
 def test_many_random_robots(tmp_path: Path, seed: int, fixed: bool) -> None:
-    # Corners by chance: here what counts is that no error stays.
+    # Random corners of torques reduce the order, so the test only requires that the error vanishes.
     check(random_run(seed, moving=5, fixed=fixed, duration=0.4), tmp_path, INSTALLED, order=1.3)
 
 
@@ -99,11 +99,11 @@ def test_many_passive_trees(tmp_path: Path, seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4000, 4010))
-def test_many_with_friction_in_the_motors(tmp_path: Path, seed: int) -> None:
+def test_many_random_robots_with_motor_friction(tmp_path: Path, seed: int) -> None:
     check(random_run(seed, friction=True), tmp_path, INSTALLED, order=0.8)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5000, 5030))
-def test_many_with_all_that_the_toolbox_does_not_have(tmp_path: Path, seed: int) -> None:
+def test_many_random_robots_with_optional_models(tmp_path: Path, seed: int) -> None:
     check(random_run(seed, moving=3, fixed=seed % 3 != 0, extras=True), tmp_path, INSTALLED, order=1.3)

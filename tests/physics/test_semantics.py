@@ -1,4 +1,4 @@
-"""What a scenario says is what happens, in numbers that a user can work out."""
+"""Keys of a scenario have the documented effect, in numbers that a user can calculate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ROBOT = """<robot name="arm">
   </gazebo>
 </robot>
 """
-"""One joint about y with a spring of 50 N m/rad; 1 kg at 0.1 m along x."""
+"""URDF of one joint about y with a spring of 50 N m/rad and 1 kg at 0.1 m along x."""
 STIFFNESS, WEIGHT = 50.0, 9.81 * 1.0 * 0.1
 FREE = [0.0, 0.0, 0.0]
 SINE = {"sinusoid": {"amplitude": 0.1, "frequency": 2}}
@@ -44,7 +44,7 @@ Run = Callable[..., Any]
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """Runs the robot above; `root`: what stands for its root link; `passive`: without its actuator."""
+    """Function that runs the robot above. root: XML that replaces the root link; passive: without the actuator."""
 
     def runner(*, root: str = "", passive: bool = False, **keys: Any) -> Any:
         text = ROBOT.replace('<link name="base"/>', root or '<link name="base"/>')
@@ -63,7 +63,7 @@ def about_y(q: float) -> np.ndarray:
 
 @pytest.mark.parametrize("frame", ["world", "link"])
 @pytest.mark.parametrize(("force", "point"), [([0, 0, 2.0], [0.3, 0, 0]), ([3.0, 1.0, 0], [0.1, 0.4, 0.2])])
-def test_a_force_at_a_point_gives_its_moment(run: Run, frame: str, force: list[float], point: list[float]) -> None:
+def test_force_at_a_point_has_the_correct_moment(run: Run, frame: str, force: list[float], point: list[float]) -> None:
     wrench = {"link": "arm", "force": force, "point": point, "frame": frame}
     q = run(gravity=FREE, duration=2.5, wrenches=[wrench])["j"].link_position[-1]
     turned = about_y(q)
@@ -83,7 +83,7 @@ def test_a_torque_on_a_link_and_about_its_joint(run: Run) -> None:
 @pytest.mark.parametrize(("rpy", "tilt"), [([0, 0, 0.7], 0.0), ([0, 0.3, 0], 0.3), ([np.pi, 0, 0], np.pi), ([0.5, 0, 0], None)])
 def test_gravity_on_a_turned_base(run: Run, rpy: list[float], tilt: float | None) -> None:
     q = run(duration=2.5, base={"rpy": rpy, "position": [1, 2, 3]})["j"].link_position[-1]
-    if tilt is None:  # rolled: the axis leaves the horizontal
+    if tilt is None:  # the base is rolled: the joint axis is no longer horizontal
         expected = WEIGHT * np.cos(0.5) * np.cos(q)
     else:
         expected = WEIGHT * (np.cos(q + tilt) if tilt != np.pi else -np.cos(q))
@@ -92,7 +92,7 @@ def test_gravity_on_a_turned_base(run: Run, rpy: list[float], tilt: float | None
 
 @pytest.mark.parametrize("origin", ["", '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'])
 def test_a_floating_robot_falls_freely(run: Run, origin: str) -> None:
-    """At rest it does not turn, and all of it falls alike: z = -g t^2 / 2 to rounding."""
+    """A robot that starts at rest does not rotate and falls by z = -g t^2 / 2, up to rounding."""
     start = {"fixed": False, "position": [1, 2, 10], "rpy": [0.3, 0.2, 1.0]}
     result = run(root=BASE_MASS.format(origin=origin), passive=True, duration=1.0, base=start)
     pose = result.bodies["base"]
@@ -102,9 +102,9 @@ def test_a_floating_robot_falls_freely(run: Run, origin: str) -> None:
     np.testing.assert_allclose(result["j"].link_position, 0.0, atol=1e-10)
 
 
-def test_a_spring_on_a_floating_base_turns_both(run: Run) -> None:
-    """Nothing pushes from outside: with 2 kg and 0.2 kg m^2 of the base against 1 kg at 0.1 m and 0.01 kg m^2 of the link,
-    angular momentum about y stays zero if the base turns by -1/13 of the joint's angle.
+def test_spring_on_a_floating_base_conserves_angular_momentum(run: Run) -> None:
+    """There is no external force. The base has 2 kg and 0.2 kg m^2; the link has 1 kg at 0.1 m and 0.01 kg m^2. The angular
+    momentum about y stays zero if the base turns by -1/13 of the joint angle.
     """
     result = run(
         root=BASE_MASS.format(origin=""), gravity=FREE, duration=0.3, base={"fixed": False},
@@ -115,7 +115,7 @@ def test_a_spring_on_a_floating_base_turns_both(run: Run) -> None:
     np.testing.assert_allclose(turned, -moved / 13, atol=1e-6)
 
 
-def test_initial_positions(run: Run) -> None:
+def test_initial_positions_are_those_of_the_scenario(run: Run) -> None:
     for joint in ("j", "*"):
         result = run(initial={joint: 0.4}, gravity=FREE, modes=6, references={})["j"]
         np.testing.assert_allclose(result.link_position, 0.4, atol=1e-12)
@@ -134,34 +134,49 @@ def commanded(run: Run, effects: dict[str, float], *, signal: Any = SINE, **keys
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.0105])
-def test_a_delay_is_exact(run: Run, delay: float) -> None:
+def test_command_delay_is_exact(run: Run, delay: float) -> None:
     result = commanded(run, {"delay": delay})
     expected = 0.1 * np.sin(4 * np.pi * np.maximum(result.time - delay, 0.0))
     np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
 
 
-def test_hold(run: Run) -> None:
+def test_commands_are_held_at_the_given_rate(run: Run) -> None:
     result = commanded(run, {"rate": 100})
     expected = 0.1 * np.sin(4 * np.pi * np.floor(result.time * 100 + 1e-6) / 100)
     np.testing.assert_allclose(result["j"].reference_1, expected, atol=1e-12)
 
 
-def test_quantum(run: Run) -> None:
+def test_commands_are_quantised(run: Run) -> None:
     seen = commanded(run, {"quantum": 0.01})["j"].reference_1
     np.testing.assert_allclose(seen, 0.01 * np.round(seen / 0.01), atol=1e-12)
     assert len(np.unique(np.round(seen / 0.01))) == 21
 
 
-def test_noise_is_the_seeds(run: Run) -> None:
+@pytest.mark.parametrize("effects", [{"quantum": 1e-9}, {"noise": 1e-10}])
+def test_tiny_noise_does_not_shift_a_jump(run: Run, effects: dict[str, float]) -> None:
+    """A jump between two steps acts at its time, not at the next step."""
+    jump = {"step": {"at": 0.1004, "to": 0.5}}
+    clean, found = (commanded(run, given, signal=jump)["j"].link_position for given in ({}, effects))
+    np.testing.assert_allclose(found, clean, atol=1e-7)
+
+
+def test_a_delayed_jump_is_in_the_row_of_its_time(run: Run) -> None:
+    """0.1 + 0.005 is larger than 0.105 in floating point."""
+    for stepping in ("leapfrog", "euler"):
+        result = commanded(run, {"delay": 0.005}, signal={"step": {"at": 0.1, "to": 0.5}}, stepping=stepping)
+        assert result.time[np.argmax(result["j"].reference_1)] == 0.105
+
+
+def test_command_noise_depends_on_the_seed_alone(run: Run) -> None:
     first, again, other = (commanded(run, {"noise": 0.02}, signal=0.1, seed=seed)["j"].reference_1 for seed in (0, 0, 1))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
-    # 1001 draws: 5 standard errors.
+    # The tolerance for 1001 draws is 5 standard errors.
     assert first.std() == pytest.approx(0.02, rel=5 / np.sqrt(2 * 1001))
     assert first.mean() == pytest.approx(0.1, abs=5 * 0.02 / np.sqrt(1001))
 
 
-def test_a_sensor_that_nobody_reads_is_a_warning(run: Run) -> None:
+def test_unused_sensor_effects_give_a_warning(run: Run) -> None:
     words = " ".join(map(str, run(effects={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
     assert "no controller reads this sensor in mode 3" in words
     words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0102}}}).summary.warnings))
@@ -183,7 +198,7 @@ def test_a_floating_root_needs_a_mass(run: Run) -> None:
         run(passive=True, base={"fixed": False})
 
 
-def test_a_link_at_its_stop_is_counted_and_said(tmp_path):
+def test_steps_at_a_joint_stop_are_counted_and_reported(tmp_path):
     (tmp_path / "arm.urdf").write_text(
         """<robot name="arm"><link name="base"/><link name="link"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
 <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -201,6 +216,6 @@ def test_a_link_at_its_stop_is_counted_and_said(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["ground", "robot"])
-def test_objects_are_not_called_as_contacts_call_others(name):
+def test_reserved_contact_names_are_refused_for_objects(name):
     with pytest.raises(InputError, match="cannot have the name"):
         asrsim.make_scenario("arm.urdf", world={"objects": {name: {"shape": "sphere", "size": 0.1}}})

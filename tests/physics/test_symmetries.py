@@ -1,7 +1,7 @@
-"""What no physics can tell apart: a robot and its mirror image, motors and the same exchanged, another unit of torque.
+"""Symmetries of physics: a mirrored robot, exchanged motors, another unit of torque.
 
-Every quantity that is recorded is compared, under springs, limits and losses all at once, so that a term that is left out or
-has another sign for one motor, one side or one size shows.
+Every recorded quantity is compared, with springs, limits and losses all enabled. A missing term, or a wrong sign for one
+motor or one side, breaks the symmetry.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ ROBOT = (ROOT / "examples/urdf/dof2_horizontal.urdf").read_text()
 JOINTS = ("joint_1", "joint_2")
 ENERGIES = [name for name, quantity in QUANTITIES.items() if quantity.unit == "J"]
 EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at its limit of {kind}" for kind in LIMITS)}
-"""Quantities that have no side."""
+"""Quantities that keep their sign in the mirror image."""
 
 
 def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
-    """One whose limits are met, with losses."""
+    """Random parameters of a motor with losses and with limits that it reaches."""
     found = {
         "inertia": draw.uniform(0.01, 0.03), "damping": draw.uniform(0.1, 0.3), "max_torque": draw.uniform(2.0, 4.0),
         "min_position": -draw.uniform(0.1, 0.2), "max_position": draw.uniform(0.1, 0.2),
@@ -44,7 +44,7 @@ def motor(draw: np.random.Generator, *, released: bool) -> dict[str, float]:
 
 
 def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = False) -> dict[str, Any]:
-    """Two joints of that mode, by plain numbers; sensed: controllers read late and seldom, and motors have substeps."""
+    """Random case with two joints in a mode. sensed: sensors have a delay and a low rate, and motors have substeps."""
     draw, released = np.random.default_rng(10 * mode), stepping == "toolbox"
     size = {0: 3.0, 4: 3.0, 7: 8.0, 8: 1.5}.get(mode, 0.3)
     joints = {}
@@ -73,7 +73,7 @@ def drawn(mode: int, stepping: str, actuator: str = "qbmove", sensed: bool = Fal
 
 
 def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The other way round: what has a side has the other one, and of two ends each is the other's."""
+    """Mirror image of a case: signs of positions and torques change, and lower and upper limits are exchanged."""
     found = {}
     for joint, one in case["joints"].items():
         parameters = dict(one["parameters"])
@@ -90,7 +90,7 @@ def mirrored(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, Any]:
-    """Motor 1 is motor 2, springs and controllers likewise."""
+    """Case in which motors, springs and controllers 1 and 2 are exchanged."""
     found = {}
     for joint, one in case["joints"].items():
         order = -1 if references else 1
@@ -105,12 +105,12 @@ def exchanged(case: Mapping[str, Any], *, references: bool = True) -> dict[str, 
 
 
 def other_motor(name: str) -> str:
-    """The same of the other motor."""
+    """Name of the same quantity of the other motor."""
     return re.sub(r"(motor_|torque_|controller_|spring_[ak]_|reference_)([12])", lambda m: f"{m[1]}{3 - int(m[2])}", name)
 
 
 def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
-    """Quantity -> (n, joints)."""
+    """Recorded values (n, joints) of each quantity."""
     limits = case["limits"]
     text = re.sub(r"<limit [^>]*/>", '<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="20"/>', ROBOT)
     text = re.sub(r"<dynamics [^>]*/>", '<dynamics damping="{damping}" friction="{friction}"/>', text)
@@ -146,7 +146,7 @@ def recorded(case: Mapping[str, Any], folder: Path) -> dict[str, np.ndarray]:
     made = simulate(scenario)
     assert made.samples is not None
     resolution = made.resolution
-    # Of the fastest spring, by the least inertia of postures that are drawn, to three digits.
+    # The resolution uses the smallest inertia of random postures, so it is accurate to three digits only.
     chosen = np.array([[resolution.substeps, resolution.motor_substeps, float(f"{resolution.omega_h:.3g}")]])
     met = {f"rows at its limit of {kind}": np.array([getattr(made.counts, kind)], float) for kind in LIMITS}
     return {**made.samples.values, **met, "resolution": chosen, "foreseen stiffness": np.array([resolution.stiffness])}
@@ -164,16 +164,16 @@ KINDS = ("mode", "stepping", "actuator", "sensed")
 
 
 def alike(found: np.ndarray, expected: np.ndarray, what: str) -> None:
-    """To the last digits, of what is not undefined (as torques are that the released order does not tell)."""
+    """Assert that all defined values agree up to rounding. Toolbox stepping leaves some torques undefined."""
     size = float(np.nanmax(np.abs(expected), initial=0.0))
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * size + 1e-300, err_msg=what)
 
 
 @pytest.mark.parametrize(KINDS, CASES)
-def test_a_robot_s_mirror_image_moves_as_its_image_does(
+def test_mirrored_robot_moves_as_the_mirror_image(
     tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
 ) -> None:
-    """Where references are of a middle and a preset, the mirror exchanges the motors, too."""
+    """In modes whose references are equilibrium and preset, the mirror image also exchanges the motors."""
     case, exchanges = drawn(mode, stepping, actuator, sensed), mode in (3, 6) and actuator != "sea"
     even = EVEN | ({"reference_2"} if exchanges else set())
     turned = mirrored(case)
@@ -187,11 +187,13 @@ def test_a_robot_s_mirror_image_moves_as_its_image_does(
 
 
 @pytest.mark.parametrize(KINDS, [case for case in CASES if case[0] in (2, 4, 5, 7, 8) and case[2] != "sea"])
-def test_the_two_motors_of_a_joint_are_alike(tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool) -> None:
+def test_exchanging_the_motors_of_a_joint_changes_nothing(
+    tmp_path: Path, mode: int, stepping: str, actuator: str, sensed: bool
+) -> None:
     case = drawn(mode, stepping, actuator, sensed)
     own, other = recorded(case, tmp_path), recorded(exchanged(case), tmp_path)
     for name, values in own.items():
         alike(other[other_motor(name)], values, name)
 
 
-# Bristles of the released order are as stiff as they are.
+# In toolbox stepping, the stiffness of the bristles is fixed.

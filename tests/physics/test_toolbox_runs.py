@@ -1,4 +1,4 @@
-"""Toolbox stepping runs what the toolbox runs in Gazebo: nothing valid is stopped; limits and springs of URDFs are Gazebo's."""
+"""Toolbox stepping runs every scenario that the toolbox runs in Gazebo, with Gazebo's limits and springs of URDFs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ STIFF = {"equilibrium_position": 0.8, "stiffness_preset": 0.04}
 
 
 @pytest.mark.parametrize("mode", [5, 6])
-def test_stiff_springs_with_motors_are_not_stopped(mode: int) -> None:
-    """Deflections of a milliradian: the released order of a step makes more energy than they hold."""
+def test_toolbox_stepping_runs_stiff_springs_with_motors(mode: int) -> None:
+    """At deflections of 1 mrad, toolbox stepping creates more energy than the springs contain."""
     name = "reference_1" if mode == 5 else "equilibrium_position"
     result = run(
         chain(replace(LOAD, actuator="sea", damping=0.065, friction=0.025)), mode=mode, stepping="toolbox", duration=2.0,
@@ -31,7 +31,7 @@ def test_stiff_springs_with_motors_are_not_stopped(mode: int) -> None:
     assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
 
 
-def test_a_spring_beyond_the_step_runs_to_the_end_and_is_told() -> None:
+def test_toolbox_stepping_warns_of_unresolved_springs_but_runs() -> None:
     """AwAS-II at 40 mm and 1 ms, as Gazebo ran it: omega h = 3.3."""
     result = run(
         chain(replace(LOAD, actuator="awas_ii", damping=0.065)), mode=3, references=STIFF, duration=1.0, stepping="toolbox"
@@ -42,11 +42,11 @@ def test_a_spring_beyond_the_step_runs_to_the_end_and_is_told() -> None:
 
 
 @pytest.mark.parametrize("torque", [0.3, -0.4])
-def test_the_adjusters_motor_takes_a_torque_in_mode_4(torque: float) -> None:
+def test_adjuster_motor_follows_a_torque_in_mode_4(torque: float) -> None:
     body = Body(actuator="awas_ii", mass=0.2, reach=0.04, inertia=1e-3, damping=0.065)
     keys: dict[str, Any] = {"mode": 4, "duration": 0.1, "stepping": "toolbox"}
     result = run(chain(body), references={"motor_1_torque": 0.1, "motor_2_torque": torque}, **keys)
-    # The class's own motor: J = 0.0233, friction 0.5 N m on bristles of 1000 N m/rad, which hold it.
+    # The released class has a motor with J = 0.0233 and a friction of 0.5 N m; bristles of 1000 N m/rad hold it.
     place = column(result, "motor_2_position")
     assert np.sign(place[-1]) == np.sign(torque)
     assert 0.2e-3 * abs(torque) < abs(place).max() < 3e-3 * abs(torque)
@@ -57,8 +57,10 @@ def test_the_adjusters_motor_takes_a_torque_in_mode_4(torque: float) -> None:
     ("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False), ("leapfrog", True, True),
     ("euler", True, True),
 ])  # fmt: skip
-def test_no_torque_drives_a_joint_beyond_its_velocity_limit(engine: str, stepping: str, given: bool | None, cut: bool) -> None:
-    """Gazebo has it so; a torque that brakes stays."""
+def test_velocity_cutoff_stops_driving_torques_but_not_braking_torques(
+    engine: str, stepping: str, given: bool | None, cut: bool
+) -> None:
+    """As in Gazebo, the cutoff does not affect braking torques."""
     limits = '<limit lower="-30" upper="30" effort="100" velocity="0.5"/>'
     result = run(
         chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=2e-3, limits=limits)), mode=0, gravity=0.0, duration=0.6,
@@ -85,8 +87,8 @@ SPRUNG = """<robot name="stand"><link name="base"/><link name="leg"><inertial><o
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_a_spring_of_gazebos_holds_a_passive_joint(tmp_path: Path, engine: str, stepping: str) -> None:
-    """Rest: 200 (-0.26 - q) = m g l sin q."""
+def test_gazebo_spring_holds_a_passive_joint(tmp_path: Path, engine: str, stepping: str) -> None:
+    """The joint rests where 200 (-0.26 - q) = m g l sin q."""
     path = tmp_path / "stand.urdf"
     path.write_text(SPRUNG)
     result = simulate(asrsim.make_scenario(path, duration=1.0, engine=engine, stepping=stepping))
@@ -97,8 +99,8 @@ def test_a_spring_of_gazebos_holds_a_passive_joint(tmp_path: Path, engine: str, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler", "toolbox"])
-def test_the_kick_stands_of_alterego_swing_about_where_gazebo_has_them(stepping: str, shared: Path) -> None:
-    """At -0.25 rad, where Gazebo's solver, which damps them, lets them rest; in the URDF they have no damping."""
+def test_alterego_kick_stands_swing_about_gazebos_rest_position(stepping: str, shared: Path) -> None:
+    """In Gazebo they rest at -0.25 rad, since its solver damps them. Their URDF has no damping."""
     robot = shared / "robots/alterego/alterego_v3_fixedbase-true_fixedhands-true.urdf"
     result = simulate(asrsim.make_scenario(robot, duration=1.0, stepping=stepping))
     assert result.samples is not None

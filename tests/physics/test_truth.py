@@ -1,4 +1,4 @@
-"""The simulator against facts from outside it: every check of docs/validation.md, with its bound."""
+"""Simulator against external facts: every check of docs/validation.md with its bound."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def _measures(recorded: bool) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize(("section", "measure", "engine"), list(_measures(recorded=False)))
-def test_every_figure_keeps_its_bound(section: Section, measure: Callable[[], Iterator[Check]], engine: str) -> None:
+def test_every_check_is_within_its_bound(section: Section, measure: Callable[[], Iterator[Check]], engine: str) -> None:
     if not available(section):
         pytest.skip(f"needs {section.needs}")
     keeps_its_bounds(measure, engine)
 
 
 @pytest.mark.parametrize(("section", "measure", "engine"), list(_measures(recorded=True)))
-def test_every_figure_beside_recorded_truth_keeps_its_bound(
+def test_every_check_against_recordings_is_within_its_bound(
     section: Section, measure: Callable[[], Iterator[Check]], engine: str, shared: Path
 ) -> None:
     keeps_its_bounds(measure, engine)
 
 
 def keeps_its_bounds(measure: Callable[[], Iterator[Check]], engine: str) -> None:
-    """Each check of the measure passes in the engine."""
+    """Assert that each check of `measure` passes in the engine."""
     with on(engine):
         checks = list(measure())
     assert checks

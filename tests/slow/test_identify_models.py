@@ -1,5 +1,5 @@
-"""Identification of the optional models: recordings from differential equations of our own, whose numbers come back with
-intervals that hold them."""
+"""Identification of the optional models from independently simulated recordings: the confidence intervals contain the
+true parameters."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ SPRING, INERTIA, DAMPING = 4.0, 0.009, 0.02
 
 
 def waves(time: Any) -> Any:
-    """Two tones in rad."""
+    """Signal with two sines, rad."""
     return 0.3 * np.sin(2.0 * pi * 0.5 * time) + 0.15 * np.sin(2.0 * pi * 1.7 * time)
 
 
 def recorded(folder: Path, columns: Mapping[str, np.ndarray], noise: Mapping[str, float]) -> Path:
-    """A table of joint_1's columns with noise on those that are measured."""
+    """Write a recording of joint_1, with noise in the measured columns."""
     random = np.random.default_rng(3)
     noisy = {name: values + noise.get(name, 0.0) * random.normal(size=len(values)) for name, values in columns.items()}
     header = ",".join(name if name.startswith("time") else f"joint_1.{name}" for name in noisy)
@@ -36,7 +36,7 @@ def recorded(folder: Path, columns: Mapping[str, np.ndarray], noise: Mapping[str
 
 
 def holds(folder: Path, lab: Mapping[str, Any], truth: Mapping[str, float], free: list[str], within: float) -> None:
-    """The fit finds every number of `truth`, near and inside its interval."""
+    """Assert that the fit finds every parameter of `truth`, with an interval that contains the true value."""
     duration, more = float(lab["duration"]), str(lab.get("more", ""))
     scenario = write(
         folder, "lab", {**SEA, **{key: lab[key] for key in lab if key not in ("duration", "more")}}, duration=duration
@@ -47,12 +47,12 @@ def holds(folder: Path, lab: Mapping[str, Any], truth: Mapping[str, float], free
     for key, value in truth.items():
         one = result.find(key)
         assert one.value == pytest.approx(value, rel=within), key
-        # 95 %: a number in twenty may lie outside, by little.
+        # With 95 % intervals, one parameter in twenty may be slightly outside.
         width = 0.5 * (one.high - one.low)
         assert abs(one.value - value) < 1.5 * width, (key, one)
 
 
-def test_friction_that_falls_with_speed(tmp_path: Path) -> None:
+def test_fit_recovers_stribeck_friction(tmp_path: Path) -> None:
     time = np.arange(0.0, 4.0005, 1e-3)
     truth = {"joint_1.friction": 0.15, "joint_1.stribeck_friction": 0.1, "joint_1.stribeck_velocity": 0.15,
              "joint_1.damping": DAMPING, "link_1.izz": INERTIA}  # fmt: skip
@@ -63,14 +63,14 @@ def test_friction_that_falls_with_speed(tmp_path: Path) -> None:
     recorded(
         tmp_path, {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}, {"link_position [rad]": 5e-4}
     )
-    # What the step does to sticking has to stay well below the noise.
+    # The step must be so small that its error in stiction is well below the noise.
     lab = {"mode": 2, "friction": 0.1, "damping": 0.05, "izz": 0.012, "tags": "<spring_k>4</spring_k><max_def>3</max_def>",
            "duration": 4.0, "more": "substeps: 8\n"}  # fmt: skip
     free = ["joint_1.friction", "joint_1.stribeck_friction=0.05", "joint_1.stribeck_velocity", "joint_1.damping", "link_1.izz"]
     holds(tmp_path, lab, truth, free, 0.05)
 
 
-def test_springs_with_hysteresis(tmp_path: Path) -> None:
+def test_fit_recovers_hysteresis(tmp_path: Path) -> None:
     time = np.arange(0.0, 4.0005, 1e-3)
     level, length = 0.15, 0.06
     slopes = np.gradient(waves(np.arange(0.0, 4.001, 1e-5)), 1e-5)
@@ -94,7 +94,7 @@ def test_springs_with_hysteresis(tmp_path: Path) -> None:
     assert not without.fits
 
 
-def test_a_motor_under_voltage(tmp_path: Path) -> None:
+def test_fit_recovers_electric_motor_parameters(tmp_path: Path) -> None:
     time = np.arange(0.0, 3.0005, 1e-3)
     constant, resistance, inertia, loss = 0.9, 2.5, 0.01, 0.05
 
@@ -127,12 +127,12 @@ def test_a_motor_under_voltage(tmp_path: Path) -> None:
     holds(tmp_path, lab, truth, list(truth), 0.01)
 
 
-def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path: Path) -> None:
+def test_fit_recovers_the_stiffness_of_motor_friction(tmp_path: Path) -> None:
     constant, resistance, inertia, loss, friction, stiff, link, fade = 1.0, 4.0, 0.006, 0.02, 0.06, 5.0, 0.008, 0.006
     step, x, w, q, v = 1e-5, 0.0, 0.0, 0.0, 0.0
     rows = []
     for k in range(600_001):
-        # Of a digital controller, at 1 kHz.
+        # The commands are those of a digital controller at 1 kHz.
         time = 1e-3 * (k // 100)
         volt = (2.0 * np.sign(np.sin(0.8 * pi * time + 2.0)) + np.sin(2.0 * pi * (0.5 + 0.25 * time) * time)) * (time > 0.2)
         if k % 100 == 0:
@@ -153,13 +153,13 @@ def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path:
     result = identify(
         scenario, [tmp_path / "a.csv"], free=[*motor, "joint_1.spring_stiffness", "joint_1.damping", "link_1.izz"]
     )
-    # With 1000 N m/rad a swing was left, and said to be something else; inertias were 2 % off.
+    # With the fixed value of 1000 N m/rad, an oscillation remained in the residuals, and inertias were wrong by 2 %.
     assert result.fits, (result.misfit, result.causes)
     assert result.find("joint_1.motor_1_friction_stiffness").value > 1e4
-    # The stiffness is tried once the first start does not fit, and no other is needed then.
+    # The fit frees the stiffness when the first start does not fit; no further start is needed.
     assert result.attempts == 1
     truths = list(zip(result.estimates, (inertia, loss, friction, stiff, fade, link), strict=False))
-    # Of six intervals of 95 % one may miss (one sample in four has such a one), and not by much.
+    # One of six 95 % intervals may miss the truth slightly, which happens in every fourth recording.
     missed = [one for one, value in truths if not one.low < value < one.high]
     assert len(missed) <= 1, missed
     for one, value in truths:
@@ -168,8 +168,8 @@ def test_friction_of_a_motor_that_holds_more_stiffly_than_the_laws_own(tmp_path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("stairs", [True, False])
-def test_commands_of_a_digital_controller_are_held(tmp_path: Path, stairs: bool) -> None:
-    # 50 Hz: half a sample is 10 ms, which damping would have to make good.
+def test_fit_recognises_held_commands(tmp_path: Path, stairs: bool) -> None:
+    # At 50 Hz, half a sample is 10 ms. Without the hold, the fit would compensate this delay by damping.
     time = np.arange(0.0, 4.0005, 2e-2)
     goal = waves(time)
     fine = np.arange(0.0, 4.0005, 1e-4)

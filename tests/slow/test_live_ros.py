@@ -1,7 +1,7 @@
-"""ROS 2: peers in environments of their own, over loopback. Slow; needs rclpy's wheels here, and those of the peers.
+"""Live runs with ROS 2 nodes in separate Python environments, over loopback. Needs rclpy wheels in all environments.
 
-ASRSIM_PEERS names a folder with the environments `jazzy` and `kilted`; without it they are made in the cache of the user:
-python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces; Kilted's likewise.
+ASRSIM_PEERS names a folder with the environments `jazzy` and `kilted`. Without it, the tests create them in the user's cache:
+python3.11 -m venv jazzy && jazzy/bin/pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces; also for Kilted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from support.paths import ROOT
 PACKAGES = {"jazzy": "ros-jazzy-", "kilted": "ros-"}
 DOMAIN = 87
 PEER = ROOT / "tests" / "support" / "live_peer.py"
-# The wheels start Python once more with their libraries' folders, and mark that in the environment: a peer has its own.
+# The wheels restart Python with their library folders and mark this in the environment. Other nodes need their own restart.
 _OURS = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 ALONE = {key: value for key, value in os.environ.items() if key not in _OURS}
 SCENARIO = """\
@@ -38,8 +38,8 @@ reference_ranges: {{"*": {{equilibrium_position: [-1, 1], stiffness_preset: [0, 
 """
 
 
-def test_a_ros_environment_that_does_not_fit_is_told_apart(tmp_path, asrsim_command, tiny, monkeypatch):
-    """What a sourced distribution of another Python does: its rclpy stands first and cannot be loaded."""
+def test_incompatible_ros_environment_is_reported(tmp_path, asrsim_command, tiny, monkeypatch):
+    """A sourced ROS distribution for another Python version comes first on the path, and its rclpy cannot be loaded."""
     if find_spec("rclpy") is None:
         (tmp_path / "rclpy").mkdir()
         (tmp_path / "rclpy" / "__init__.py").write_text("raise ImportError('_rclpy_pybind11.cpython-312 not found')")
@@ -56,8 +56,8 @@ def test_a_ros_environment_that_does_not_fit_is_told_apart(tmp_path, asrsim_comm
     assert "Traceback" not in done.err
 
 
-def test_a_middleware_that_is_not_there_is_refused(tmp_path, monkeypatch):
-    """ROS would end the whole process over it, with no word of what to do."""
+def test_missing_ros_middleware_is_refused(tmp_path, monkeypatch):
+    """Without this check, ROS would end the process without a helpful message."""
     (tmp_path / "librcl.so").write_text("")
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
@@ -70,7 +70,7 @@ PROFILES, RANGE = "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANG
 
 
 @pytest.mark.parametrize("network", [False, True])
-def test_fast_dds_listens_here_unless_the_user_has_settings(tmp_path, monkeypatch, network):
+def test_fast_dds_listens_on_loopback_unless_configured(tmp_path, monkeypatch, network):
     for name in (PROFILES, RANGE, "LD_LIBRARY_PATH"):
         monkeypatch.delenv(name, raising=False)
     with fast_dds(network=network):
@@ -95,7 +95,7 @@ def test_fast_dds_listens_here_unless_the_user_has_settings(tmp_path, monkeypatc
 
 @pytest.fixture(scope="session")
 def peers():
-    """Name -> Python of a peer's environment."""
+    """Python interpreter of each environment, by name."""
 
     def python(name):
         folder = Path(os.environ.get("ASRSIM_PEERS", Path.home() / ".cache" / "asrsim-peers")) / name
@@ -112,12 +112,12 @@ def peers():
 
 @pytest.fixture
 def server(tmp_path):
-    """A live run with ROS; ends with the test."""
+    """Live run with ROS that ends with the test."""
     if find_spec("rclpy") is None:
         pytest.skip("rclpy is not installed here")
     path = tmp_path / "arm.yaml"
     path.write_text(SCENARIO.format(root=ROOT))
-    # At this rate a peer may stand still for seconds, on a machine that others use, before the oldest messages go.
+    # At this rate, a node on a busy machine may pause for seconds before its queue drops messages.
     options = ["--on", "ros", "--domain", str(DOMAIN), "--rate", "200", "-o", tmp_path / "out"]
     command = [sys.executable, "-m", "asrsim", "live", path, *options]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
@@ -157,7 +157,7 @@ def listening(process):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["jazzy", "kilted"])
-def test_a_peer_hears_every_topic_and_moves_the_arm(server, peers, name):
+def test_ros_node_receives_every_topic_and_moves_the_arm(server, peers, name):
     process, folder = server
     assert listening(process) == {"0100007F"}
     seen = watch(peers(name), 4.0, 100)
@@ -206,8 +206,8 @@ print(json.dumps({"states": len(seen), "sent": sent, "names": list(seen[-1].name
 
 
 @pytest.mark.slow
-def test_a_stand_in_for_ros2_control_drives_the_arm(server, peers):
-    """Topics, quality of service and layout of JointStateTopicSystem; the real controller manager cannot be had here."""
+def test_ros2_control_interface_drives_the_arm(server, peers):
+    """The test uses the topics, quality of service and layout of JointStateTopicSystem without a real controller manager."""
     process, folder = server
     done = subprocess.run(
         [peers("jazzy"), "-c", STAND_IN, str(DOMAIN)], capture_output=True, text=True, timeout=120, check=False, env=ALONE

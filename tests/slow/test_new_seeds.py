@@ -1,4 +1,4 @@
-"""Robots that nobody has seen: each slow run draws new seeds. `ASRSIM_SEED=N` repeats a run."""
+"""Random robots with new seeds in each slow run. `ASRSIM_SEED=N` repeats a run."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ ROBOTS = 8
     ids=["actuators", "passive trees", "electric motors and hysteresis"],
 )  # fmt: skip
 def test_new_robots_converge_at_second_order(engine: str, keys: dict[str, Any], tmp_path: Path) -> None:
-    """A quarter of the step leaves a sixteenth of the error: in the median, since a torque that meets its limit within a step
-    adds an error that depends on the phase of the step."""
+    """A quarter of the step gives a sixteenth of the error. The test uses the median, since a torque that reaches its limit
+    within a step adds an error that depends on the phase of the step."""
     first = int(os.environ.get("ASRSIM_SEED") or secrets.randbelow(1_000_000))
     print(f"repeat with ASRSIM_SEED={first}")
     left = []

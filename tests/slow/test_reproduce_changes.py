@@ -1,4 +1,4 @@
-"""Claims that cannot fail are none: every changed law, mass or loss makes at least one claim of a figure fail."""
+"""Claims of the figures are sensitive: every changed law, mass or loss makes at least one claim fail."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FACTORS = (1.25, 0.75)
 
 
 def joints(robot: Robot, **factors: float) -> Robot:
-    """The robot with numbers of its moving joints multiplied."""
+    """Robot in which numbers of the moving joints are multiplied."""
 
     def changed(joint: Any) -> Any:
         return replace(joint, **{name: getattr(joint, name) * factor for name, factor in factors.items()})
@@ -39,7 +39,7 @@ def joints(robot: Robot, **factors: float) -> Robot:
 
 
 def masses(robot: Robot, factor: float) -> Robot:
-    """The robot with masses, and the inertia that goes with them, multiplied: in data and in its file's text."""
+    """Robot in which masses and inertias are multiplied, in its data and in the text of its file."""
     root = ElementTree.fromstring(robot.text)
     for inertial in root.iter("inertial"):
         for element in inertial:
@@ -55,7 +55,7 @@ def masses(robot: Robot, factor: float) -> Robot:
 
 
 def parameters(robot: Robot, factor: float, *names: str) -> Robot:
-    """The robot with parameters of its actuators multiplied."""
+    """Robot in which parameters of the actuators are multiplied."""
     blocks = []
     for block in robot.actuators:
         known = block.values()
@@ -66,7 +66,7 @@ def parameters(robot: Robot, factor: float, *names: str) -> Robot:
 
 
 def spring(monkeypatch: pytest.MonkeyPatch, name: str, scale: float = 1.0, stretch: float = 1.0) -> None:
-    """The actuator's law with torques, or deflections, multiplied: its stiffness and energy as they follow from it."""
+    """Multiply the torques or deflections of an actuator's law, with consistent stiffness and energy."""
     law = ACTUATORS.get(name)
     torques, stiffness, energy = law.elastic_torques, law.stiffness, law.elastic_energy
 
@@ -98,7 +98,7 @@ def failing(
     change: Callable[[Robot], Robot] | None,
     overrides: tuple[str, ...] = (),
 ) -> list[str]:
-    """Claims of a figure that do not hold with every robot changed, or with overrides; plain loop, no pictures."""
+    """Claims of a figure that fail if every robot is changed, or with overrides, without compilation and pictures."""
     original, changes = Lab.run, overrides
 
     def run(self: Lab, name: str, variant: str, **keywords: Any) -> Any:
@@ -138,8 +138,8 @@ MOTORS = {
      ("friction", 1.0, 0.065, 0.03125), ("springs", 0.8, 0.052, 0.02)],
 )  # fmt: skip
 @pytest.mark.parametrize("hangs", [True, False])
-def test_a_motion_tells_masses_and_losses(what, masses, damping, friction, hangs):
-    """What Newton's law reads from an arm's run is what the arm has; stronger springs show as less of all else."""
+def test_newtons_law_recovers_masses_and_losses(what, masses, damping, friction, hangs):
+    """The fit of Newton's law recovers the parameters of the arm. Stronger springs appear as smaller masses and losses."""
     name = "sine_2dof" if hangs else "step_2dof"
     scenario = load_scenario(
         SCENARIOS / f"{name}.yaml", variant="soft", overrides=["duration=2", "compiled=false", "expect=[]"]
@@ -148,12 +148,12 @@ def test_a_motion_tells_masses_and_losses(what, masses, damping, friction, hangs
     result = run(scenario, robot=robot if what == "none" else CHANGES[what](robot, 1.25))
     motion = read_motion(result.samples, [ALTEREGO] * 2, hanging if hangs else level)
     assert (motion.masses, motion.damping, motion.friction) == pytest.approx((masses, damping, friction), rel=0.01)
-    # Links of another mass leave the motors what they are; other springs do not.
+    # Changed link masses do not affect the fitted motor parameters; changed springs do.
     assert (departure(result.samples, [ALTEREGO] * 2) <= 1e-6) == (what != "springs")
 
 
-def test_five_links_move_as_energy_and_its_slopes_ask():
-    """Work of the torques is the change of kinetic and potential energy, whose slopes at rest are the weights."""
+def test_five_link_dynamics_agree_with_energies():
+    """Work of the torques equals the change of kinetic and potential energy; at rest, torques are slopes of the energy."""
     source = np.random.default_rng(14)
     q, v, a, none = *source.normal(size=(3, 20, 5)), np.zeros((20, 5))
     shares = np.stack([five_links(q, none, unit[None].repeat(20, 0)) for unit in np.eye(5)], axis=2)
@@ -171,12 +171,12 @@ def test_five_links_move_as_energy_and_its_slopes_ask():
     change = (kinetic(q + h * v) - kinetic(q - h * v)) / (2.0 * h) + np.einsum("ni,nij,nj->n", v, masses, a)
     power = np.sum(v * (five_links(q, v, a) - weights), axis=1)
     assert power == pytest.approx(change, abs=1e-7)
-    # Stretched out level, the shoulder carries every weight at its lever.
+    # If the arm is horizontal, the shoulder torque is the sum of all weights times their levers.
     reach = 0.5408 * 0.0793 + 0.4961 * 0.1644 + 0.5408 * 0.2468 + 0.3668 * 0.3523
     assert five_links(*np.zeros((3, 1, 5)))[0] == pytest.approx([0.0, -9.81 * reach, 0.0, 0.0, 0.0], abs=1e-12)
 
 
-def test_newton_s_law_is_nobody_else_s():
+def test_newtons_law_uses_no_simulator_code():
     text = "".join(Path(module.__file__).read_text(encoding="utf-8") for module in (newton, chain, motors))
     assert not [module for module in ("actuators", "robot", "engines", "kinematics") if f"asrsim.{module}" in text]
     assert "link_torque" not in text
@@ -184,7 +184,7 @@ def test_newton_s_law_is_nobody_else_s():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("figure", ["8", "11", "12", "13", "14"])
-def test_unchanged_every_claim_holds(figure, monkeypatch, tmp_path):
+def test_claims_hold_for_unchanged_robots(figure, monkeypatch, tmp_path):
     assert failing(figure, monkeypatch, tmp_path, lambda robot: robot) == []
 
 
@@ -192,7 +192,7 @@ def test_unchanged_every_claim_holds(figure, monkeypatch, tmp_path):
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", ["scale", "stretch"])
 @pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
-def test_a_changed_spring_law_is_caught(name, what, factor, monkeypatch, tmp_path):
+def test_changed_spring_law_fails_a_claim(name, what, factor, monkeypatch, tmp_path):
     spring(monkeypatch, name, **{what: factor})
     assert failing("8", monkeypatch, tmp_path, None)
 
@@ -200,7 +200,7 @@ def test_a_changed_spring_law_is_caught(name, what, factor, monkeypatch, tmp_pat
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", CHANGES)
-def test_a_changed_robot_is_caught(what, factor, monkeypatch, tmp_path):
+def test_changed_robot_fails_a_claim(what, factor, monkeypatch, tmp_path):
     assert failing("8", monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
 
 
@@ -208,8 +208,8 @@ def test_a_changed_robot_is_caught(what, factor, monkeypatch, tmp_path):
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", CHANGES)
 @pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
-def test_changes_of_the_paper_s_arms_are_caught(figure, what, factor, monkeypatch, tmp_path):
-    """By Newton's law, whatever the other claims say."""
+def test_changed_arm_fails_a_claim(figure, what, factor, monkeypatch, tmp_path):
+    """The claims about Newton's law fail, regardless of the other claims."""
     found = failing(figure, monkeypatch, tmp_path, lambda robot: CHANGES[what](robot, factor))
     assert [text for text in found if "the links move" in text]
 
@@ -218,7 +218,7 @@ def test_changes_of_the_paper_s_arms_are_caught(figure, what, factor, monkeypatc
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", MOTORS)
 @pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
-def test_changed_motors_are_caught(figure, what, factor, monkeypatch, tmp_path):
+def test_changed_motor_fails_a_claim(figure, what, factor, monkeypatch, tmp_path):
     found = failing(figure, monkeypatch, tmp_path, lambda robot: parameters(robot, factor, *MOTORS[what]))
     assert [text for text in found if "the motors move" in text]
 
@@ -226,7 +226,7 @@ def test_changed_motors_are_caught(figure, what, factor, monkeypatch, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", ["mass", "friction"])
-def test_another_box_is_caught(what, factor, monkeypatch, tmp_path):
+def test_changed_box_fails_a_claim(what, factor, monkeypatch, tmp_path):
     value = factor * {"mass": 2.0, "friction": 0.23}[what]
     found = failing("14", monkeypatch, tmp_path, None, overrides=(f"world.objects.box.{what}={value}",))
     assert [text for text in found if "slides" in text]
@@ -236,10 +236,10 @@ def test_another_box_is_caught(what, factor, monkeypatch, tmp_path):
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("what", ["scale", "stretch"])
 @pytest.mark.parametrize("figure", ["11", "12", "13", "14"])
-def test_a_changed_spring_law_is_caught_in_the_paper_s_arms(figure, what, factor, monkeypatch, tmp_path):
+def test_changed_spring_law_of_an_arm_fails_a_claim(figure, what, factor, monkeypatch, tmp_path):
     spring(monkeypatch, "qbmove", **{what: factor})
     if (figure, what, factor) == ("14", "stretch", 1.25):
-        # Motors cannot hold such springs: a figure that cannot be run does not hold.
+        # The motors are too weak for such springs. A figure that cannot be run counts as failed.
         with pytest.raises(ScenarioError, match="its limit is 12 N m"):
             failing(figure, monkeypatch, tmp_path, None)
         return

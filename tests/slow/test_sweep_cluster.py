@@ -1,4 +1,4 @@
-"""Sweeps on Dask: a scheduler and workers as processes of their own; rows are those of one process."""
+"""Sweeps on Dask with a scheduler and workers in separate processes give the same rows as a single process."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def study_of(samples: int):
 
 
 class OtherVersions:
-    """Here they are others; where it is sent to, they are true."""
+    """Function that returns wrong library versions in this process; a worker unpickles it as the original function."""
 
     def __call__(self):
         return {**versions.numeric_versions(), "numpy": "1.0"}
@@ -55,7 +55,7 @@ def start_worker(address: str) -> subprocess.Popen[bytes]:
 
 @pytest.fixture
 def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """One with nobody at work: its address, and its process."""
+    """Address and process of a Dask scheduler without workers."""
     import json
 
     file = tmp_path / "scheduler.json"
@@ -73,13 +73,13 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
 
 @pytest.fixture
 def address(scheduler: tuple[str, subprocess.Popen[bytes]]) -> str:
-    """Of a scheduler with nobody at work."""
+    """Address of a Dask scheduler without workers."""
     return scheduler[0]
 
 
 @pytest.mark.slow
-def test_dask_gives_the_rows_of_one_process_despite_killed_workers(address: str, tmp_path: Path):
-    """With the last of them goes the study that they were given."""
+def test_dask_gives_the_same_rows_despite_killed_workers(address: str, tmp_path: Path):
+    """Killing the last worker also loses the study that was sent to the workers."""
     study = study_of(300)
     workers = [start_worker(address) for _ in range(2)]
     dead: list[subprocess.Popen[bytes]] = []
@@ -107,7 +107,7 @@ def test_dask_gives_the_rows_of_one_process_despite_killed_workers(address: str,
 
 
 @pytest.mark.slow
-def test_a_worker_of_another_version_is_refused(address: str, tmp_path: Path, monkeypatch):
+def test_worker_with_other_library_versions_is_refused(address: str, tmp_path: Path, monkeypatch):
     worker = start_worker(address)
     monkeypatch.setattr(cluster, "numeric_versions", OtherVersions())
     try:
@@ -122,7 +122,7 @@ def test_a_worker_of_another_version_is_refused(address: str, tmp_path: Path, mo
 
 
 @pytest.mark.slow
-def test_missing_workers_and_schedulers_are_reported_before_any_run(address: str, tmp_path: Path, monkeypatch):
+def test_missing_dask_workers_and_schedulers_are_reported_before_any_run(address: str, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(cluster, "PATIENCE", 2.0)
     with pytest.raises(SimulationError, match="has no workers: start workers with: dask worker"):
         asrsim.sweep(study_of(3), out=tmp_path / "s", cluster=address)
@@ -146,7 +146,7 @@ def test_rows_are_kept_when_the_scheduler_disappears(scheduler: tuple[str, subpr
 
 
 class Tripled:
-    """A task that is told apart from another one of its kind."""
+    """Task that multiplies a number; tasks differ by their factor."""
 
     def __init__(self, factor: int) -> None:
         self.factor = factor
@@ -155,7 +155,7 @@ class Tripled:
         return self.factor * item
 
 
-def test_a_worker_does_the_task_that_it_is_sent() -> None:
+def test_worker_runs_the_task_that_it_receives() -> None:
     for factor in (3, 3, 5, 3):
         found = do_items(pickle.dumps(((), pickle.dumps(Tripled(factor)))), [2, 10])[0]
         assert found == [2 * factor, 10 * factor]

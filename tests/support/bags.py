@@ -8,7 +8,7 @@ import numpy as np
 
 
 def write_bag(path: Path, ros1: bool) -> Path:
-    """Two topics, 10 Hz, 1 s, stamps of a clock: Float64 sin(t) and a JointState of two joints."""
+    """Write a bag of 1 s with two topics at 10 Hz: a Float64 sin(t), and a JointState of two joints with clock stamps."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -39,7 +39,7 @@ ARM_ELBOW = 0.32 * (1 - np.cos(2 * np.pi * 0.7 * ARM_TIME))
 
 
 def write_arm(path: Path, storage: str) -> Path:
-    """A ROS 2 bag of two joints with a message of its own: positions `q`, and `q_des`, which they follow exactly."""
+    """Write a ROS 2 bag of two joints with a custom message: positions `q` follow the references `q_des` exactly."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

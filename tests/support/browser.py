@@ -1,4 +1,4 @@
-"""A headless Chromium spoken to through its pipe (the DevTools protocol), for tests of pages. Not a test itself."""
+"""Headless Chromium, controlled through a pipe (DevTools protocol), for tests of HTML pages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CHROMIUM = next((path for name in ("chromium", "chromium-browser", "google-chrom
 
 
 class Browser:
-    """One page in a headless browser; collects console messages, exceptions and requests."""
+    """A page in a headless browser. It collects console messages, exceptions and requests."""
 
     def __init__(self, profile: Path) -> None:
         assert CHROMIUM is not None
@@ -51,7 +51,7 @@ class Browser:
         os.close(self._write)
 
     def call(self, method: str, params: dict[str, Any] | None = None, session: str | None = "page") -> dict[str, Any]:
-        """A command and its answer."""
+        """Answer to a DevTools command."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": params or {}}
         if session is not None:
@@ -63,7 +63,7 @@ class Browser:
         return dict(answer.get("result", {}))
 
     def open(self, path: Path, *, width: int, height: int = 900) -> None:
-        """Load a file in a window of that size and wait until it is loaded."""
+        """Load a file in a window of `width` x `height` pixels, and wait until it is loaded."""
         self.call(
             "Emulation.setDeviceMetricsOverride",
             {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600},
@@ -74,7 +74,7 @@ class Browser:
             self._until(lambda m: m.get("method") == "Page.loadEventFired")
 
     def evaluate(self, expression: str) -> Any:
-        """The value of a JavaScript expression, promises awaited."""
+        """Value of a JavaScript expression, after its promises are resolved."""
         result = self.call("Runtime.evaluate", {"expression": expression, "awaitPromise": True, "returnByValue": True})
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
@@ -89,14 +89,14 @@ class Browser:
                 said.append(f"{params['type']}: {[a.get('value') for a in params['args']]}")
             elif event["method"] == "Runtime.exceptionThrown":
                 said.append(str(params["exceptionDetails"]))
-            # That this machine has no graphics card is no fault of a page.
+            # A missing graphics card is not a fault of the page.
             elif event["method"] == "Log.entryAdded" and "GPU stall" not in params["entry"]["text"]:
                 said.append(params["entry"]["text"])
         return said
 
     @property
     def requests(self) -> list[str]:
-        """Addresses asked for, data addresses left out."""
+        """Addresses that the page requested, without data addresses."""
         urls = [e["params"]["request"]["url"] for e in self.events if e["method"] == "Network.requestWillBeSent"]
         return [url for url in urls if not url.startswith("data:")]
 

@@ -1,4 +1,4 @@
-"""Order of convergence of a random run: distance to the independent solution at the step h, h/2 and h/4."""
+"""Order of convergence of a random run: error against the independent solution at the steps h, h/2 and h/4."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from support.random_runs import RandomRun
 
 Array = np.ndarray
 ROUNDING = 1e-9
-"""rad (m): error below which no order can be measured."""
+"""Error below which no order can be measured, rad or m."""
 CHANCE = 0.01
-"""Share of the error of a run below which the error of links, motors or base alone may be small by chance."""
+"""Fraction of the error of a run. Below it, the error of links, motors or base may be small by chance."""
 
 
 def errors(
     run: RandomRun, folder: Path, engine: str, truth: dict[str, Array], *, compiled: bool = False, **options: str
 ) -> Array:
-    """Largest errors of links, motors and base at the step h, h/2 and h/4: (3, 3) rad (m)."""
+    """Largest errors (3, 3) at the steps h, h/2 and h/4 (rows) of links, motors and base (columns), rad or m."""
     base = asrsim.make_scenario(run.write(folder), engine=engine, compiled=compiled, log_rate=100, **run.keys(), **options)
     found, scenario = [], base
     for finer in (1, 2, 4):
@@ -38,7 +38,7 @@ def errors(
 
 
 def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list[float]:
-    """Largest errors of links, motors and base in rad (m)."""
+    """Largest errors of links, motors and base, rad or m."""
     order = [samples.joints.index(joint.name) for joint in run.joints]
     links = np.abs(samples.values["link_position"][:, order] - truth["positions"]).max()
     driven = [j for j, joint in enumerate(run.joints) if joint.actuator and joint.mode > 3]
@@ -57,9 +57,9 @@ def distances(run: RandomRun, samples: Samples, truth: dict[str, Array]) -> list
 def speed_and_errors(
     run: RandomRun, folder: Path, engine: str, *, compiled: bool = False, **options: str
 ) -> tuple[float, Array]:
-    """Largest speed of a joint (at least 1 rad/s), and the errors as `errors` gives them."""
+    """Largest speed of a joint (at least 1 rad/s), and the result of `errors`."""
     times = np.arange(round(run.duration * 100) + 1) / 100.0
-    # Hysteresis has corners wherever a spring turns round.
+    # The torque of a spring with hysteresis has a corner wherever the deflection reverses.
     corners = any("hysteresis_torque" in joint.parameters for joint in run.joints)
     truth = solve(run, times, **({"tolerance": 1e-9, "longest": 2e-3} if corners else {}))
     return max(1.0, float(np.abs(truth["velocities"]).max())), errors(run, folder, engine, truth, compiled=compiled, **options)
@@ -68,7 +68,7 @@ def speed_and_errors(
 def check(run: RandomRun, folder: Path, engines: list[str], *, order: float = 1.6) -> None:
     """Fail if an engine is far from the independent solution, or if its error does not fall with the order of the method.
 
-    Springs that reach their deflection limit and torques that reach their effort limit have corners, which cost a little order.
+    At the deflection limit of a spring and at the effort limit, the torque has a corner, which reduces the order slightly.
     """
     for engine in engines:
         speed, found = speed_and_errors(run, folder, engine)

@@ -1,4 +1,4 @@
-"""Files damaged by chance: values, attributes, elements and bytes of a good robot exchanged, doubled, lost."""
+"""Random damage to robot files: values, attributes, elements and bytes are replaced, duplicated or removed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VALUES = (
 
 
 def damaged(text: str, source: random.Random) -> bytes:
-    """The text with one to four damages."""
+    """Text with one to four random faults."""
     for _ in range(source.randint(1, 4)):
         text = source.choice(DAMAGES)(text, source)
     data = text.encode("utf-8", "surrogatepass")
@@ -53,7 +53,7 @@ def _attribute(text: str, source: random.Random) -> str:
 
 
 def _tree(text: str, source: random.Random) -> str:
-    """An element taken out, doubled, renamed, or moved into another."""
+    """Text in which an element is removed, duplicated, renamed, or copied into another element."""
     try:
         root = etree.fromstring(text.encode(), etree.XMLParser(resolve_entities=False))
     except (etree.XMLSyntaxError, ValueError):

@@ -1,4 +1,4 @@
-"""Damage to data: other values in each place of it."""
+"""Random edits of plain data: a value is replaced or deleted."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 OTHERS: tuple[Any, ...] = (None, True, -1, 0, 1e308, "x", "", [], {}, [None], {"a": None}, "\ud800", 10**400, [[["x"]]])
-"""What is put in the place of a value."""
+"""Values that replace the original value."""
 
 
 def places(data: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Every place in plain data."""
+    """Yield the path (keys and indices) to every value in plain data."""
     yield way
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in items:
@@ -21,7 +21,7 @@ def places(data: Any, way: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def changed(data: Any, way: tuple[Any, ...], value: Any) -> Any:
-    """A copy with another value there; `value` is a function for a place that goes."""
+    """Copy of the data with another value at the path `way`. If `value` is the function `places`, the entry is deleted."""
     if not way:
         return value
     found = copy.deepcopy(data)
@@ -36,7 +36,7 @@ def changed(data: Any, way: tuple[Any, ...], value: Any) -> Any:
 
 
 def edits(data: Any, *, seed: int, most: int | None) -> Iterator[Any]:
-    """Some of all possible changes of one place; None: one of every place."""
+    """Yield edited copies of the data: at most `most` of all single edits, or one edit of every value if `most` is None."""
     generator = np.random.default_rng(seed)
     if most is None:
         for way in places(data):

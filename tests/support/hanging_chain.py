@@ -1,4 +1,4 @@
-"""A chain of links that hangs, its run, and the same by an independent integration."""
+"""Hanging chain of links, its simulation, and its independent integration."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from support.random_runs import JointSpec, RandomRun, Wave
 INERTIA, MASS, REACH = 2e-3, 0.4, 0.1
 
 NEVER = Wave(offset=0.0, amplitude=0.0, frequency=1.0, at=np.inf, jump=0.0)
-"""A reference that rests at 0."""
+"""Reference that stays at 0."""
 
 
 def links(*axes: str, damping: float = 0.0, effort: float = 1e6) -> str:
-    """URDF of a hanging chain, a link about each of `axes`."""
+    """URDF of a hanging chain with one joint for each axis in `axes`."""
     parts = ['<link name="l0"/>']
     for i, axis in enumerate(axes, 1):
         parts.append(

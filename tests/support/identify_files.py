@@ -1,4 +1,4 @@
-"""Robots and recordings whose truth is known, for tests of identification."""
+"""Robots and recordings with known true parameters, for tests of identification."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CHIRP = "{chirp: {amplitude: 0.3, from: 0.5, to: 6, duration: 2}}"
 
 
 def write(folder: Path, name: str, numbers: dict[str, object], references: str | None = None, duration: float = 2.0) -> Path:
-    """A robot and its scenario; without references, one that plays nothing itself."""
+    """Write a robot and its scenario, and return the path of the scenario."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.urdf").write_text(ROBOT.format(**numbers))
     text = f"robot: {name}.urdf\nduration: {duration}\nengine: mujoco\n"
@@ -56,7 +56,7 @@ def record(
     scenario: Path, path: Path, quantities: tuple[str, ...] = ("link_position",), *, noise: float = 1e-3, seed: int = 0,
     every: int = 2, offset: float = 0.0, late: int = 0,
 ) -> Path:  # fmt: skip
-    """The run of a scenario as a laboratory records it. late: samples by which what is measured comes after the commands."""
+    """Write a run of a scenario as a noisy recording. late: delay of the measured columns relative to the commands, samples."""
     samples = simulate(load_scenario(scenario)[0]).samples
     assert samples is not None
     joint, generator = samples.joint("joint_1"), np.random.default_rng(seed)
@@ -77,7 +77,7 @@ Left = Callable[[np.ndarray], np.ndarray | None]
 
 
 class Model:
-    """In the place of a recording's simulation: residuals (m,) of one channel as a function of the vector (n,)."""
+    """Replacement for the simulation of a recording: one channel whose residuals (m,) are a function of the vector (n,)."""
 
     def __init__(
         self, left: Callable[[np.ndarray], np.ndarray | None], layout: Layout, recorded: np.ndarray, quantum: float
@@ -102,7 +102,7 @@ def modelled(
     left: Left, entries: int | list[Parameter], samples: int, *,
     recorded: np.ndarray | None = None, quantum: float = 0.0, weight: float = 1.0,
 ) -> Problem:  # fmt: skip
-    """A problem whose residuals are a function of the vector. entries: parameters, or a number of them, of size 1."""
+    """Problem whose residuals are a function of the parameter vector. entries: parameters, or a number of unit parameters."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
     layout = make_layout(parameters, (), ["a"], [{}])

@@ -1,9 +1,9 @@
-"""A planar arm of elastic joints from an integrator of its own: nothing of asrsim is used to move it.
+"""Planar arm with elastic joints, simulated independently of asrsim.
 
-Links hang at q = 0, and turn about parallel axes. One motor with a linear spring (SEA), or two with
-tau_i = k sinh(a (theta_i - q)) (qbMove), turn each joint. Motors: J theta'' + D theta' + F_m tanh(theta' / v) =
-clip(P (goal - theta) - D' theta') - tau_i. Commands arrive late by `delay`; before, and at the start, motors rest at their
-presets. Runge-Kutta of fourth order in steps of 0.1 ms.
+At q = 0, the links hang down. The axes are parallel. Each joint has one motor with a linear spring (SEA), or two motors
+with springs tau_i = k sinh(a (theta_i - q)) (qbMove). Motors: J theta'' + D theta' + F_m tanh(theta' / v) =
+clip(P (goal - theta) - D' theta') - tau_i. Commands arrive `delay` s late; until then, motors rest at their presets.
+Integrator: fourth-order Runge-Kutta with steps of 0.1 ms.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from numba import njit
 
 Array = np.ndarray
 GAIN, BRAKE, ROTOR, DRAG, CREEP, PRESET = 60.0, 2.0, 0.02, 0.2, 0.01, 0.25
-"""N m/rad, N m s/rad of the controllers; kg m^2, N m s/rad of the motors; rad/s below which friction is viscous; rad."""
+"""Controller gains (N m/rad, N m s/rad), motor inertia (kg m^2) and damping (N m s/rad), speed below which friction is
+viscous (rad/s), preset (rad)."""
 
 
 @njit(cache=True)
@@ -56,7 +57,7 @@ def _rate(y, goals, n, motors, law, mass, length, damping, friction, k, a, most,
 
 @njit(cache=True)
 def _integrate(goals, starts, every, step, n, motors, law, mass, length, damping, friction, k, a, most, rub, gravity):  # type: ignore[no-untyped-def]
-    """goals: (2 m + 1, joints, motors) at half steps; rows every so many steps."""
+    """Joint positions (rows, joints), one row per `every` steps. goals: setpoints (2 m + 1, joints, motors) at half steps."""
     count = (len(goals) - 1) // 2
     y, rows = np.zeros(2 * n + 2 * n * motors), np.empty((count // every + 1, n))
     for j in range(n):
@@ -78,7 +79,7 @@ def _integrate(goals, starts, every, step, n, motors, law, mass, length, damping
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm: (joints,) of each number."""
+    """Parameters of an arm, each an array (joints,)."""
 
     actuator: str
     mass: Array
@@ -88,9 +89,9 @@ class Arm:
     k: Array
     a: Array
     most: Array
-    """N m of each motor."""
+    """Torque limit of each motor, N m."""
     rub: Array
-    """N m, friction of each motor."""
+    """Friction of each motor, N m."""
     gravity: float
     delay: float = 0.0
 
@@ -103,7 +104,7 @@ class Arm:
         return 2 if self.actuator == "qbmove" else 1
 
     def move(self, time: Array, inputs: Array, step: float = 1e-4) -> Array:
-        """Link positions (n, joints) at `time`; inputs: (n, joints) equilibrium positions, straight lines between."""
+        """Link positions (n, joints) at `time`. inputs: equilibrium positions (n, joints), linearly interpolated."""
         half = np.arange(0.0, time[-1] + 0.25 * step, 0.5 * step)
         goals = np.column_stack([np.interp(half - self.delay, time, column, left=0.0) for column in inputs.T])
         offsets = np.array([PRESET, -PRESET]) if self.motors == 2 else np.zeros(1)
@@ -114,7 +115,7 @@ class Arm:
         )  # fmt: skip
 
     def other(self, seed: int, share: float = 0.25, losses: float = 0.5, delay: float = 0.01) -> Arm:
-        """A robot that differs: masses and stiffnesses by up to `share`, friction and damping by `losses`."""
+        """Perturbed arm. Masses and stiffnesses change by up to the fraction `share`, friction and damping by `losses`."""
         draw = np.random.default_rng([5, seed])
 
         def off(values: Array, amount: float) -> Array:
@@ -126,7 +127,7 @@ class Arm:
         )  # fmt: skip
 
     def write(self, folder: Path, motion: dict[str, object], duration: float, **ilc: object) -> Path:
-        """asrsim's robot and scenario with these numbers; motion: joint -> signal."""
+        """Write robot and scenario of asrsim with these parameters, and return the scenario. motion: signal of each joint."""
         folder.mkdir(parents=True, exist_ok=True)
         parts, parameters, references = ['<link name="world"/>'], {}, {}
         for j in range(self.joints):
@@ -165,7 +166,7 @@ class Arm:
 
 
 def random_arm(seed: int) -> tuple[Arm, dict[str, object], float]:
-    """Arm number `seed`, of two or three joints, a motion for it, and how long that lasts."""
+    """Arm number `seed` with two or three joints, a motion for the arm, and the duration of the motion in s."""
     draw = np.random.default_rng([31, seed])
     n = 2 + seed % 2
     actuator = ("sea", "qbmove")[seed // 2 % 2]

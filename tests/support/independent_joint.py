@@ -1,9 +1,10 @@
-"""Recordings of one elastic joint from an integrator of its own: nothing of asrsim is used.
+"""Recordings of one elastic joint, simulated independently of asrsim.
 
-A link turns about a vertical or horizontal axis: I q'' + d q' + F sign(q') + m g l sin q = tau, with F exact at rest. One
-motor with a linear spring (SEA), or two with tau_i = k sinh(a (theta_i - q)) (qbMove), turn it: J theta'' + D theta' +
-friction = u - tau_i, where the friction is Dahl's: bristles of 1000 N m/rad that slip at their level.
-u = P (goal - theta) - D' theta'. Runge-Kutta of fourth order in steps of 0.05 ms, which end where the link comes to rest.
+A link turns about a vertical or horizontal axis: I q'' + d q' + F sign(q') + m g l sin q = tau; stiction is exact. The joint
+has one motor with a linear spring (SEA), or two motors with springs tau_i = k sinh(a (theta_i - q)) (qbMove). Motors:
+J theta'' + D theta' + friction = u - tau_i with u = P (goal - theta) - D' theta'. Their friction is Dahl's: bristles of
+1000 N m/rad that slip at the friction level. Integrator: fourth-order Runge-Kutta with steps of 0.05 ms; a step ends early
+if the link comes to rest.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from numba import njit
 
 Array = np.ndarray
 BRISTLES, GAIN, BRAKE = 1000.0, 8.0, 0.3
-"""N m/rad of Dahl's friction (paper eq. 8); N m/rad and N m s/rad of the motors' controllers."""
+"""Stiffness of Dahl's friction (N m/rad, paper eq. 8), and gains of the motor controllers (N m/rad, N m s/rad)."""
 MASS, ARM, GRAVITY = 0.5, 0.06, 9.81
-"""kg, m from the axis, m/s^2."""
+"""Mass (kg), distance of the centre of mass from the axis (m), gravity (m/s^2)."""
 FINE = 5e-5
-"""s."""
+"""Time step, s."""
 
 
 @njit(cache=True)
@@ -31,9 +32,10 @@ def _spring(law: int, a: float, k: float, x: float) -> float:
 
 @njit(cache=True)
 def _rate(y, goals, outer, held, p, out):  # type: ignore[no-untyped-def]
-    """Torque on the link but its friction; out: the state's rate. outer: N m on the link from outside.
+    """Torque on the link without its friction, N m. The derivative of the state is written to `out`.
 
-    y: place and speed of the link, then place, speed and bristles of each motor; held: direction of the link's slip, 0: stuck.
+    y: position and speed of the link, then position, speed and bristle deflection of each motor; outer: external torque on
+    the link, N m; held: direction in which the link slips, 0 if it sticks.
     """
     law, a, k, inertia, damping, friction, weight, rotor, brake, level, other = p
     push = outer - damping * y[1] - weight * np.sin(y[0])
@@ -56,13 +58,16 @@ def _rate(y, goals, outer, held, p, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _goal(goals, at):  # type: ignore[no-untyped-def]
-    """At a share of a step, by a parabola; goals: (3, motors) at its start, middle and end."""
+    """Motor setpoints at the fraction `at` of a step, interpolated by a parabola.
+
+    goals: setpoints (3, motors) at the start, the middle and the end of the step.
+    """
     return goals[0] * (1.0 - at) * (1.0 - 2.0 * at) + goals[1] * 4.0 * at * (1.0 - at) + goals[2] * at * (2.0 * at - 1.0)
 
 
 @njit(cache=True)
 def _advance(y, goals, outer, begin, end, step, held, p):  # type: ignore[no-untyped-def]
-    """The state after a part of a step, Runge-Kutta of fourth order."""
+    """State after a part of a step, by the fourth-order Runge-Kutta method."""
     k1, k2, k3, k4 = np.empty(len(y)), np.empty(len(y)), np.empty(len(y)), np.empty(len(y))
     h, middle = (end - begin) * step, _goal(goals, 0.5 * (begin + end))
     _rate(y, _goal(goals, begin), outer, held, p, k1)
@@ -78,9 +83,10 @@ def _advance(y, goals, outer, begin, end, step, held, p):  # type: ignore[no-unt
 
 @njit(cache=True)
 def _integrate(goals, outer, every, step, p):  # type: ignore[no-untyped-def]
-    """goals: (2 n + 1, motors) at half steps; outer: (n,) N m on the link in each step.
+    """Positions of link and motors at every `every`-th step.
 
-    Rows every so many steps: link, motors' places."""
+    goals: motor setpoints (2 n + 1, motors) at half steps; outer: external torque (n,) on the link in each step, N m.
+    """
     motors, n, friction = goals.shape[1], (len(goals) - 1) // 2, p[5]
     y, slope, rows = np.zeros(2 + 3 * motors), np.empty(2 + 3 * motors), np.empty((n // every + 1, 1 + motors))
     for i in range(motors):
@@ -101,7 +107,7 @@ def _integrate(goals, outer, every, step, p):  # type: ignore[no-untyped-def]
             there = _advance(y, here, outer[s], done, 1.0, step, held, p)
             if friction == 0.0 or held == 0.0 or held * there[1] >= 0.0:
                 break
-            # The link comes to rest within this step: as far as there by bisection, then on from rest.
+            # The link comes to rest within this step. Bisection finds the time; the rest of the step starts at rest.
             low, high = done, 1.0
             for _ in range(30):
                 middle = 0.5 * (low + high)
@@ -117,7 +123,7 @@ def _integrate(goals, outer, every, step, p):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class Joint:
-    """An elastic joint and its numbers, by asrsim's names of them."""
+    """An elastic joint with its parameters, named as in asrsim."""
 
     actuator: str
     numbers: Mapping[str, float]
@@ -128,11 +134,14 @@ class Joint:
         return 2 if self.actuator == "qbmove" else 1
 
     def goals(self, command: Array) -> Array:
-        """(n, motors) of the link's goal: qbMove's motors stand beside it by a preset of 0.3 rad."""
+        """Motor setpoints (n, motors) for link setpoints (n,). A qbMove has a preset of 0.3 rad."""
         return np.column_stack([command + 0.3, command - 0.3]) if self.motors == 2 else command[:, None]
 
     def move(self, command: Array, every: int, step: float = FINE, outer: Array | None = None) -> Array:
-        """Link and motors' places (rows, 1 + motors); command: at half steps; outer: N m on the link in each step."""
+        """Positions of link and motors (rows, 1 + motors), rad.
+
+        command: link setpoints at half steps, rad; outer: external torque on the link in each step, N m.
+        """
         n = self.numbers
         weight = MASS * GRAVITY * ARM if self.gravity else 0.0
         inertia = n["izz"] + MASS * ARM**2
@@ -146,18 +155,18 @@ class Joint:
 
     @property
     def keys(self) -> dict[str, float]:
-        """asrsim's keys -> truth."""
+        """True values by asrsim's keys."""
         inertia = "iyy" if self.gravity else "izz"
         return {f"link_1.{inertia}" if k == "izz" else f"joint_1.{k}": v for k, v in self.numbers.items()}
 
     @property
     def ties(self) -> list[str]:
-        """The second motor is as the first."""
+        """Ties that give the second motor the parameters of the first."""
         both = [k for k in self.numbers if "_1" in k] if self.motors == 2 else []
         return [f"joint_1.{k.replace('_1', '_2', 1)} = joint_1.{k}" for k in both]
 
     def write(self, folder: Path, numbers: Mapping[str, float]) -> Path:
-        """Robot and scenario with these numbers."""
+        """Write robot and scenario with these parameters, and return the scenario."""
         centre = f"0 0 {-ARM}" if self.gravity else f"{ARM} 0 0"
         text = ROBOT.format(
             actuator=self.actuator, axis="0 1 0" if self.gravity else "0 0 1", mass=MASS, centre=centre, **numbers
@@ -189,7 +198,7 @@ ROBOT = """<robot name="lab"><link name="world"/>
 
 
 def command(time: Array, duration: float) -> Array:
-    """rad: two chirps up to 6 Hz that begin gently."""
+    """Link setpoints, rad: a chirp up to 6 Hz and a sine, both faded in."""
     phase = 2.0 * np.pi * (0.5 * time + 0.5 * 5.5 / duration * time**2)
     return np.asarray(0.35 * (1.0 - np.exp(-time / 0.1)) * (np.sin(phase) + 0.4 * np.sin(2.3 * time)))
 
@@ -210,9 +219,9 @@ def record(
     joint: Joint, path: Path, *, seed: int, duration: float = 2.0, every: int = 1, noise: float = 1e-3, memory: float = 0.0,
     quantum: float = 0.0,
 ) -> Path:  # fmt: skip
-    """Link and motors' places with noise.
+    """Write a recording of link and motor positions with noise.
 
-    every: ms between samples; memory: s over which the noise correlates; quantum: rad, the encoders' step.
+    every: sampling interval, ms; memory: correlation time of the noise, s; quantum: resolution of the encoders, rad.
     """
     time = np.arange(round(2 * duration / FINE) + 1) * (0.5 * FINE)
     goals = command(time, duration)
@@ -222,11 +231,11 @@ def record(
     for i, place in enumerate(rows.T):
         rho = np.exp(-every * 1e-3 / memory) if memory else 0.0
         white = generator.normal(size=len(place))
-        told = np.empty(len(place))
-        told[0] = white[0]
-        for k in range(1, len(told)):
-            told[k] = rho * told[k - 1] + np.sqrt(1.0 - rho**2) * white[k]
-        values = place + noise * told
+        coloured = np.empty(len(place))
+        coloured[0] = white[0]
+        for k in range(1, len(coloured)):
+            coloured[k] = rho * coloured[k - 1] + np.sqrt(1.0 - rho**2) * white[k]
+        values = place + noise * coloured
         if quantum:
             values = quantum * np.round(values / quantum)
         name = "link_position" if i == 0 else f"motor_{i}_position"

@@ -1,7 +1,7 @@
-"""The truth about a random run: the paper's equations with Pinocchio's articulated-body algorithm, by scipy's DOP853.
+"""Independent solution of a random run: the paper's equations with Pinocchio's dynamics, integrated by scipy's DOP853.
 
-Nothing of asrsim is used: another reader of URDF, other dynamics, laws written anew from the paper's sections 2 and 3, an
-integrator of 8th order with its steps ended at every jump.
+No code of asrsim is used: Pinocchio reads the URDF and computes the dynamics, the laws are written again from sections 2 and
+3 of the paper, and the integrator has order 8 and ends a step at every jump of an input.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from support.random_runs import JointSpec, RandomRun
 
 Array = np.ndarray
 BRISTLES = 1000.0
-"""N m/rad of Dahl's friction (paper eq. 8)."""
+"""Stiffness of Dahl's friction, N m/rad (paper eq. 8)."""
 
 
 def clip(x: float, limit: float) -> float:
@@ -26,7 +26,7 @@ def clip(x: float, limit: float) -> float:
 
 
 def spring(joint: JointSpec, q: float, first: float, second: float) -> tuple[float, float]:
-    """Torques of the springs on the link by motor 1 and motor 2 (paper eqs. 2 to 6)."""
+    """Torques on the link from the springs of motor 1 and motor 2, N m (paper eqs. 2 to 6)."""
     p = joint.parameters
     if joint.actuator == "sea":
         return p["spring_stiffness"] * clip(first - q, p["max_deflection"]), 0.0
@@ -50,21 +50,24 @@ def spring(joint: JointSpec, q: float, first: float, second: float) -> tuple[flo
 
 
 def motors_of(joint: JointSpec) -> int:
-    """Motors with dynamics."""
+    """Number of motors with dynamics."""
     if joint.mode < 4:
         return 0
     return 1 if joint.actuator in ("sea", "awas_ii") else 2
 
 
 class Truth:
-    """State: [base pose 7], joint positions, velocities (base's first, in its own frame), then by joint what it needs:
-    the integral of mode 1; of each motor position, velocity, integral, bristles, hysteresis of its spring."""
+    """Equations of motion of a random run.
+
+    State: pose of a floating base (7), joint positions, velocities (the base first, in its frame), then for each joint the
+    error integral of mode 1, or for each motor position, velocity, error integral, bristle deflection and hysteresis torque.
+    """
 
     PER_MOTOR = 5
 
     def __init__(self, run: RandomRun) -> None:
         self.run = run
-        # Pinocchio has two numbers for a continuous joint; one will do.
+        # Pinocchio describes a continuous joint by two numbers. A revolute joint with wide limits needs only one.
         text = run.urdf.replace('type="continuous"', 'type="revolute"')
         text = re.sub(r"<limit effort", '<limit lower="-60" upper="60" effort', text)
         root = [] if run.fixed else [pinocchio.JointModelFreeFlyer()]
@@ -98,7 +101,7 @@ class Truth:
         return state
 
     def rate(self, t: float, state: Array, after: bool) -> Array:
-        """d state / dt; after: at a jump, the value after it."""
+        """Time derivative of the state. after: whether an input that jumps at `t` has its value after the jump."""
         run, nq, nv = self.run, self.nq, self.nv
         q, v = state[:nq].copy(), state[nq : nq + nv]
         if not run.fixed:
@@ -126,7 +129,7 @@ class Truth:
     def actuator(
         self, j: int, joint: JointSpec, t: float, x: float, speed: float, state: Array, slope: Array, after: bool
     ) -> float:
-        """Torque on the link before its limit; what belongs to motor and controller goes into `slope`."""
+        """Torque on the link before the effort limit. Derivatives of motor and controller states are written to `slope`."""
         if not joint.actuator:
             return 0.0
         p, place = joint.parameters, self.inner[j]
@@ -157,7 +160,7 @@ class Truth:
                 push = p[f"controller_{i + 1}_proportional"] * error + integral - p[f"controller_{i + 1}_derivative"] * omega
                 slope[here + 2] = p[f"controller_{i + 1}_integral"] * error
             push = clip(motor_torque(joint, i + 1, push, omega), p[f"motor_{i + 1}_max_torque"])
-            # Dahl: bristles bend until they slip.
+            # Dahl friction: bristles bend until they slip.
             slip = p[f"motor_{i + 1}_friction_torque"] / BRISTLES
             bent = clip(bristle, slip)
             slope[here + 3] = 0.0 if (bristle >= slip and omega > 0.0) or (bristle <= -slip and omega < 0.0) else omega
@@ -169,7 +172,7 @@ class Truth:
 
 
 def motor_torque(joint: JointSpec, number: int, command: float, omega: float) -> float:
-    """N m of a motor before the limit of its torque: tau = n k_t i, u = R i + n k_t omega, all seen from the output."""
+    """Torque of a motor before its torque limit, N m: tau = n k_t i, u = R i + n k_t omega at the output of the gear."""
 
     def of(name: str, otherwise: float) -> float:
         return joint.parameters.get(f"motor_{number}_{name}", otherwise)
@@ -189,7 +192,7 @@ def motor_torque(joint: JointSpec, number: int, command: float, omega: float) ->
 
 
 def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: float = np.inf) -> dict[str, Array]:
-    """Joint positions (n, joints), base poses (n, 7) and motors' positions at `times`."""
+    """Joint positions (n, joints), base poses (n, 7) and motor positions at `times`."""
     truth = Truth(run)
     state = truth.start()
     edges = sorted({0.0, float(times[-1]), *(t for t in run.jumps if t < times[-1])})
@@ -198,7 +201,7 @@ def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: fl
         inside = (times >= begin) & (times <= end)
 
         def rate(t: float, y: Array, begin: float = begin, end: float = end) -> Array:
-            # Between two jumps: at its end, the value before the jump.
+            # At the end of an interval between two jumps, inputs have their values before the jump.
             return truth.rate(t, y, after=t < end)
 
         found: Any = solve_ivp(

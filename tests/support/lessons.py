@@ -1,4 +1,4 @@
-"""What a laboratory does between two trials of learning: it plays an input on its robot, and records the motion."""
+"""Laboratory work between two trials of learning: play an input on the robot, and record the motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from support.independent_arm import Arm
 
 
 def record(path: Path, plant: Plant, robot: Arm, inputs: np.ndarray, *, seed: int = 0) -> float:
-    """Write a recording of the robot at 200 Hz, with 1 mrad of noise; the true largest error in rad."""
+    """Write a recording of the robot at 200 Hz with 1 mrad of noise, and return the largest noise-free error in rad."""
     outputs = robot.move(plant.time, inputs)
     time = np.arange(0.0, plant.time[-1] + 1e-9, 0.005)
     seen = np.column_stack([np.interp(time, plant.time, column) for column in outputs.T])
@@ -23,5 +23,5 @@ def record(path: Path, plant: Plant, robot: Arm, inputs: np.ndarray, *, seed: in
 
 
 def inputs_in(path: Path, plant: Plant) -> np.ndarray:
-    """(n, joints) of a file of inputs."""
+    """Inputs (n, joints) read from a file."""
     return np.column_stack([read_column(path, joint, None)[1] for joint in plant.joints])

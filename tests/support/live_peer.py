@@ -1,6 +1,7 @@
-"""A user's node, run by a Python with rclpy and nothing of ours: listens to every topic, commands, calls services; prints JSON.
+"""ROS node of a user, run by a Python with rclpy but without asrsim. It reads every topic, sends commands, calls services
+and prints what it observed as JSON.
 
-Arguments: s to watch, domain, Hz of commands.
+Arguments: duration in s, ROS domain, rate of the commands in Hz.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def mine(infos):
 
 
 def discovered(node):
-    """Topic -> type, when nothing new has come for a while."""
+    """Types of the discovered topics by name. Discovery ends when no new topic has appeared for 1.5 s."""
     topics, since, began = {}, time.time(), time.time()
     while time.time() - began < 60 and (not topics or time.time() - since < 1.5):
         found = {
@@ -71,7 +72,7 @@ def main():
     time.sleep(1.0)
     latched = {}
     for name, (subscription, kind) in listening.items():
-        # What came while the two were still matching does not count.
+        # Messages that arrived during discovery do not count.
         while (taken := subscription.handle.take_message(kind, False)) is not None:
             if name == "/robot_description":
                 latched[name] = len(taken[0].data)

@@ -1,4 +1,4 @@
-"""A made-up run with every kind of joint, for the tests of the log."""
+"""Artificial run with every kind of joint, for tests of the log."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ INFO = RunInfo(
 def example_samples(
     count: int, *, start: int = 0, info: RunInfo = INFO, bodies: tuple[str, ...] = (), contacts: tuple[str, ...] = ()
 ) -> Samples:
-    """Noise with NaN, infinities, negative zeros and denormals in it; the same numbers for the same arguments."""
+    """Random samples with NaN, infinities, negative zeros and denormals. Equal arguments give equal samples."""
     rng = np.random.default_rng([count, start])
     joints = info.joints
     values = {}
@@ -67,7 +67,7 @@ def example_samples(
 
 
 def part(samples: Samples, rows: slice) -> Samples:
-    """Some rows of samples."""
+    """Samples in the given rows."""
     return Samples(
         time=samples.time[rows],
         joints=samples.joints,
@@ -78,7 +78,7 @@ def part(samples: Samples, rows: slice) -> Samples:
 
 
 def assert_same(left: Samples, right: Samples) -> None:
-    """Equal bit for bit, names and shapes included."""
+    """Assert that both samples are equal bit for bit, including names and shapes."""
     assert left.joints == right.joints
     assert left.time.tobytes() == right.time.tobytes()
     for a, b in ((left.values, right.values), (left.bodies, right.bodies), (left.contacts, right.contacts)):

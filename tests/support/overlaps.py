@@ -1,4 +1,4 @@
-"""Texts of a figure that lie one over the other."""
+"""Overlapping texts in a figure."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 PART = 0.02
-"""Share of the smaller text that may lie under another: letters do not fill their boxes."""
+"""Tolerated overlap as a fraction of the smaller text box, since letters do not fill their boxes."""
 
 
 def overlapping(figure: Figure) -> list[str]:
-    """Pairs of texts, as they are drawn."""
+    """Pairs of texts that overlap in the drawn figure."""
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
-    # Ticks beyond the ends of their axis are there, but never drawn.
+    # Matplotlib also has ticks beyond the ends of an axis, which it never draws.
     axes = [axis for one in figure.axes for axis in (one.xaxis, one.yaxis)]
     ticks = [tick for axis in axes for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
     drawn = [tick for axis in axes if axis.get_visible() and axis.axes.get_visible() for tick in axis._update_ticks()]

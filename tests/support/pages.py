@@ -1,4 +1,4 @@
-"""Reads HTML pages: the addresses that a page would load, and its visible text. Not a test itself."""
+"""Reader of HTML pages: the addresses that a page would load, and its visible text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mass matrix, gravity and poses of a URDF as Pinocchio has them."""
+"""Mass matrix and bias torques of a URDF, computed by Pinocchio."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def pinocchio_model(text: str) -> tuple[object, list[str]]:
 
 
 def dynamics(text: str, positions: dict[str, float], velocities: dict[str, float]) -> tuple[dict, dict]:
-    """Pinocchio's mass matrix by pairs of joints, and bias (Coriolis, gravity) by joint."""
+    """Mass matrix by pairs of joints, and bias torque (Coriolis, gravity) by joint."""
     import pinocchio
 
     model, names = pinocchio_model(text)
@@ -36,6 +36,6 @@ def dynamics(text: str, positions: dict[str, float], velocities: dict[str, float
 
 
 def farthest(one: dict, other: dict) -> float:
-    """Largest difference relative to the largest value."""
+    """Largest difference of two dictionaries, relative to the largest value."""
     assert one.keys() == other.keys()
     return max(abs(one[key] - other[key]) for key in one) / max(map(abs, one.values()))

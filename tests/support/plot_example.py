@@ -1,4 +1,4 @@
-"""Logs for the tests of pictures: short runs of the example scenarios, and made-up ones with known numbers."""
+"""Logs for tests of plots: short runs of example scenarios, and artificial runs with known values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from support.paths import EXAMPLES
 
 
 def simulated_log(scenario: str, path: Path, *, variant: str | None = None, duration: float = 0.2) -> Path:
-    """The log of a short run of an example scenario."""
+    """Write the log of a short run of an example scenario."""
     found = load_scenario(EXAMPLES / "scenarios" / f"{scenario}.yaml", variant=variant, overrides=[f"duration={duration}"])
     path.parent.mkdir(parents=True, exist_ok=True)
     writers: list[LogWriter] = []
@@ -44,7 +44,7 @@ def made_up_log(
     expect: tuple[dict[str, object], ...] = (),
     values: Mapping[str, np.ndarray] | None = None,
 ) -> Path:
-    """A qbMove in mode 6 that follows its reference, a sine of 1 Hz and 0.5 rad, with a gain of 0.8 and 50 ms later."""
+    """Write the log of a qbMove in mode 6 that follows a sine of 1 Hz and 0.5 rad with a gain of 0.8 and a delay of 50 ms."""
     time = np.arange(count) * step
     reference = 0.5 * np.sin(2 * np.pi * time)
     columns = {

@@ -1,4 +1,4 @@
-"""Random soft arms with motions to learn: seeded, as robot text and scenario, for tests and for the benchmark of learning."""
+"""Seeded random soft arms with motions to learn, as robot text and scenario, for tests and for the benchmark of learning."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DURATIONS = {"slow": 20.0, "reach": 5.0, "out_and_back": 4.0, "multisine": 6.0}
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm and its motion."""
+    """A random arm and a motion that it is to learn."""
 
     seed: int
     kind: str
@@ -31,7 +31,7 @@ class Arm:
         return f"arm {self.seed}: {self.joints} x {self.kind}, {self.motion}, {gravity}"
 
     def make(self, folder: Path, **ilc):
-        """Write the robot and make the scenario; `ilc` adds to its block."""
+        """Write the robot and make the scenario. ilc: keys that are added to the block `ilc`."""
         from asrsim.scenario import make_scenario
 
         path = Path(folder) / f"arm_{self.seed}.urdf"
@@ -41,7 +41,7 @@ class Arm:
 
 
 def spring(generator, kind: str, load: float) -> tuple[dict, float, float]:
-    """Tags of a spring that suits a load of some N m, its preset, and the torque that the motors need."""
+    """Spring for a load in N m: its tags, its preset, and the torque that the motors need in N m."""
     if kind == "sea":
         k = max(load, 0.3) * generator.uniform(4.0, 30.0)
         return {"spring_k": k, "def_max": 0.8}, 0.0, 4.0 * load + 6.0
@@ -59,7 +59,7 @@ def spring(generator, kind: str, load: float) -> tuple[dict, float, float]:
 
 
 def random_arm(seed: int, *, friction: bool = True) -> Arm:
-    """Arm number `seed`: 1 to 5 joints of one kind, links of 0.3 to 2 kg, one of four motions; with friction in some joints."""
+    """Arm number `seed`: 1 to 5 joints with one actuator type, links of 0.3 to 2 kg, one of four motions, some friction."""
     generator = np.random.default_rng([2021, seed])
     kind = KINDS[generator.integers(len(KINDS))]
     motion = MOTIONS[seed % len(MOTIONS)]
@@ -73,7 +73,7 @@ def random_arm(seed: int, *, friction: bool = True) -> Arm:
     for index in range(count):
         name, link = f"joint_{index + 1}", f"link_{index + 1}"
         mass, length = masses[index], lengths[index]
-        # The most that gravity, or a swing of 0.5 rad in a second, may ask of the joint.
+        # Largest joint torque under gravity, or in a swing of 0.5 rad within a second.
         beyond = sum(masses[j] * (sum(lengths[index:j]) + 0.5 * lengths[j]) for j in range(index, count))
         inertia = sum(masses[j] * (sum(lengths[index:j]) + 0.5 * lengths[j]) ** 2 for j in range(index, count))
         load = max(9.81 * 0.7 * beyond * gravity, 4.0 * inertia, 0.1)

@@ -1,4 +1,4 @@
-"""Robots by chance: trees whose links are turned, offset, massless, held by fixed joints, of every moving kind."""
+"""Random robots: trees with rotated, offset and massless links, fixed joints and every kind of moving joint."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ Array = np.ndarray
 
 
 def random_urdf(seed: int, *, moving: int = 5, fixed: int = 6, square: bool = True, massless_root: bool = False) -> str:
-    """A tree of so many joints. square: quarter turns as URDFs write them (1.5708) among the angles."""
+    """URDF of a random tree. moving, fixed: numbers of joints; square: some angles are quarter turns, rounded as 1.5708."""
     source = np.random.default_rng(seed)
     kinds = ["moving"] * moving + ["fixed"] * fixed
     source.shuffle(kinds)
     links, joints = [_link("l0", source, massless=massless_root)], []
     for index, kind in enumerate(kinds, start=1):
         parent = f"l{source.integers(max(0, index - 4), index)}"
-        # A moving joint must have mass behind it.
+        # A moving joint must carry mass.
         links.append(_link(f"l{index}", source, massless=kind == "fixed" and source.random() < 0.3))
         if kind == "moving":
             kind = str(source.choice(["revolute", "continuous", "prismatic"]))
@@ -31,7 +31,7 @@ def random_urdf(seed: int, *, moving: int = 5, fixed: int = 6, square: bool = Tr
 def _link(name: str, source: np.random.Generator, *, massless: bool) -> str:
     if massless:
         return f'<link name="{name}"/>'
-    # The inertia of masses at points is that of a body.
+    # The inertia of a set of point masses is physically valid.
     points = source.normal(size=(6, 3)) * 0.1
     tensor = sum((p @ p * np.eye(3) - np.outer(p, p) for p in points), np.zeros((3, 3)))
     entries = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), tensor[np.triu_indices(3)], strict=True)

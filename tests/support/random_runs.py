@@ -1,5 +1,7 @@
-"""Runs by chance: random robots with every actuator and mode, springs, damping and jumps, as a scenario's keys and as plain
-numbers for a solution of its own (:mod:`independent_ode`)."""
+"""Random runs of random robots with every actuator and mode, springs, damping and input jumps.
+
+A run is given as keys of a scenario and as plain numbers for the independent solution (`independent_ode`).
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,13 @@ SPRINGS = {
     "bavs": {"spring_a": (1e-6, 2e-6), "spring_b": (2e-6, 3e-6), "spring_k": (1e5, 2e5), "spring_exponent": (6.0, 9.0)},
     "awas_ii": {"spring_stiffness": (5.0, 15.0), "lever_length": (0.04, 0.06), "pulley_radius": (0.012, 0.018)},
 }
-"""Least and largest value of each parameter that is drawn."""
+"""Smallest and largest value of each randomly drawn parameter."""
 PRESETS = {"sea": 0.0, "qbmove": 0.2, "bavs": 0.1, "awas_ii": 0.012}
 
 
 @dataclass(frozen=True)
 class Wave:
-    """offset + amplitude sin(2 pi f t), and a jump by `jump` at `at` s (inf: none)."""
+    """Signal offset + amplitude sin(2 pi f t) that jumps by `jump` at the time `at` in s (inf: no jump)."""
 
     offset: float
     amplitude: float
@@ -43,7 +45,7 @@ class Wave:
         return self.offset + self.amplitude * float(np.sin(2.0 * np.pi * self.frequency * t)) + raised
 
     def keys(self) -> Any:
-        """The scenario's form."""
+        """Signal as data of a scenario."""
         parts: list[Any] = [{"sinusoid": {"amplitude": self.amplitude, "frequency": self.frequency, "offset": self.offset}}]
         if np.isfinite(self.at):
             parts.append({"step": {"at": self.at, "to": self.jump}})
@@ -52,7 +54,7 @@ class Wave:
 
 @dataclass(frozen=True)
 class JointSpec:
-    """What one joint has, in SI units."""
+    """Properties of a joint, in SI units."""
 
     name: str
     kind: str
@@ -68,16 +70,16 @@ class JointSpec:
     references: tuple[Wave, ...] = ()
     external: Wave | None = None
     motors: tuple[tuple[float, float], ...] = ()
-    """Position and velocity of each motor at the start; none: where the link is, at rest."""
+    """Start position and velocity of each motor. Empty: motors start at rest at the position of the link."""
     delay: float = 0.0
-    """s by which commands arrive late."""
+    """Delay of the commands, s."""
     constant_damping: float = 0.0
-    """N m s/rad on top of `damping`, by the scenario."""
+    """Damping that the scenario adds to `damping`, N m s/rad."""
 
 
 @dataclass(frozen=True)
 class RandomRun:
-    """A robot and what happens to it."""
+    """A robot with its inputs and initial state."""
 
     urdf: str
     joints: tuple[JointSpec, ...]
@@ -88,7 +90,7 @@ class RandomRun:
     jumps: tuple[float, ...]
 
     def keys(self) -> dict[str, Any]:
-        """Of the scenario."""
+        """Keys of the scenario."""
         keys: dict[str, Any] = {
             "duration": self.duration, "gravity": list(self.gravity),
             "base": {"rpy": list(self.rpy), "fixed": self.fixed},
@@ -109,7 +111,7 @@ class RandomRun:
         return keys
 
     def write(self, folder: Path) -> Path:
-        """The robot's file."""
+        """Write the robot file, and return its path."""
         path = folder / "robot.urdf"
         path.write_text(self.urdf, encoding="utf-8")
         return path
@@ -127,7 +129,10 @@ def random_run(
     passive: float = 0.2,
     extras: bool = False,
 ) -> RandomRun:
-    """passive: share of joints without actuator; friction: the motors' Dahl friction; extras: see :func:`_with_extras`."""
+    """Random run number `seed`.
+
+    passive: fraction of joints without actuator; friction: whether motors have Dahl friction; extras: see `_with_extras`.
+    """
     source = np.random.default_rng([seed, 77])
     text = random_urdf(seed, moving=moving, fixed=fixed_links)
     found = re.findall(r'<joint name="(\w+)" type="(\w+)">', text)
@@ -161,7 +166,7 @@ def random_run(
 
 
 def _start(joint: JointSpec) -> dict[str, Any]:
-    """The scenario's form."""
+    """Start state of the joint as data of a scenario."""
     start: dict[str, Any] = {"position": joint.start, "velocity": joint.speed}
     if joint.motors:
         start["motor_positions"], start["motor_velocities"] = (list(values) for values in zip(*joint.motors, strict=True))
@@ -169,8 +174,8 @@ def _start(joint: JointSpec) -> dict[str, Any]:
 
 
 def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
-    """The joint with electric motors, hysteresis in its springs, motors in motion at the start, late commands and more damping,
-    each by chance."""
+    """Joint to which random extras are added: electric motors, hysteresis of springs, moving motors at the start, delayed
+    commands, additional damping."""
     parameters, mode, count = dict(joint.parameters), joint.mode, len([k for k in joint.parameters if k.endswith("_inertia")])
     changes: dict[str, Any] = {}
     if mode == 4:
@@ -181,7 +186,7 @@ def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
         if volts:
             ends |= {"resistance": (1.0, 4.0), "max_voltage": (4.0, 12.0)}
         if mode in (5, 6):
-            # Gains of volts or amperes, some of them enough to meet the limits.
+            # The gains are in volts or amperes. Some are so high that motors reach their limits.
             ends |= {f"proportional of {i}": (10.0, 40.0), f"integral of {i}": (0.0, 60.0), f"derivative of {i}": (0.2, 1.5)}
         for name, pair in ends.items():
             part = f"controller_{i}_{name.split()[0]}" if " " in name else f"motor_{i}_{name}"
@@ -199,7 +204,7 @@ def _with_extras(joint: JointSpec, source: np.random.Generator) -> JointSpec:
 
 
 def _limits(text: str, joint: JointSpec) -> str:
-    """The joint with limits that it does not meet (but for its torque's), and its damping."""
+    """URDF text with the damping of the joint, and with limits that only its torque reaches."""
     effort = 1e6 if np.isinf(joint.effort) else joint.effort
     ends = "" if joint.kind == "continuous" else 'lower="-60" upper="60" '
     dynamics = f'<limit {ends}effort="{effort!r}" velocity="1000"/><dynamics damping="{joint.damping!r}" friction="0"/>'
@@ -212,7 +217,7 @@ def _limits(text: str, joint: JointSpec) -> str:
 def _wave(
     source: np.random.Generator, size: float, times: tuple[float, ...], offset: float = 0.0, *, plus: bool = False
 ) -> Wave:
-    """plus: it stays above zero."""
+    """Random signal. plus: whether it stays above zero."""
     at = float(source.choice(times)) if times and source.random() < 0.7 else np.inf
     amplitude = float(source.uniform(0.1, 0.5 if plus else 1.0)) * size
     jump = float(source.uniform(0.1, 0.4) if plus else source.uniform(-0.6, 0.6)) * size

@@ -1,4 +1,4 @@
-"""Plain URDFs, as a newcomer has them: no plugin blocks."""
+"""Plain URDFs without plugin blocks, as a new user has them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from asrsim.actuators import MODES, Actuator
 from asrsim.actuators.drive import Drive
 
 PLAIN_ARM = {"lower": -2.0, "upper": 2.0}
-"""rad, limits of every joint."""
+"""Position limits of every joint, rad."""
 
 
 def write_plain_arm(
     folder: Path, lengths: Sequence[float] = (0.3, 0.25), masses: Sequence[float] = (0.8, 0.5), effort: float = 20.0
 ) -> Path:
-    """An upright chain of rods (m, kg) about y, joints `joint_1`, `joint_2`, ... of that effort (N m); the path."""
+    """Write an upright chain of rods with joints `joint_1`, `joint_2`, ... about y, and return its path.
+
+    Lengths in m, masses in kg, effort limit in N m.
+    """
     inertia = " ".join(f'{name}="0.01"' for name in ("ixx", "iyy", "izz")) + ' ixy="0" ixz="0" iyz="0"'
     parts = [f'<robot name="plain"><link name="base"><inertial><mass value="2"/><inertia {inertia}/></inertial></link>']
     parent, height = "base", 0.1
@@ -39,7 +42,7 @@ def write_plain_arm(
 def drive_with(
     actuator: type[Actuator], spring: Sequence[float], mode: int = 3, joint: str = "j", **motors: Sequence[float]
 ) -> Drive:
-    """An actuator on a joint: parameters of its spring in their order; `proportional=(...)` and the like, motor by motor."""
+    """Actuator on a joint. Spring parameters are given in order, motor parameters by name, as `proportional=(...)`."""
     values = {parameter.name: parameter.default for parameter in actuator.all_parameters()}
     values |= dict(zip((parameter.name for parameter in actuator.parameters), spring, strict=True))
     for name, numbers in motors.items():

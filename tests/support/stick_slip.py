@@ -1,4 +1,4 @@
-"""Stick and slip by events, apart from the package: a mass that a spring pulls along, with friction that falls with speed."""
+"""Independent event-driven solution of stick-slip motion: a spring pulls a mass whose friction falls with the speed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def stick_slip(
     damping: float = 0.0,
     start: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities (n,) at `time` (n,) of m a = pull(t, x) - d v - friction; it starts at rest.
+    """Positions and velocities (n,) at `time` (n,) of a mass that starts at rest: m a = pull(t, x) - d v - friction.
 
-    friction: level in N m of (|speed|, pull), set-valued at rest: what holds is exact, and slips end and begin at events.
+    friction: friction level in N m as a function of (|speed|, pull). Stiction is exact; slips begin and end at events.
     """
     places, speeds = np.empty(len(time)), np.empty(len(time))
     now, x, v = float(time[0]), start, 0.0

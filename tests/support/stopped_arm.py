@@ -1,7 +1,7 @@
-"""A planar arm of two joints with friction and inelastic stops, solved from event to event, apart from the package.
+"""Independent event-driven solution of a planar arm with two joints, friction and inelastic stops.
 
-It hangs in -z at zero. Between events the joints that move obey smooth equations, and those that stick or rest at a stop stand
-still. A slide that ends, a stop that is met and a hold that is lost are events.
+At zero, the arm hangs in -z. Between events, moving joints obey smooth equations, and joints that stick or rest at a stop do
+not move. Events: a sliding joint stops, a joint reaches a stop, a resting joint starts to move.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from scipy.integrate import solve_ivp
 
 Array = np.ndarray
 AT_REST = 1e-9
-"""rad/s below which a joint stands, and rad within which it touches its stop."""
+"""Speed below which a joint is at rest (rad/s), and distance within which it touches its stop (rad)."""
 
 
 @dataclass(frozen=True)
 class StoppedArm:
-    """Two equal links: mass in kg, centre of mass at `reach` m, inertia in kg m^2 about it, `length` m to the next joint."""
+    """Two equal links: mass (kg), centre of mass at `reach` (m), inertia about it (kg m^2), distance between the joints (m)."""
 
     mass: float
     reach: float
@@ -32,14 +32,14 @@ class StoppedArm:
     upper: tuple[float, float]
 
     def mass_matrix(self, q: Array) -> Array:
-        """(2, 2) kg m^2."""
+        """Mass matrix (2, 2), kg m^2."""
         m, c, i, far = self.mass, self.reach, self.inertia, self.length
         tip = i + m * c * c
         cross = m * far * c * np.cos(q[1])
         return np.array([[2 * i + m * c * c + m * (far * far + c * c) + 2 * cross, tip + cross], [tip + cross, tip]])
 
     def bias(self, q: Array, v: Array) -> Array:
-        """(2,) N m: Coriolis, centrifugal and gravity torques."""
+        """Coriolis, centrifugal and gravity torques (2,), N m."""
         m, c, far, g = self.mass, self.reach, self.length, self.gravity
         swing = m * far * c * np.sin(q[1])
         low = g * m * c * np.sin(q[0] + q[1])
@@ -47,7 +47,10 @@ class StoppedArm:
         return np.array([first, swing * v[0] ** 2 + low])
 
     def held(self, q: Array, v: Array, push: Array, signs: tuple[int, ...]) -> tuple[Array, Array]:
-        """Accelerations, and torques (2,) that hold the joints whose sign is 0; the others slide in the sign's direction."""
+        """Accelerations (2,), and torques (2,) of friction or stops that keep resting joints (sign 0) at rest.
+
+        signs: direction in which each joint slides, or 0.
+        """
         inertia = self.mass_matrix(q)
         force = push - self.bias(q, v) - np.array(self.friction) * signs
         free = [j for j in (0, 1) if signs[j]]
@@ -57,12 +60,12 @@ class StoppedArm:
         return acceleration, inertia @ acceleration - force
 
     def bounds(self, q: Array, j: int) -> tuple[float, float]:
-        """Least and largest torque that holds joint j where it stands."""
+        """Smallest and largest torque that friction and stop can exert on the resting joint j."""
         low, high = -self.friction[j], self.friction[j]
         return (-np.inf if q[j] >= self.upper[j] - AT_REST else low), (np.inf if q[j] <= self.lower[j] + AT_REST else high)
 
     def signs(self, q: Array, v: Array, push: Array) -> tuple[int, ...]:
-        """Direction in which each joint slides, 0 for those that are held."""
+        """Direction in which each joint slides; 0 for a joint at rest."""
         choices = [(int(np.sign(v[j])),) if abs(v[j]) > AT_REST else (0, 1, -1) for j in (0, 1)]
         for signs in product(*choices):
             acceleration, holding = self.held(q, v, push, signs)
@@ -78,7 +81,7 @@ class StoppedArm:
         raise AssertionError("no consistent state")
 
     def impact(self, q: Array, v: Array) -> Array:
-        """Velocities after the impulses of the stops that joints run into."""
+        """Velocities after the impacts at the stops."""
         inverse = np.linalg.inv(self.mass_matrix(q))
         outward = [1 if q[j] >= self.upper[j] - AT_REST else -1 if q[j] <= self.lower[j] + AT_REST else 0 for j in (0, 1)]
         touching = [j for j in (0, 1) if outward[j]]
@@ -93,7 +96,7 @@ class StoppedArm:
         raise AssertionError("no consistent impact")
 
     def move(self, q: Array, v: Array, push: Callable[[float], Array], end: float) -> tuple[Array, Array, int]:
-        """Positions and velocities at `end` s, and how many events there were."""
+        """Positions and velocities at the time `end` in s, and number of events."""
         now, events = 0.0, 0
         q, v = np.array(q, float), self.impact(q, np.array(v, float))
         while now < end:

@@ -1,4 +1,4 @@
-"""What a simulation gives, kept and compared bit for bit."""
+"""Sink that records the samples of a simulation, and comparison of samples bit for bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from asrsim.simulation.simulation import Simulation
 
 
 class Tape:
-    """A sink that keeps what comes."""
+    """Sink that keeps all samples."""
 
     def __init__(self) -> None:
         self.chunks: list[Samples] = []
@@ -18,7 +18,7 @@ class Tape:
         self.chunks.append(samples)
 
     def of(self, simulation: Simulation, end: int | None = None) -> Samples:
-        """What `simulation` gives up to substep `end`, by default the scenario's, from now on."""
+        """Samples of `simulation` from now to the substep `end`, by default to the end of the scenario."""
         simulation.advance_to(simulation.total if end is None else end)
         simulation.flush()
         chunks, self.chunks = self.chunks, []

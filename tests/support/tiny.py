@@ -1,4 +1,4 @@
-"""A pendulum with one SEA, and a scenario that steps it."""
+"""Pendulum with one SEA, and a scenario with a step."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PENDULUM = """<?xml version="1.0"?>
   </gazebo>
 </robot>
 """
-"""One joint with an SEA of 10 N m/rad: I = 6e-3 kg m^2, 0.5 kg at 0.1 m, which hangs at 0."""
+"""URDF of one joint with an SEA of 10 N m/rad: I = 6e-3 kg m^2, 0.5 kg at 0.1 m; at zero, the link hangs down."""
 
 SCENARIO = """\
 robot: pendulum.urdf
@@ -47,7 +47,7 @@ references:
 
 @dataclass(frozen=True)
 class Tiny:
-    """A folder with a robot and a scenario."""
+    """Folder with a robot and a scenario."""
 
     folder: Path
     robot: Path

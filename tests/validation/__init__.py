@@ -1,1 +1,1 @@
-"""Checks of the simulator against facts from outside it; tests and docs/validation.md take their figures from here."""
+"""Checks of the simulator against external facts. Tests and docs/validation.md use their figures."""

@@ -1,4 +1,4 @@
-"""Run every check and write the page.
+"""Run all checks, and write docs/validation.md.
 
 Usage: PYTHONPATH=tests python -m validation --out docs/validation.md
 """
@@ -14,7 +14,7 @@ from validation.sections import SECTIONS
 
 
 def main() -> int:
-    """Exit status 1 where a check failed."""
+    """Run all checks and write the page. Returns 1 if a check failed, otherwise 0."""
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     parser.add_argument("--out", type=Path, help="write the page here (Markdown)")
     arguments = parser.parse_args()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A figure and its bound."""
+    """A measured figure and its bound."""
 
     name: str
     """A short phrase; checks with the same text before the first comma or colon share a row of the document."""
@@ -23,11 +23,11 @@ class Check:
     source: str = ""
     """Source of the true value."""
     at_least: bool = False
-    """The bound is a lower one: an order of convergence."""
+    """Whether the bound is a lower bound, as for an order of convergence."""
 
     @property
     def passed(self) -> bool:
-        """Whether the figure keeps its bound; NaN does not."""
+        """Whether the figure is within its bound; NaN is not."""
         return self.figure >= self.bound if self.at_least else self.figure <= self.bound
 
     def __str__(self) -> str:
@@ -38,13 +38,13 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Related checks and an explanation."""
+    """Group of related checks with an explanation."""
 
     title: str
     text: str
     measures: tuple[Callable[[], Iterator[Check]], ...]
     slow: frozenset[str] = frozenset()
-    """Names of the measures that take longer than some seconds."""
+    """Names of the functions that take longer than a few seconds."""
     engines: bool = True
     """Whether the checks run in every engine."""
     needs: str = ""
@@ -63,7 +63,7 @@ def installed_engines() -> tuple[str, ...]:
 
 
 def engine() -> str:
-    """Name of the engine in which checks run now."""
+    """Name of the engine in which checks currently run."""
     return _ENGINE.get(installed_engines()[0])
 
 

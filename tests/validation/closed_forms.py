@@ -1,4 +1,4 @@
-"""Answers that mechanics gives in closed form: equilibria, frequencies, periods, friction, terminal velocity."""
+"""Checks against closed forms of mechanics: equilibria, frequencies, periods, friction, terminal velocity."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from validation.models import GRAVITY, LOAD, MOTOR_INERTIA, SETTINGS, Body, chai
 
 INERTIA = LOAD.inertia + LOAD.mass * LOAD.reach**2
 WEIGHT = LOAD.mass * GRAVITY * LOAD.reach
-"""N m of gravity on the horizontal load."""
+"""Gravity torque of the load in the horizontal position, N m."""
 NO_FRICTION = {"motor_1_friction_torque": 0.0, "motor_2_friction_torque": 0.0}
 FREE_MOTOR = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
 
 
 def equilibrium(actuator: str, theta_1: float, theta_2: float, parameters: dict[str, float]) -> float:
-    """rad at which spring and weight balance, motors held."""
+    """Position at which spring and weight balance while the motors are fixed, rad."""
     from scipy.optimize import brentq
 
     law = ACTUATORS.get(actuator)
@@ -35,7 +35,7 @@ def equilibrium(actuator: str, theta_1: float, theta_2: float, parameters: dict[
 
 
 def static_equilibrium() -> Iterator[Check]:
-    """The paper's eight settings come to rest where spring and weight balance."""
+    """Rest positions of the paper's eight settings: spring and weight balance there."""
     for name, (actuator, preset, parameters) in SETTINGS.items():
         result = run(
             chain(replace(LOAD, actuator=actuator, damping=0.065)),
@@ -48,7 +48,7 @@ def static_equilibrium() -> Iterator[Check]:
 
 
 def motor_droop() -> Iterator[Check]:
-    """Mode 6: a proportional controller gives way under the spring's torque by tau / P, each motor by its own."""
+    """Steady error of motors with a proportional controller in mode 6: tau / P under the spring torque tau of the motor."""
     for name in ("SEA 200", "AwAS-II .005", "BAVS .22", "qbMove .6"):
         actuator, preset, parameters = SETTINGS[name]
         law = ACTUATORS.get(actuator)
@@ -77,7 +77,7 @@ def _resting_start(actuator: str, preset: float, parameters: dict[str, float]) -
 
 
 def oscillation_frequency() -> Iterator[Check]:
-    """Small free oscillations about the equilibrium, one substep: frequency by theory of the scheme, asin(x) / x."""
+    """Frequency of small free oscillations with one substep, compared with the theory of the scheme, asin(x) / x."""
     for name, (actuator, preset, parameters) in SETTINGS.items():
         step = 1e-4 if name == "AwAS-II .04" else 5e-4
         rest = _resting_start(actuator, preset, dict(parameters))
@@ -98,7 +98,7 @@ def oscillation_frequency() -> Iterator[Check]:
 
 
 def two_mass_frequency() -> Iterator[Check]:
-    """Mode 4, nothing lost: motor and link swing against each other at sqrt(k (1/J + 1/I))."""
+    """Frequency sqrt(k (1/J + 1/I)) at which motor and link oscillate against each other in mode 4 without losses."""
     step = 1e-3
     result = run(
         chain(replace(LOAD, actuator="sea", inertia=0.01)), mode=4, duration=2.0, step=step, substeps=1, motor_substeps=1,
@@ -114,7 +114,7 @@ def two_mass_frequency() -> Iterator[Check]:
 
 
 def modal() -> Iterator[Check]:
-    """Two joints with springs, small free oscillations: eigenfrequencies of M^-1 K, without and with gravity."""
+    """Frequencies of two joints with springs, compared with the eigenvalues of M^-1 K, without and with gravity."""
     step = 1e-3
     first = Body(actuator="sea", mass=0.5, reach=0.08, inertia=6e-4)
     robot = chain(first, Body(actuator="sea", mass=0.4, reach=0.07, inertia=5e-4))
@@ -140,7 +140,7 @@ def modal() -> Iterator[Check]:
 
 
 def pendulum_period() -> Iterator[Check]:
-    """A free pendulum from 1 rad: the complete elliptic integral."""
+    """Period of a free pendulum from 1 rad, compared with the complete elliptic integral."""
     from scipy.special import ellipk
 
     body = Body(mass=0.5, reach=0.2, inertia=1e-3)
@@ -166,7 +166,7 @@ def pendulum_period() -> Iterator[Check]:
 
 
 def coulomb_friction() -> Iterator[Check]:
-    """Dry friction of a joint: decay, slip, stiction."""
+    """Decay, slip and stiction of a joint with dry friction."""
     friction, stiffness, inertia = 0.02, 40.0, 2e-3
     body = Body(actuator="sea", mass=0.2, reach=0.04, inertia=inertia, friction=friction)
     total = inertia + body.mass * body.reach**2
@@ -197,7 +197,7 @@ def coulomb_friction() -> Iterator[Check]:
 
 
 def terminal_velocity() -> Iterator[Check]:
-    """Mode 4 against Dahl friction and damping, the spring slack: (tau - tau_f) / D."""
+    """Terminal velocity (tau - tau_f) / D of a motor with Dahl friction and damping in mode 4, with a slack spring."""
     for stepping in ("leapfrog", "euler", "toolbox"):
         result = run(
             chain(replace(LOAD, actuator="sea")), mode=4, duration=4.0, gravity=0.0, stepping=stepping,

@@ -1,4 +1,4 @@
-"""Conservation: energy and momentum without losses, and no gain of energy without input."""
+"""Checks of conservation: energy and momentum without losses, and no gain of energy without input."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INERTIA = BODY.inertia + BODY.mass * BODY.reach**2
 
 
 def motors(actuator: str, values: Mapping[str, float]) -> dict[str, float]:
-    """`values` of motor 1, also for motor 2 if the actuator has one."""
+    """Parameters `values` for motor 1, and for motor 2 if the actuator has one."""
     both = dict(values)
     if ACTUATORS.get(actuator).motors == 2:
         both |= {name.replace("_1_", "_2_"): value for name, value in values.items()}
@@ -32,7 +32,7 @@ def motors(actuator: str, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def free_energy(result: Run, *, gravity: float) -> Array:
-    """J of link, motors and springs at whole steps of a run without losses."""
+    """Energy of link, motors and springs at whole steps of a run without losses, J."""
     law = ACTUATORS.get(result.robot.actuators[0].actuator)
     speed = column(result, "link_velocity")
     energy = 0.5 * INERTIA * speed**2 + column(result, "spring_energy")
@@ -43,11 +43,11 @@ def free_energy(result: Run, *, gravity: float) -> Array:
 
 
 KICK = PulseTrain(high=0.6, width=0.05, period=1e3)
-"""N m: a push at the start of the run."""
+"""Torque of the push at the start of a run, N m."""
 
 
 def energy_and_momentum() -> Iterator[Check]:
-    """Mode 4 without losses: after a push, energy and momentum of link and motors are constant."""
+    """Energy and momentum of link and motors after a push in mode 4 without losses: both are constant."""
     for actuator, parameters in (("sea", {"spring_stiffness": 200.0}), ("qbmove", {}), ("bavs", {}), ("awas_ii", {})):
         drifts = []
         for step in (1e-3, 5e-4):
@@ -71,11 +71,11 @@ def energy_and_momentum() -> Iterator[Check]:
 
 
 LINK = Body(mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
-"""A link of the free pendulums."""
+"""Link of the free pendulums."""
 
 
 def swing_energy(q: Array, speed: Array) -> float:
-    """Kinetic and gravitational energy in J of a planar chain of `LINK`. Positions are complex: downwards, sideways."""
+    """Kinetic and gravitational energy of a planar chain of `LINK`, J. Positions are complex numbers: downwards, sideways."""
     angles, rates = np.cumsum(q), np.cumsum(speed)
     down = np.exp(1j * angles)
     ends = np.concatenate([[0.0], np.cumsum(LINK.length * down)[:-1]])
@@ -86,14 +86,14 @@ def swing_energy(q: Array, speed: Array) -> float:
 
 
 def lifting(links: int) -> float:
-    """Energy in J that turns the chain from hanging to standing upright."""
+    """Energy that lifts the chain from hanging to upright, J."""
     return swing_energy(np.array([math.pi, *[0.0] * (links - 1)]), np.zeros(links)) - swing_energy(
         np.zeros(links), np.zeros(links)
     )
 
 
 def long_swings() -> Iterator[Check]:
-    """Energy of free pendulums of two and three links after 10 s."""
+    """Energy change of free pendulums with two and three links after 10 s."""
     for name, start, bound in (("double", [1.5, 0.5], 2e-3), ("triple", [1.5, 0.5, -1.0], 4e-2)):
         changes = []
         for step in (1e-3, 2.5e-4):
@@ -118,7 +118,7 @@ PRESETS = {"sea": 0.0, "qbmove": 0.3, "bavs": 0.1, "awas_ii": 0.01}
 
 
 def passivity() -> Iterator[Check]:
-    """No gain of energy without input. A leapfrog's energy oscillates by up to (omega h)^2 / 4 below a conserved value."""
+    """Gain of energy without input: none. The leapfrog's energy oscillates by up to (omega h)^2 / 4 below a constant."""
     for actuator in PRESETS:
         for mode in (3, 4, 6):
             share = max(energy_gain(actuator, mode, friction=loss, damping=loss) for loss in (0.0, 0.02))
@@ -151,7 +151,7 @@ def energy_gain(
     fastest = stiffest / INERTIA
     for i in range(1, law.motors + 1 if mode > 3 else 0):
         energy = energy + 0.5 * MOTOR_INERTIA * column(result, f"motor_{i}_velocity") ** 2
-        # Bristles and controllers are springs too.
+        # Bristles and controllers act as springs.
         energy += column(result, f"friction_torque_{i}") ** 2 / (2.0 * FRICTION_STIFFNESS)
         spring = stiffest + (FRICTION_STIFFNESS if friction else 0.0)
         if mode == 6:
@@ -162,20 +162,20 @@ def energy_gain(
     energy = (energy - _least(result, mode))[60:]
     swing = 1.0 / (1.0 - 0.25 * fastest * result.scenario.step**2) - 1.0
     lowest = np.minimum.accumulate(energy)
-    # At rest there is only rounding.
+    # At rest, energies differ only by rounding errors.
     moving = lowest > 1e-6 * energy[0]
     return float(np.max(energy[moving] / lowest[moving] - 1.0)) / swing
 
 
 def _still(actuator: str, mode: int) -> dict[str, Signal | float]:
-    """Constant references; in mode 4, a push at the start moves the motors."""
+    """Constant references. In mode 4, a push at the start moves the motors."""
     if mode == 4:
         return {"motor_1_torque": KICK, "motor_2_torque": 0.02 if ACTUATORS.get(actuator).adjuster else 0.0}
     return {"equilibrium_position": 0.0, "stiffness_preset": PRESETS[actuator]}
 
 
 def _least(result: Run, mode: int) -> float:
-    """Energy in J that the preset stores in springs and controllers at rest at q = 0."""
+    """Energy that the preset stores in springs and controllers at rest at q = 0, J."""
     from scipy.optimize import fsolve
 
     block = result.robot.actuators[0]

@@ -1,4 +1,4 @@
-"""Contacts and wrenches: a box that slides, a box that is pushed, a force on a link."""
+"""Checks of contacts and wrenches: a sliding box, a pushed box, a force on a link."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EDGE = 0.2
 MASS = 2.0
 WEIGHT = MASS * 9.81
 STOPPING = {"bullet": {1e-3: 1e-4, 2e-4: 1e-5}, "mujoco": {1e-3: 3e-2, 2e-4: 1e-2}}
-"""Bounds by engine and step in s: MuJoCo's contacts are softer, and at speed a box hops."""
+"""Bounds by engine and step in s. MuJoCo's contacts are softer, and a fast box hops."""
 
 
 def box(x: float = 0.0, y: float = 0.0) -> WorldObject:
@@ -32,7 +32,7 @@ def box(x: float = 0.0, y: float = 0.0) -> WorldObject:
 
 
 def slide(tilt: float, *, duration: float = 1.0) -> Run:
-    """A box on the ground under gravity with a sideways share `tilt`; a robot far away."""
+    """Run of a box on the ground far from the robot. tilt: sideways fraction of gravity."""
     robot = chain(Body())
     scenario = Scenario(
         name="slide", robot=robot.path, gravity=(9.81 * tilt, 0.0, -9.81), duration=duration, base_position=(10.0, 0.0, 5.0),
@@ -42,14 +42,14 @@ def slide(tilt: float, *, duration: float = 1.0) -> Run:
 
 
 def box_positions(result: Run) -> Array:
-    """(n, 3) m."""
+    """Positions (n, 3) of the box, m."""
     if result.samples is None:
         raise ValueError("the run kept no samples")
     return result.samples.bodies["box"][:, :3]
 
 
 def sliding() -> Iterator[Check]:
-    """Above the threshold a box accelerates by (tilt - mu) g, below it stays."""
+    """Acceleration (tilt - mu) g of a box above the slip threshold, and rest below it."""
     tilt = 0.4
     speed = np.diff(box_positions(slide(tilt))[:, 0]) / 1e-3
     expected = (tilt - FRICTION) * 9.81
@@ -68,14 +68,14 @@ def sliding() -> Iterator[Check]:
 
 
 def pusher(reach: float = 1.0) -> Any:
-    """A slide along x with a ball at its tip, passive; `reach` m to its stop."""
+    """Passive slide along x with a ball at its tip. reach: distance to its stop, m."""
     ball = '<collision><origin xyz="0 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>'
     limits = f'<limit lower="-1" upper="{reach!r}" effort="1000" velocity="100"/>'
     return chain(Body(mass=1.0, reach=0.0, inertia=1e-3, axis="1 0 0", prismatic=True, limits=limits, collision=ball))
 
 
 def push(force: Any, *, duration: float, reach: float = 1.0, **fields: Any) -> Run:
-    """A ball at the height of the box's middle pushes it along x with `force`, a signal in N, as far as `reach` m."""
+    """Run in which a ball pushes the box along x at half its height. force: signal in N; reach: stroke of the ball, m."""
     robot = pusher(reach)
     scenario = Scenario(
         name="push", robot=robot.path, duration=duration, base_position=(-0.5 * EDGE - 0.0201, 0.0, 0.5 * EDGE),
@@ -85,7 +85,7 @@ def push(force: Any, *, duration: float, reach: float = 1.0, **fields: Any) -> R
 
 
 def stopping() -> Iterator[Check]:
-    """A box that a ball has set in motion, and no longer touches, slides until friction has taken its energy."""
+    """Stopping distance of a box that slides freely after a push."""
     for speed, reach in ((0.3, 0.05), (2.4, 0.5)):
         force = 0.5 * (MASS + 1.0) * speed**2 / reach + FRICTION * WEIGHT
         duration = 2.0 * reach / speed + speed / (FRICTION * 9.81) + 0.3
@@ -106,7 +106,7 @@ def stopping() -> Iterator[Check]:
 
 
 def resting() -> Iterator[Check]:
-    """A box on a box on the ground: forces and places at rest."""
+    """Contact forces and positions at rest of a box on a box on the ground."""
     robot = chain(Body())
     place = (0.02, 0.0, EDGE + 0.05)
     small = WorldObject(name="small", shape="box", size=(0.1, 0.1, 0.1), mass=1.0, friction=0.9, position=place)
@@ -128,7 +128,7 @@ def resting() -> Iterator[Check]:
 
 
 def landing() -> Iterator[Check]:
-    """A robot that floats falls onto the ground and lies there, on a slope that its friction holds."""
+    """Contact force of a floating robot that falls onto a slope and lies there, held by friction."""
     gravity = np.array([1.0, 0.5, -9.81])
     shape = '<collision><origin xyz="0 0 0"/><geometry><box size="0.4 0.3 0.1"/></geometry></collision>'
     inertia = '<inertia ixx="0.03" iyy="0.05" izz="0.06" ixy="0" ixz="0" iyz="0"/>'
@@ -153,7 +153,7 @@ def landing() -> Iterator[Check]:
 
 
 def link_wrench() -> Iterator[Check]:
-    """A force at a point of a link is the torque of its lever about the joint, in either frame."""
+    """Effect of a force at a point of a link, compared with its moment about the joint, in both frames."""
     body = Body(mass=0.5, reach=0.08, inertia=6e-4)
     wave = Sinusoid(amplitude=2.0, frequency=1.0)
     point = (0.0, 0.0, -0.1)

@@ -1,4 +1,4 @@
-"""docs/validation.md from the figures of the checks."""
+"""Writer of docs/validation.md, which lists the figures of the checks."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ and shows the figure that is nearest to its bound. Angles are in rad, and the st
 
 
 Results = Mapping[str, Sequence[Check]]
-"""Engine -> checks; the key is "" for a section without engines."""
+"""Checks by engine; the key is "" for a section without engines."""
 
 
 def measure(sections: Sequence[Section]) -> Iterator[tuple[Section, dict[str, list[Check]]]]:
-    """The sections whose requirements are met, each with its checks in every installed engine."""
+    """Yield each section whose requirements are met, with its checks in every installed engine."""
     for section in sections:
         if not available(section):
             continue
@@ -32,7 +32,7 @@ def measure(sections: Sequence[Section]) -> Iterator[tuple[Section, dict[str, li
 
 
 def document(results: Sequence[tuple[Section, Results]]) -> str:
-    """The page as Markdown."""
+    """Page as Markdown."""
     parts = [INTRODUCTION]
     for section, checks in results:
         heads = " | ".join(name or "figure" for name in checks)
@@ -47,7 +47,7 @@ def document(results: Sequence[tuple[Section, Results]]) -> str:
 
 
 def kind_of(check: Check) -> str:
-    """Name of a check without its case."""
+    """Name of the check without the part that describes the case."""
     return re.split("[,:]", check.name)[0]
 
 
@@ -62,7 +62,7 @@ def cell(checks: Sequence[Check]) -> str:
 
 
 def number(value: float) -> str:
-    """The value with two or three significant digits."""
+    """Value with two or three significant digits."""
     if value == 0.0:
         return "0"
     return f"{value:.3g}" if 0.01 <= abs(value) < 1e4 else f"{value:.1e}"

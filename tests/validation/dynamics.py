@@ -1,4 +1,4 @@
-"""The engine's rigid-body dynamics against Pinocchio, on the example robots and with turned bases (development only)."""
+"""Checks of the engines' rigid-body dynamics against Pinocchio, for the example robots and for rotated bases."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from validation.models import Body, chain, run
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "urdf"
 TURN = (0.3, -0.5, 1.1)
-"""rad, roll pitch yaw of a turned base."""
+"""Roll, pitch and yaw of the rotated base, rad."""
 GRAVITY = (0.0, 0.0, -9.81)
 SAMPLES = 20
 
 
 class Twin:
-    """A robot in Pinocchio, joints in the project's order, the base turned by `rpy` in rad."""
+    """Pinocchio model of a robot with joints in asrsim's order. rpy: rotation of the base, rad."""
 
     def __init__(self, robot: Robot, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
         import pinocchio as pin
@@ -47,7 +47,7 @@ class Twin:
         self._wide = [(self.model.joints[i].idx_q, self.model.joints[i].nq) for i in ids]
 
     def configuration(self, q: Array) -> Array:
-        """Pinocchio's configuration: continuous joints are cosine and sine."""
+        """Configuration in Pinocchio's form, in which a continuous joint is a cosine and a sine."""
         values = np.zeros(self.model.nq)
         for angle, (index, width) in zip(q, self._wide, strict=True):
             values[index : index + width] = angle if width == 1 else (math.cos(angle), math.sin(angle))
@@ -59,40 +59,40 @@ class Twin:
         return values
 
     def mass_matrix(self, q: Array) -> Array:
-        """(n, n)."""
+        """Mass matrix (n, n)."""
         upper = np.triu(self.pin.crba(self.model, self.data, self.configuration(q)))
         full = upper + np.triu(upper, 1).T
         return np.asarray(full[np.ix_(self.order, self.order)])
 
     def gravity(self, q: Array) -> Array:
-        """(n,) N m that hold the robot still."""
+        """Joint torques (n,) that compensate gravity, N m."""
         return np.asarray(self.pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q))[self.order])
 
     def bias(self, q: Array, v: Array) -> Array:
-        """(n,) N m of velocity and gravity torques."""
+        """Velocity and gravity torques (n,), N m."""
         return np.asarray(self.pin.nonLinearEffects(self.model, self.data, self.configuration(q), self._there(v))[self.order])
 
     def acceleration(self, q: Array, v: Array, torque: Array) -> Array:
-        """(n,) rad/s^2."""
+        """Joint accelerations (n,), rad/s^2."""
         found = self.pin.aba(self.model, self.data, self.configuration(q), self._there(v), self._there(torque))
         return np.asarray(found[self.order])
 
 
 def robots() -> Iterator[tuple[str, Robot]]:
-    """The example robots, and a chain whose axes point anywhere."""
+    """Yield the example robots and a chain with axes in all directions, with their names."""
     for path in sorted(EXAMPLES.glob("*.urdf")):
         yield path.stem, load_robot(path)
     yield "chain of 4, axes x, y, z, oblique", spatial_chain()
 
 
 def spatial_chain(**changes: Any) -> Robot:
-    """Four joints about x, y, z and an oblique axis."""
+    """Chain of four joints about x, y, z and an oblique axis."""
     body = Body(mass=0.5, reach=0.06, inertia=4e-4, length=0.12, **changes)
     return chain(*(replace(body, axis=axis) for axis in ("1 0 0", "0 1 0", "0 0 1", "0.6 0.0 0.8")))
 
 
 def rigid_body() -> Iterator[Check]:
-    """Mass matrix, gravity torques and velocity torques at random states."""
+    """Errors of mass matrix, gravity torques and velocity torques at random states."""
     for name, robot in robots():
         for label, rpy in (("", (0.0, 0.0, 0.0)), (", base turned", TURN)):
             twin = Twin(robot, rpy)
@@ -126,7 +126,7 @@ def _distances(engine: Any, twin: Twin, q: Array, v: Array, u: Array) -> Array:
 
 
 def spatial_swing() -> Iterator[Check]:
-    """A free swing in space, through the whole simulation, against Pinocchio's forward dynamics and DOP853."""
+    """Error of a simulated free swing in space against Pinocchio's forward dynamics, integrated by DOP853."""
     from scipy.integrate import solve_ivp
 
     robot = spatial_chain()

@@ -1,4 +1,4 @@
-"""What the checks read off a motion: frequencies, crossings, extremes, orders of convergence."""
+"""Numbers computed from a motion: frequencies, zero crossings, extremes, orders of convergence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.samples import Array
 
 
 def frequency(values: Array, step: float) -> float:
-    """rad/s of a free undamped oscillation about any mean, sampled every `step` s.
+    """Angular frequency of a free undamped oscillation about any mean, sampled every `step` s, rad/s.
 
     Exact for a sinusoid: x[k + 1] + x[k - 1] = 2 cos(omega h) x[k], solved in the least-squares sense.
     """
@@ -20,10 +20,10 @@ def frequency(values: Array, step: float) -> float:
 
 
 def modal_frequencies(values: Array, step: float, modes: int) -> list[float]:
-    """rad/s, ascending, of `modes` superposed sinusoids in (n, joints) `values`; the recurrence of 2 n-th order is symmetric.
+    """Ascending angular frequencies of `modes` superposed sinusoids in `values` (n, joints), rad/s.
 
-    sum of c_m (x[k + m] + x[k - m]) over m = 0..modes with c_modes = 1; with y = 2 cos(omega h) its roots are those of a
-    polynomial in y.
+    The samples satisfy the symmetric recurrence sum of c_m (x[k + m] + x[k - m]) = 0 over m = 0..modes with c_modes = 1. With
+    y = 2 cos(omega h), the frequencies are the roots of a polynomial in y.
     """
     n = len(values)
     centre = slice(modes, n - modes)
@@ -42,7 +42,7 @@ def modal_frequencies(values: Array, step: float, modes: int) -> list[float]:
 
 
 def crossings(time: Array, values: Array) -> Array:
-    """Times at which `values` go through zero, by cubic interpolation through four neighbours."""
+    """Times at which `values` cross zero, by cubic interpolation through four samples."""
     found = []
     for k in np.nonzero(values[:-1] * values[1:] < 0.0)[0]:
         if 1 <= k < len(values) - 2:
@@ -54,7 +54,7 @@ def crossings(time: Array, values: Array) -> Array:
 
 
 def extremes(values: Array) -> Array:
-    """Local extremes of a smooth motion, by a parabola through three samples; a moment of rest in one is no second one."""
+    """Local extremes of a smooth motion, by a parabola through three samples. Equal neighbours give only one extreme."""
     steps = np.diff(values)
     moving = np.nonzero(steps)[0]
     middle = moving[:-1][steps[moving[:-1]] * steps[moving[1:]] < 0.0] + 1
@@ -63,10 +63,10 @@ def extremes(values: Array) -> Array:
 
 
 def orders(errors: Sequence[float], ratio: float = 2.0) -> list[float]:
-    """Order of convergence between neighbours of errors at steps that fall by `ratio`."""
+    """Orders of convergence between consecutive errors, where each step is smaller than the last by the factor `ratio`."""
     return [math.log(a / b) / math.log(ratio) for a, b in pairwise(errors)]
 
 
 def leapfrog_frequency(omega: float, step: float) -> float:
-    """rad/s at which a leapfrog of `step` s oscillates for a true omega: asin(x) / x with x = omega h / 2."""
+    """Angular frequency of a leapfrog with step h for the true frequency omega: omega asin(x) / x, x = omega h / 2."""
     return 2.0 / step * math.asin(0.5 * omega * step)

@@ -1,4 +1,4 @@
-"""The eight cases of the paper's figure 8 against a Runge-Kutta solution at 1e-5 s, and against real Gazebo."""
+"""Checks of the eight cases in the paper's figure 8 against a Runge-Kutta solution with steps of 1e-5 s and against Gazebo."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ CASES = {
     "sea_k200": 1.2e-2, "sea_k400": 1.8e-2, "awas_s0.005": 1.1e-3, "awas_s0.04": None,
     "bavs_p0.001": 2.8e-3, "bavs_p0.22": 2.9e-3, "qbmove_p0.2": 9.6e-4, "qbmove_p0.6": 1.5e-3,
 }  # fmt: skip
-"""Case -> RMS distance in rad of Gazebo's 1 ms run from the truth over 5 s; None: Gazebo is unstable there."""
+"""RMS error of Gazebo's run at 1 ms over 5 s, by case, rad. None: Gazebo is unstable in this case."""
 STABLE = 5e-4
-"""rad, the bound where Gazebo sets none."""
+"""Bound for cases in which Gazebo is unstable, rad."""
 GAZEBO_GRAVITY = 9.8
 
 
 def preset_of(case: str) -> float:
-    """Stiffness preset that the case's name states (SEA: none)."""
+    """Stiffness preset in the name of the case (SEA: none)."""
     return 0.0 if case.startswith("sea") else float(case.split("_")[1][1:])
 
 
 def simulate_case(case: str, kind: str = "_ideal", **fields: Any) -> Run:
-    """The run that Gazebo did: URDF as recorded, a reference of 0.8 rad from the start, 5 s."""
+    """Simulate the run that was recorded in Gazebo: recorded URDF, reference of 0.8 rad from the start, 5 s."""
     robot = load_robot(DATA / f"gazebo_urdf/dof1_m3_step_{case}{kind}.urdf")
     options = {"duration": 5.0, **fields}
     return run(
@@ -41,14 +41,14 @@ def simulate_case(case: str, kind: str = "_ideal", **fields: Any) -> Run:
 
 
 def positions(result: Run) -> Array:
-    """(n,) rad of the only joint."""
+    """Positions (n,) of the only joint, rad."""
     if result.samples is None:
         raise ValueError("the run kept no samples")
     return result.samples.values["link_position"][:, 0]
 
 
 def excess(result: Run, case: str) -> Callable[[float], float]:
-    """N m by which spring and weight are out of balance at a position in rad, from the law."""
+    """Function of the position in rad: spring torque minus weight, from the closed-form law, N m."""
     block, link = result.robot.actuators[0], result.robot.links[1]
     law, values = ACTUATORS.get(block.actuator), block.values()
     elastic = tuple(values[parameter.name] for parameter in law.parameters)
@@ -63,7 +63,7 @@ def rms(values: Array) -> float:
 
 
 def step_responses() -> Iterator[Check]:
-    """Distance to the Runge-Kutta solution at default settings and 1 ms: a thirtieth of Gazebo's at most."""
+    """RMS errors against the Runge-Kutta solution at default settings and 1 ms: at most a thirtieth of Gazebo's error."""
     truth = np.load(DATA / "ideal.npz")
     for case, gazebo in CASES.items():
         result = simulate_case(case)
@@ -75,7 +75,7 @@ def step_responses() -> Iterator[Check]:
 
 
 def certificates() -> Iterator[Check]:
-    """The numerical error that `--certify` reports, over the true one."""
+    """Ratio of the numerical error that `--certify` reports and the true error."""
     from asrsim.simulation.certify import certify
 
     truth = np.load(DATA / "ideal.npz")
@@ -91,13 +91,13 @@ def certificates() -> Iterator[Check]:
 
 
 FRICTION = 0.025
-"""N m, dry friction of the joint in Gazebo's recorded runs."""
+"""Dry friction of the joint in the runs recorded in Gazebo, N m."""
 APART = 2.5e-2
-"""rad (RMS over 5 s): Gazebo's own step error at 1 ms is 1e-3 to 2e-2 rad."""
+"""Bound on the RMS difference over 5 s, rad. The error of Gazebo's own time step of 1 ms is 1e-3 to 2e-2 rad."""
 
 
 def recorded(case: str, kind: str) -> Array:
-    """Positions (n,) in rad of Gazebo's run."""
+    """Positions (n,) of the run recorded in Gazebo, rad."""
     names = {run["run"]: run["columns"] for run in json.loads((DATA / "gazebo.json").read_text(encoding="utf-8"))["runs"]}
     name = f"dof1_m3_step_{case}{kind}"
     with np.load(DATA / "gazebo.npz") as runs:
@@ -105,7 +105,7 @@ def recorded(case: str, kind: str) -> Array:
 
 
 def gazebo() -> Iterator[Check]:
-    """Real Gazebo's runs with friction and limits: distance, and the band in which friction holds a link at rest."""
+    """Differences from Gazebo's runs with friction and limits, and rest positions relative to the friction band."""
     for case, error in CASES.items():
         if error is None:
             continue

@@ -1,4 +1,4 @@
-"""Robots and scenarios of the checks, built in code: serial chains of simple bodies with any actuator in the joints."""
+"""Robots and scenarios of the checks: serial chains of simple bodies with any actuator in the joints."""
 
 from __future__ import annotations
 
@@ -17,47 +17,47 @@ from asrsim.simulation.run import Run, simulate
 from validation.check import engine
 
 GRAVITY = 9.81
-"""m/s^2."""
+"""Gravitational acceleration, m/s^2."""
 MOTOR_INERTIA = 0.0233
-"""kg m^2, of a motor (released toolbox, code default); written down here, since checks do not ask what they check."""
+"""Inertia of a motor, kg m^2 (default of the released toolbox). Written here so that checks do not depend on asrsim."""
 PROPORTIONAL = 125.0
-"""N m/rad, of the motors' controllers, likewise."""
+"""Proportional gain of the motor controllers, N m/rad (default of the released toolbox)."""
 FRICTION_STIFFNESS = 1000.0
-"""N m/rad, of the Dahl friction (paper eq. 8), likewise."""
-"""m/s^2, downwards in z."""
+"""Stiffness of the Dahl friction, N m/rad (paper eq. 8)."""
+"""Vector of gravity, m/s^2."""
 
 INSTALLED = [name for name in ("mujoco", "bullet") if ENGINES.get(name).available]
-"""Engines that this Python has."""
+"""Installed engines."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A link behind a joint: the joint's frame sits `length` m below the joint before (the first at the world)."""
+    """A link and its joint. The joint is `length` m of the previous body below the previous joint, the first in the world."""
 
     actuator: str | None = None
-    """Registry name; None: a passive joint."""
+    """Registered name of the actuator; None: the joint is passive."""
     mass: float = 0.2
-    """kg."""
+    """Mass, kg."""
     reach: float = 0.04
-    """m from the joint's axis to the centre of mass, downwards."""
+    """Distance of the centre of mass below the joint axis, m."""
     inertia: float = 1e-6
-    """kg m^2 about the centre of mass, any axis."""
+    """Inertia about the centre of mass, equal for all axes, kg m^2."""
     length: float = 0.1
-    """m from this joint to the next."""
+    """Distance to the next joint, m."""
     axis: str = "0 1 0"
     damping: float = 0.0
-    """N m s/rad."""
+    """Damping of the joint, N m s/rad."""
     friction: float = 0.0
-    """N m."""
+    """Coulomb friction of the joint, N m."""
     limits: str = ""
-    """A `<limit>` element; without one the joint is continuous."""
+    """Element `<limit>`. If it is empty, the joint is continuous."""
     prismatic: bool = False
     collision: str = ""
-    """Elements of the link beside its inertia."""
+    """Further XML elements of the link."""
 
 
 def chain(*bodies: Body) -> Robot:
-    """The robot, hanging in -z at zero; joints are `joint_1`, `joint_2`, ..."""
+    """Robot that hangs in -z at zero, with the joints `joint_1`, `joint_2`, ..."""
     parts = ['<robot name="chain"><link name="world"/>']
     parent, offset = "world", 0.0
     for index, body in enumerate(bodies, 1):
@@ -81,7 +81,7 @@ def chain(*bodies: Body) -> Robot:
 
 
 def read(text: str) -> Robot:
-    """A robot from URDF text."""
+    """Robot read from URDF text."""
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(text, encoding="utf-8")
@@ -102,8 +102,8 @@ def run(
 ) -> Run:
     """Simulate `robot` through the public interface.
 
-    references: signals or numbers for all joints, joints: by joint; parameters: of all actuators; initial: positions of
-    the joints in rad; gravity: m/s^2 downwards; further fields are the scenario's.
+    references: signals or numbers for all joints; joints: signals or numbers by joint; parameters: for all actuators;
+    initial: joint positions, rad; gravity: downwards, m/s^2; other keywords: fields of the scenario.
     """
     names = [joint.name for joint in robot.moving_joints]
     signals = {joint: _signals(values) for joint, values in {"*": references or {}, **(joints or {})}.items()}
@@ -129,14 +129,14 @@ def _signals(values: Mapping[str, Any]) -> dict[str, Signal]:
 
 
 def column(result: Run, quantity: str, joint: int = 0) -> Any:
-    """One quantity of one joint over a run, (n,)."""
+    """Values (n,) of a quantity of a joint during a run."""
     if result.samples is None:
         raise ValueError("the run kept no samples")
     return result.samples.values[quantity][:, joint]
 
 
 LOAD = Body(mass=0.2, reach=0.04, inertia=1e-6)
-"""The paper's load (section 4.1), with an inertia about its centre of mass that an engine can hold."""
+"""Load of the paper (section 4.1), with a small inertia about its centre of mass, since engines need one."""
 
 SETTINGS: dict[str, tuple[str, float, dict[str, float]]] = {
     "SEA 200": ("sea", 0.0, {"spring_stiffness": 200.0}),
@@ -148,4 +148,4 @@ SETTINGS: dict[str, tuple[str, float, dict[str, float]]] = {
     "qbMove .2": ("qbmove", 0.2, {}),
     "qbMove .6": ("qbmove", 0.6, {}),
 }
-"""The eight settings of the paper's figure 8: actuator, stiffness preset, parameters."""
+"""Eight settings of the paper's figure 8: actuator, stiffness preset, parameters."""

@@ -1,4 +1,4 @@
-"""Order of convergence: random robots against the solution of `support.independent_ode`, and dry friction."""
+"""Checks of the order of convergence: random robots against `support.independent_ode`, and dry friction."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ KINDS: dict[str, dict[str, Any]] = {
     "trees of six passive joints with springs and damping": {"moving": 6, "passive": 1.0, "jumps": False},
     "electric motors, hysteresis, late commands": {"moving": 3, "extras": True},
 }
-"""Kind of random robots -> arguments of `random_run`."""
+"""Arguments of `random_run` by kind of random robots."""
 
 
 def measured(seed: int, keys: dict[str, Any], **options: Any) -> tuple[float, Array]:
-    """Largest speed, and largest error at the steps h, h/2 and h/4, of random robot `seed`; odd robots have a floating base."""
+    """Largest speed, and largest errors at the steps h, h/2 and h/4, of random robot `seed`. Odd seeds have a floating base."""
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:
         random = random_run(seed, fixed=seed % 2 == 0, **keys)
         speed, errors = speed_and_errors(random, Path(folder), engine(), compiled=True, **options)
@@ -35,12 +35,12 @@ def measured(seed: int, keys: dict[str, Any], **options: Any) -> tuple[float, Ar
 
 
 def order_of(errors: Array) -> float:
-    """Order of convergence from h to h/4; the larger of the first two errors counts, since one may be small by chance."""
+    """Order of convergence from h to h/4. The larger of the first two errors is used, since one may be small by chance."""
     return float(np.log2(max(errors[0], errors[1]) / errors[2]) / 2.0)
 
 
 def smooth() -> Iterator[Check]:
-    """Second order, with inputs that jump within steps."""
+    """Order of convergence with inputs that jump within steps: two."""
     for name, keys in KINDS.items():
         runs = [measured(seed, keys) for seed in range(ROBOTS)]
         orders = [order_of(errors) for _, errors in runs]
@@ -61,7 +61,7 @@ def smooth() -> Iterator[Check]:
 
 
 def first_order_schemes() -> Iterator[Check]:
-    """First order of the scheme `euler`, and its error compared with the error of the default."""
+    """Order of convergence of the scheme `euler` (one), and its error compared with the default scheme."""
     best, coarse = (measured(2, {}, stepping=stepping)[1] for stepping in ("leapfrog", "euler"))
     order = float(np.log2(coarse[0] / coarse[2]) / 2.0)
     yield Check(name="order of euler", figure=order, bound=0.8, at_least=True, source="1")
@@ -75,7 +75,7 @@ def first_order_schemes() -> Iterator[Check]:
 
 
 def friction_orders() -> Iterator[Check]:
-    """Dry friction of joints (computed by the engine) and of motors (Dahl), against a run with steps 512 times finer."""
+    """Order and error with dry friction of joints (engine) and motors (Dahl), against a run with steps 512 times finer."""
     sticky = Body(actuator="sea", mass=0.4, reach=0.05, inertia=2e-3, friction=0.02)
     wave = Sinusoid(amplitude=0.4, frequency=1.5)
     cases = (
@@ -94,7 +94,7 @@ def friction_orders() -> Iterator[Check]:
             assert result.samples is not None
             positions.append(result.samples.values["link_position"][:: round(steps[0] / step), 0])
         found = [float(np.max(np.abs(q - positions[-1]))) for q in positions[:-1]]
-        # The phase of a reversal within a step is random, so the order shows only over several halvings.
+        # The phase of a reversal within a step is random, so the order is visible only over several halvings.
         slope = float(np.polyfit(np.log(steps), np.log(found), 1)[0])
         yield Check(
             name=f"error at 1 ms under dry friction: {name}",

@@ -1,4 +1,4 @@
-"""The released toolbox's own plugin classes, recorded step by step, against the toolbox stepping."""
+"""Checks of the toolbox stepping against recorded outputs of the released toolbox's plugin classes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COLUMNS = {
     "mot1_pos": "motor_1_position", "mot1_vel": "motor_1_velocity", "mot1_effort": "motor_1_effort",
     "mot2_pos": "motor_2_position", "mot2_vel": "motor_2_velocity", "mot2_effort": "motor_2_effort",
 }  # fmt: skip
-"""Recorded column -> ours."""
+"""Names of asrsim's quantities by recorded column."""
 URDF = """<robot name="bench"><link name="base"/><link name="link"><inertial><mass value="1"/>
 <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="joint" type="continuous"><parent link="base"/><child link="link"/><axis xyz="0 0 1"/></joint>
@@ -27,7 +27,7 @@ URDF = """<robot name="bench"><link name="base"/><link name="link"><inertial><ma
 
 
 def oracle() -> Iterator[Check]:
-    """Every defined column of every recorded case, by actuator and mode."""
+    """Errors of all defined columns of all recorded cases, by actuator and mode."""
     description = json.loads((DATA / "oracle.json").read_text(encoding="utf-8"))
     worst: dict[tuple[str, int], list[float]] = {}
     with np.load(DATA / "oracle.npz") as tables:
@@ -40,7 +40,7 @@ def oracle() -> Iterator[Check]:
 
 
 def distance(case: Mapping[str, Any], table: Array, columns: list[str]) -> float:
-    """Largest relative error of a case; sums that cancel are judged by their larger term."""
+    """Largest relative error of a case. For sums that cancel, the error is relative to the larger term."""
     tags = "".join(f"<{tag}>{value!r}</{tag}>" for tag, value in case["tags"].items())
     robot = read(URDF.format(plugin=case["plugin"], mode=case["mode"], tags=tags))
     first_step = case["t_start"] + case["dT"] if case["t_start"] else None

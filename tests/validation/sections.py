@@ -1,4 +1,4 @@
-"""All checks with their explanations, in the order of the document."""
+"""All checks with explanations, in the order of docs/validation.md."""
 
 from __future__ import annotations
 

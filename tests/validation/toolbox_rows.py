@@ -1,4 +1,4 @@
-"""The toolbox stepping's step of a joint, driven row by row: link motion and references in, torques and motor states out."""
+"""Row-by-row driver of a joint with toolbox stepping: link motion and references in, torques and motor states out."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ OUTPUTS = (
     "link_torque", "elastic_torque_1", "elastic_torque_2", "stiffness",
     "motor_1_position", "motor_1_velocity", "motor_1_effort", "motor_2_position", "motor_2_velocity", "motor_2_effort",
 )  # fmt: skip
-"""Outputs, as the released code publishes them: in modes without a spring, NaN for springs and 0 for motors."""
+"""Names of the outputs. As in the released code, modes without a spring give NaN for springs and 0 for motors."""
 
 
 def toolbox_rows(robot: Robot, time: Array, motion: Array, first_step: float | None) -> dict[str, Array]:
-    """Output -> values (n,) of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
+    """Values (n,) of each output of the robot's only joint. motion: (n, 4) position, velocity, first and second reference."""
     (drive,) = make_drives(robot, STEPPINGS.get("toolbox"), initial_positions={}, link_damping={})
     shape = shape_of([drive], [None])
     kinds, constants = tables([drive], [None], shape, motor_substeps=1, cutoff=False)
@@ -76,7 +76,7 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: Sequence
 
 
 def steps_of(time: Array, first: float | None) -> list[float]:
-    """Length of each row's step in s, without the rounding errors of the times; the first is as long as the second."""
+    """Step of each row without the rounding errors of the times, s. By default, the first step equals the second."""
     if len(time) < 2:
         return [first if first is not None else (float(time[0]) or 1e-3)]
     rounding = 4.0 * float(np.spacing(np.max(np.abs(time))))
@@ -90,6 +90,6 @@ def steps_of(time: Array, first: float | None) -> list[float]:
 
 
 def _simplest(step: float, rounding: float) -> float:
-    """The decimal number with the fewest digits within `rounding` of `step`."""
+    """Decimal number with the fewest digits that differs from `step` by at most `rounding`."""
     candidates = (float(f"{step:.{digits}g}") for digits in range(1, 17))
     return next((one for one in candidates if abs(one - step) <= rounding), step)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -162,6 +164,7 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"render_mode": "rgb_array", "size": 0}, "1 to 8192 pixels"),
         ({"act": ("reference_1",)}, "no joint has a reference"),
         ({"control_rate": 300}, "not a whole number of steps"),
+        ({"control_rate": math.nan}, "must be above 0 Hz"),
         ({"tip": ("hand", (0, 0, 0))}, "has no link 'hand'"),
         ({"randomise": {"link_9.mass": [1]}}, "no key, joint or link"),
         ({"randomise": {"step": [0.001]}}, "read anew"),
@@ -181,8 +184,9 @@ def test_wrong_arguments_are_refused(scenario, options, message):
         make_env(scenario, **options)
 
 
-def test_a_reward_that_is_no_number_is_refused(scenario):
-    env = make_env(scenario, reward=lambda _: None)
+@pytest.mark.parametrize("reward", [None, math.nan])
+def test_a_reward_that_is_no_number_is_refused(scenario, reward):
+    env = make_env(scenario, reward=lambda _: reward)
     env.reset()
     with pytest.raises(asrsim.InputError, match="reward: must return a number"):
         env.step(np.zeros(2))

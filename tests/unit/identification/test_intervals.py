@@ -142,6 +142,16 @@ def test_a_product_of_three_that_alone_is_known_is_found_whatever_its_parts_size
     assert np.prod(np.array(values) ** known) == pytest.approx(one.value)
 
 
+@pytest.mark.parametrize(("unit", "text", "value"), [("kg", "a + b", 3.0), ("1", "a * b", 2.25), ("m", "a * b", 2.25)])
+def test_equal_changes_are_a_sum_of_masses_but_a_product_of_gains(unit: str, text: str, value: float) -> None:
+    parameters = [Parameter(key=key, unit=unit, start=1.5, low=1e-3, high=1e3, logarithmic=True) for key in "ab"]
+    slopes = 1e3 * np.outer(np.sin(np.linspace(0.0, 9.0, 200)), [1.0, 1.0])
+    problem = modelled(lambda x: slopes @ x, parameters, 200)
+    found = uncertainty(problem, np.zeros(2), [False] * 2, foreseen=True)
+    (one,) = combinations(problem, np.zeros(2), found, [0, 1])
+    assert (sorted(one.text.split()), one.value) == (sorted(text.split()), pytest.approx(value))
+
+
 def test_where_a_joint_sticks_nothing_is_known_that_is_not():
     """Two entries of which only the difference is told, at a corner that lies in their difference."""
     time = np.linspace(0.0, 1.0, 200)

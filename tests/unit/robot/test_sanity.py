@@ -242,6 +242,8 @@ SCENARIOS = {
     "long-delay of the run": "effects: {commands: {elbow: {delay: 1.5}}}",
     "ratio-without-inertia": "link_damping: {elbow: {ratio: 0.1}}",
     "undersampled-sine": "references: {elbow: {equilibrium_position: {sinusoid: {amplitude: 0.1, frequency: 501}}}}",
+    "undersampled-sine that is scaled and delayed": "references: {elbow: {equilibrium_position: {scale: {by: 2, of: "
+    "{delay: {by: 0.1, of: {sinusoid: {amplitude: 0.1, frequency: 501}}}}}}}}",
     "undersampled-sine in a sum": "references: {elbow: {equilibrium_position: {sum: [0.1, "
     "{chirp: {amplitude: 0.1, from: 1, to: 600, duration: 1}}]}}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from asrsim.document.block import declare
 from asrsim.document.kinds import Number
 from asrsim.errors import InputError, ScenarioError
+from asrsim.samples import grid
 from asrsim.signals import SIGNALS, Chirp, Constant, Delay, Multisine, Signal, Sinusoid, Step, parse_signal
 from asrsim.signals.common import interpolate
 
@@ -120,6 +121,20 @@ def test_a_delayed_jump_at_the_edge_of_a_window_is_in_it(by):
     assert place == pytest.approx(1.0 + by)
     for window in ((place, 2.0), (0.5, place), (place, place)):
         assert late.jumps(*window).tolist() == [place]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"pulse_train": {"high": 1, "period": 0.05, "width": 0.02, "start": 0.1}},
+        {"delay": {"by": 0.005, "of": {"waypoints": {"points": [[0, 0], [0.1, 1], [0.2, 0]], "interpolation": "hold"}}}},
+    ],
+)
+def test_edges_at_the_time_of_a_step_belong_to_it(data):
+    """0.1 + 0.02 is larger than 0.12 in floating point."""
+    signal, time = parse_signal(data), grid(0, 1000, 1e-3)
+    edges = np.flatnonzero(np.diff(signal.values(time))) + 1
+    assert time[edges].tolist() == signal.jumps(1e-9, 0.999).tolist()
 
 
 def test_sum_unites_jumps_and_delay_and_scale_carry_them():

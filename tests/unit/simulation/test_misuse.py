@@ -10,6 +10,7 @@ import pytest
 import asrsim
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, InputError, SimulationError
+from asrsim.signals import Constant
 
 INSTALLED = [name for name in ("bullet", "mujoco") if ENGINES.get(name).available]
 
@@ -37,6 +38,11 @@ def simulation(request: pytest.FixtureRequest, tiny):
         (lambda one: one.reset({"elbow": 99.0}), InputError, "initial.elbow: lies outside the limits of 'elbow'"),
         (lambda one: one.reset(velocities={"elbow": float("inf")}), InputError, "velocities.elbow: must be a finite number"),
         (lambda one: one.reset(parameters={"elbow": {"damping": -1.0}}), AsrsimError, "must be at least 0"),
+        (lambda one: one.reset(parameters={"elbow": {"damping": math.nan}}), AsrsimError, "must be a number"),
+        (lambda one: one.reset(motors={"elbw": [0.1]}), InputError, "motors.elbw: .* Did you mean 'elbow'"),
+        (lambda one: one.reset(motors={"elbow": [math.nan]}), InputError, "motors.elbow: must be a list of finite"),
+        (lambda one: one.reset(motors={"elbow": [0.1, 0.2]}), InputError, "motors.elbow: has 2 values"),
+        (lambda one: one.set_reference("elbow", "equilibrium_position", "a"), InputError, "must be numbers"),
         (lambda one: one.samples, InputError, "create it with record=True"),
         (lambda one: one.reset({"a": 1.0}, velocities={"b": 1.0}), InputError, "(?s)initial.a.*velocities.b"),
     ],
@@ -68,6 +74,55 @@ def test_a_closed_simulation_says_so(simulation, call: str) -> None:
     with pytest.raises(SimulationError, match="is closed"):
         getattr(simulation, call)()
     simulation.close()
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda w: w.advance(worlds=[0, 0]), "different numbers from 0 to 2"),
+        (lambda w: w.advance(worlds=[0.7]), "different numbers"),
+        (lambda w: w.counts(-1), "different numbers"),
+        (lambda w: w.set_reference("elbow", "equilibrium_position", [0.1, 0.2]), "must be numbers of the shape"),
+        (lambda w: w.set_state({"elbow": [0.1, 0.2]}), "must be numbers of the shape"),
+        (lambda w: w.set_state({}, motors={"elbow": [[0.1], [0.2]]}), "must be numbers of the shape"),
+        (lambda w: w.set_state({"elbow": [0.1, 0.2, 99.0]}), "outside the limits"),
+        (lambda w: w.reset(asrsim.Start(references={"elbow": {"position": Constant(value=0.1)}})), "no reference 'position'"),
+        (lambda w: w.reset(asrsim.Start(references={"elbow": {"equilibrium_position": 0.1}})), "must be a signal"),
+        (lambda w: w.reset([]), "one start for each world"),
+        (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
+    ],
+)
+def test_worlds_refuse_what_they_cannot_do(tiny, call, said) -> None:
+    with asrsim.Worlds(tiny.scenario, 3) as worlds:
+        worlds.advance(2)
+        before = worlds.observe()
+        with pytest.raises(InputError, match=said):
+            call(worlds)
+        np.testing.assert_array_equal(worlds.observe().link_position, before.link_position)
+
+
+def test_a_table_of_references_may_change_between_resets(tiny) -> None:
+    references = {"elbow": {"equilibrium_position": Constant(value=0.0)}}
+    with asrsim.Worlds(tiny.scenario, 1) as worlds:
+        for value in (0.1, 0.3):
+            references["elbow"]["equilibrium_position"] = Constant(value=value)
+            worlds.reset(asrsim.Start(references=references))
+            worlds.advance(1)
+            assert worlds.read(["reference_1"])["reference_1"] == value
+
+
+def test_each_world_has_its_own_motor_start(tiny) -> None:
+    """One number for each world, of a joint with one motor."""
+    with asrsim.Worlds(tiny.scenario, 3, overrides={"modes.elbow": 6}) as worlds:
+        worlds.set_state({}, motors={"elbow": [0.1, 0.2, 0.3]})
+        assert worlds.read(["motor_1_position"])["motor_1_position"][:, 0].tolist() == [0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("ranges", [{"elbw": {"equilibrium_position": (0.0, 1.0)}}, {"elbow": {"position": (0.0, 1.0)}},
+                                    {"elbow": {"equilibrium_position": (1.0, 0.0)}}])  # fmt: skip
+def test_wrong_ranges_are_refused(tiny, ranges) -> None:
+    with pytest.raises(AsrsimError, match=r"elbw|no such reference|smallest value first"):
+        asrsim.Simulation(tiny.scenario, ranges=ranges)
 
 
 def test_scenarios_are_asked_for_one_by_one(tiny) -> None:
