@@ -123,7 +123,7 @@ def follow(
         if joint in positions:
             measured[:, j] = resample(positions[joint].time - lag, positions[joint].values, time)
         else:
-            notes.append(f"{joint}: no position is recorded: its twin runs free")
+            notes.append(f"{joint}: no position is recorded, so its twin is not corrected")
     commands = _commands(ready, columns, time, notes)
     notes += _clocks(ready, commands, measured, time)
     tables = {name: np.full(measured.shape, np.nan) for name in FIELDS}

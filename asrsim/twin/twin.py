@@ -143,7 +143,7 @@ class Twin:
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
         """Estimates after one further step.
 
-        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position runs free.
+        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
         commands: joint -> value of its first reference from now on, or name of a reference -> value.
         """
         notes: list[str] = []
@@ -255,7 +255,7 @@ class Twin:
         self._missing = (self._missing + 1) * (positions != positions)
         if self._missing.any():
             for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
-                self._note(f"{self.joints[joint]}: no position is measured: its twin runs free", notes)
+                self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
 
     def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
         read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state

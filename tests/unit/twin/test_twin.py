@@ -145,7 +145,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
     assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
     assert [note.partition(":")[0] for note in notes] == ["joint_1", "joint_2"]
     assert "not finite" in notes[0]
-    assert "runs free" in notes[1]
+    assert "not corrected" in notes[1]
 
 
 def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
