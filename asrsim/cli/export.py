@@ -16,7 +16,9 @@ from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file
 def export(
     scenario: Scenario,
     to: Annotated[str, typer.Option("--to", metavar="mjcf", help="Format of the file.")] = "mjcf",
-    out: Annotated[Path, into_file("The model; meshes, picture and ranges are put beside it.", ".xml")] = Path("soft.xml"),
+    out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(
+        "soft.xml"
+    ),
     knots: Annotated[
         int | None,
         typer.Option(

@@ -79,7 +79,7 @@ def _faults(limits: Limits, path: Path) -> Iterator[Problem]:
         if sensor not in limits.noise:
             hint = f"Add to `noise`: {sensor}: its standard deviation"
             yield Problem(
-                "has no noise: the information that it would give is unknown",
+                "has no noise level, so the information that it gives is unknown",
                 file=path,
                 key=f"choose.{sensor}",
                 hint=hint,

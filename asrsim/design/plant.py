@@ -102,7 +102,7 @@ class Plant:
         """Steps between samples."""
         self.presets = np.array([one.slot == 1 for one in self.references])
         self.own = np.array([[bound.joint == one.joint for bound in self.bounds] for one in self.references])
-        """(references, bounds) whether a limit belongs to the reference's joint."""
+        """Mask (references, bounds): whether a limit belongs to the reference's joint."""
 
     def close(self) -> None:
         """Release the engines."""

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from asrsim.design.run import WANTED, Design
-from asrsim.identification.write import placed
 from asrsim.outfile import csv_text, write_text
 from asrsim.plots.output import save_figure, styled
-from asrsim.scenario.starter import relative_path
+from asrsim.scenario.starter import relocated
 
 MARK = "# asrsim design: references of an experiment"
 
@@ -31,20 +30,10 @@ def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
 
 
 def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
-    folder, base, files = path.parent.absolute(), found.task.scenario.parent.absolute(), found.scenario.attachments
-
-    def place(name: str) -> str:
-        return relative_path(files.get(name, base / name), folder)
-
-    data: dict[str, Any] = placed(dict(found.scenario.resolved), place)
-    if isinstance(data.get("robot"), str):
-        data["robot"] = place(data["robot"])
-    for key in ("name", "variant", "expect"):
-        data.pop(key, None)
-    references = {joint: dict(signals) for joint, signals in (data.get("references") or {}).items()}
+    data = relocated(found.scenario, found.task.scenario.parent.absolute(), path.parent.absolute())
+    references, parameters = data.get("references") or {}, data.get("parameters") or {}
     for one in found.references:
         references.setdefault(one.joint, {})[one.name] = {"playback": {"file": motion.name, "column": one.heading}}
-    parameters = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
     for key, value in found.gains.items():
         joint, _, name = key.rpartition(".")
         parameters.setdefault(joint, {})[name] = value

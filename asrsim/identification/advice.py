@@ -28,13 +28,13 @@ LONGEST = 600
 def _moved(result: Result) -> dict[str, dict[str, Any]]:
     """Range of positions (rad, m), largest speed and bandwidth (Hz) of each joint over all recordings."""
     found: dict[str, dict[str, Any]] = {}
-    for one in (one for channels in result.series for one in channels if one["key"].endswith("position")):
-        joint = found.setdefault(one["key"].rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
-        time, values = one["time"], one["recorded"] if one["after"] is None else one["after"]
+    for one in (one for one in result.channels if one.key.endswith("position")):
+        joint = found.setdefault(one.key.rpartition(".")[0], {"low": np.inf, "high": -np.inf, "speed": 0.0, "band": 0.0})
+        time, values = one.lines["time"], one.lines.get("after", one.lines["recorded"])
         speed, band = np.gradient(values, time), bandwidth(time, values)
         joint["low"], joint["high"] = min(joint["low"], float(values.min())), max(joint["high"], float(values.max()))
         joint["speed"], joint["band"] = max(joint["speed"], float(np.abs(speed).max())), max(joint["band"], band)
-        joint["unit"] = one["unit"]
+        joint["unit"] = one.unit
     return found
 
 
@@ -97,13 +97,14 @@ def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
         }
         for joint, was in moved.items()
     }
-    steps = [float(np.median(np.diff(one["time"]))) for channels in result.series for one in channels]
+    steps = [float(np.median(np.diff(one.lines["time"]))) for one in result.channels]
     data = {"limits": bounds, "noise": noise, "rate": round(1.0 / min(steps)), **({"choose": choose} if choose else {})}
     path, task = folder / LIMITS, result.task
     with written(path, "limits") as stream:
         head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
         stream.write((head + yaml.safe_dump(data, sort_keys=False)).encode())
-    duration = sum(max(float(one["time"][-1]) for one in channels) for channels in result.series)
+    ends = [max(float(one.lines["time"][-1]) for one in result.channels if one.track == i) for i in range(len(result.ends))]
+    duration = sum(ends)
     longer = max((min((one.margin / CLOSE) ** 2, 4.0) for one in unknown if one.verdict == WEAK), default=2.0)
     words = ["asrsim", "design", str(task.file or task.scenario)]
     if task.file is None:

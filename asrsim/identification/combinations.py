@@ -30,9 +30,9 @@ AXES, ABOUT = ("ixx", "iyy", "izz"), 0.1
 """Moments of inertia about the axes; largest distance of an exponent from that of an inertia about the joint."""
 
 
-def percent(share: float, sign: str = "") -> str:
-    """Fraction as a percentage with two digits. sign: `+` shows the sign of positive numbers too."""
-    return f"{float(f'{100.0 * share:.2g}'):{sign}g} %"
+def percent(share: float) -> str:
+    """Fraction as a percentage with two digits."""
+    return f"{float(f'{100.0 * share:.2g}'):g} %"
 
 
 def relative(layout: Layout, x: Array, jacobian: Array) -> tuple[Array, Array]:

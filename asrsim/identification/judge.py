@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -60,16 +59,16 @@ class ChannelFit:
     """Whether the prediction moves against the record: the sign may be wrong."""
     held_moves: bool = True
     """Whether anything moves in the held-out part."""
+    track: int = 0
+    """Index of the recording."""
+    lines: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
+    """(n,) time, recorded, before and after; without a prediction if the simulation diverges."""
 
     @property
     def is_exact(self) -> bool:
         """Whether the errors are negligible: far below the noise, as for a simulated log, or below any sensor's accuracy."""
         left = float(np.nanmax([self.after, self.held_after, 0.0]))
         return is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {name: None if isinstance(v, float) and np.isnan(v) else v for name, v in vars(self).items()}
 
 
 def faults(channel: Channel, left: Array, moved: Array | None = None) -> Iterator[str]:
@@ -118,11 +117,15 @@ def _left(problem: Problem, x: Array) -> Iterator[tuple[Channel, Array | None]]:
 def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors) -> list[ChannelFit]:
     """Errors of each channel. before, after: residuals over whole recordings; shaken: changes due to noise of the commands."""
     found = []
-    for track, end, old, new, moved in zip(problem.tracks, problem.ends, before, after, shaken, strict=True):
+    rows = zip(problem.tracks, problem.ends, before, after, shaken, strict=True)
+    for number, (track, end, old, new, moved) in enumerate(rows):
         for i, channel in enumerate(track.channels):
             count = 0 if track.data.held else int(np.sum(channel.time <= end + 1e-9))
             missing = np.full(len(channel.time), np.nan)
-            was, left = (missing if rows is None else rows[i] for rows in (old, new))
+            was, left = (missing if known is None else known[i] for known in (old, new))
+            lines = {"time": channel.time, "recorded": channel.values}
+            predictions = (("before", old, was), ("after", new, left))
+            lines |= {label: error + channel.values for label, known, error in predictions if known is not None}
             change = None if moved is None else moved[i]
             judged = new is not None and count > 10
             spread = float(np.var(channel.values))
@@ -138,6 +141,7 @@ def channel_fits(problem: Problem, before: Errors, after: Errors, shaken: Errors
                     steps=channel.quantum / float(np.sqrt(3.0)),
                     opposed=new is not None and _opposed(channel.values + left, channel.values),
                     held_moves=count < len(left) and float(np.ptp(channel.values[count:])) > MOVES * channel.floor,
+                    track=number, lines=lines,
                 )
             )  # fmt: skip
     return found

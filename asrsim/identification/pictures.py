@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asrsim.identification.judge import ChannelFit
 from asrsim.identification.result import Result
 from asrsim.plots.output import save_figure, styled
 
@@ -32,31 +33,34 @@ def draw(result: Result, folder: Path, formats: Sequence[str] = ("png",)) -> lis
 
 def figures(result: Result) -> dict[str, Figure]:
     """Name -> figure of a recording; call it inside `asrsim.plots.output.styled`."""
-    found, names = {}, list(dict.fromkeys(one.recording for one in result.channels))
-    for name, channels, end in zip(names, result.series, result.ends, strict=True):
-        found[f"overlay_{Path(name).stem}" if len(names) > 1 else "overlay"] = _overlay(channels, end, name)
+    found: dict[str, Figure] = {}
+    for number, end in enumerate(result.ends):
+        channels = [one for one in result.channels if one.track == number]
+        name = f"overlay_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
+        # Recordings in different folders may have the same name.
+        found[f"{name}_{number + 1}" if name in found else name] = _overlay(channels, end)
     return found
 
 
-def _overlay(channels: Sequence[Any], end: float, name: str) -> Figure:
+def _overlay(channels: Sequence[ChannelFit], end: float) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12.0, 2.3 * len(channels) + 0.4), layout="constrained")
     axes = figure.subplots(len(channels), 2, squeeze=False, sharex=True, width_ratios=(3, 2))
     for one, (left, right) in zip(channels, axes, strict=True):
-        time, recorded, after = one["time"], one["recorded"], one["after"]
+        time, recorded = one.lines["time"], one.lines["recorded"]
         for label, style in LINES:
-            if one[label] is not None:
-                left.plot(time, one[label], label=label, **style)
+            if label in one.lines:
+                left.plot(time, one.lines[label], label=label, **style)
         low, high = float(np.min(recorded)), float(np.max(recorded))
-        left.set(ylabel=f"{one['key']}\n[{one['unit']}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
-        if after is not None:
-            right.plot(time, after - recorded, color="C0", linewidth=0.5)
+        left.set(ylabel=f"{one.key}\n[{one.unit}]", ylim=(1.35 * low - 0.35 * high, 1.35 * high - 0.35 * low))
+        if "after" in one.lines:
+            right.plot(time, one.lines["after"] - recorded, color="C0", linewidth=0.5)
         for axis in (left, right):
             # Shade the part that was predicted but not fitted.
             if end < time[-1] - 1e-9:
                 axis.axvspan(max(end, float(time[0])), float(time[-1]), color="C2", alpha=0.12, label="held out", linewidth=0)
-    axes[0, 0].set_title(name, fontsize="medium")
+    axes[0, 0].set_title(channels[0].recording, fontsize="medium")
     axes[0, 1].set_title("predicted minus recorded", fontsize="medium")
     axes[0, 0].legend(fontsize="x-small", ncols=4, loc="upper right")
     for axis in axes[-1]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from asrsim.identification.combinations import Combination
 from asrsim.identification.judge import ChannelFit
@@ -47,8 +46,6 @@ class Result:
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
     """End of each recording's training part, s."""
-    series: tuple[tuple[Mapping[str, Any], ...], ...] = field(repr=False)
-    """By recording and channel: time, recorded, before, after."""
     scenario: Scenario = field(repr=False)
     robot: Robot = field(repr=False)
     whole: bool = False

@@ -124,7 +124,7 @@ def _judged(setup: Setup, best: Best, before: Errors, status: str, watch: Watch,
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, best)), evaluations=problem.meter.evaluations,
         seconds=clock.perf_counter() - watch.began, how=best.how, attempts=best.attempts, successes=best.successes,
-        status=status, x=x, layout=final.layout, ends=problem.ends, series=tuple(_series(problem, before, after)),
+        status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
         played={
             c.source: "hold" if c.hold or c.key in problem.held else "smooth"
@@ -190,16 +190,3 @@ def _remarks(setup: Setup, best: Best) -> Iterator[str]:
                 f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
                 "scenario, in motion, or at a measured position"
             )
-
-
-def _series(problem: Problem, before: Errors, after: Errors) -> Iterator[tuple[dict[str, Any], ...]]:
-    """Curves for the picture of each channel, by recording."""
-    for track, old, new in zip(problem.tracks, before, after, strict=True):
-        yield tuple(
-            {
-                "key": channel.key, "unit": channel.unit, "time": channel.time, "recorded": channel.values,
-                "before": None if old is None else old[i] + channel.values,
-                "after": None if new is None else new[i] + channel.values,
-            }
-            for i, channel in enumerate(track.channels)
-        )  # fmt: skip

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators import MODES
 from asrsim.identification.combinations import UNKNOWN, Combination, combinations, percent, relative
 from asrsim.identification.layout import Entry, Layout
 from asrsim.identification.problem import Problem
@@ -28,6 +27,12 @@ VANISHED = 0.01
 """Fraction of its start value below which a positive parameter without effect has vanished."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
 """Last parts of keys of positions, zeros and delays, whose relative error is meaningless."""
+LACKING = (
+    ("motor", "motor", "motors have no dynamics"),
+    ("controller", "controller", "there is no controller"),
+    (("spring", "max_deflection", "hysteresis"), "spring", "there is no spring"),
+)
+"""First words of a parameter's name, part of the mode that it belongs to, and what is said where the mode lacks this part."""
 
 
 @dataclass(frozen=True)
@@ -151,12 +156,9 @@ def _reason(entry: Entry, norm: float, track: Track) -> str:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
     joint, _, name = entry.parameter.key.rpartition(".")
     drive = next((one for one in track.door.drives if one.name == joint), None)
-    if drive is not None and drive.mode is not None:
-        mode = MODES[drive.mode.number]
-        if name.startswith("motor") and not mode.motor:
-            return f"motors have no dynamics in mode {mode.number} ({mode.name})"
-        if name.startswith("controller") and not mode.controller:
-            return f"mode {mode.number} ({mode.name}) has no controller"
-        if name.startswith(("spring", "max_deflection", "hysteresis")) and not mode.spring:
-            return f"mode {mode.number} ({mode.name}) has no spring"
+    mode = drive.mode if drive else None
+    if mode is not None:
+        for words, part, missing in LACKING:
+            if name.startswith(words) and not getattr(mode, part):
+                return f"{missing} in mode {mode.number} ({mode.name})"
     return "no compared channel depends on it"

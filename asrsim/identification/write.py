@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES, physical
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.starter import relative_path
+from asrsim.scenario.starter import relative_path, relocated
 
 FIT, SCENARIO = "fit.json", "scenario.yaml"
 MARK = b"<!-- written by asrsim identify -->\n"
@@ -55,7 +55,7 @@ def as_dict(result: Result) -> dict[str, Any]:
         ],
         "names": [one.name for one in result.estimates],
         "correlation": np.round(result.correlation, 4).tolist(),
-        "channels": [_finite(one.as_dict()) for one in result.channels],
+        "channels": [_finite({name: value for name, value in vars(one).items() if name != "lines"}) for one in result.channels],
         "training_ends": list(result.ends),
         "search": {
             "how": result.how, "attempts": result.attempts, "successes": result.successes, "evaluations": result.evaluations,
@@ -150,13 +150,12 @@ def _scenario_text(
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 
-    base, files = result.task.scenario.parent.absolute(), result.scenario.attachments
-    moved = placed(result.scenario.resolved, lambda name: relative_path(files.get(name, base / name), path.parent.absolute()))
-    data = {key: value for key, value in _as_played(moved, result.played).items() if key not in ("name", "variant", "expect")}
+    base, folder = result.task.scenario.parent.absolute(), path.parent.absolute()
+    data = _as_played(relocated(result.scenario, base, folder), result.played)
     given = result.scenario.resolved.get("robot")
     packages = {"packages": given["packages"]} if isinstance(given, Mapping) and "packages" in given else {}
-    data["robot"] = {"file": relative_path(robot, path.parent), **packages} if packages else relative_path(robot, path.parent)
-    data["parameters"] = {joint: dict(values) for joint, values in (data.get("parameters") or {}).items()}
+    data["robot"] = {"file": relative_path(robot, folder), **packages} if packages else relative_path(robot, folder)
+    data["parameters"] = data.get("parameters") or {}
     for block in result.robot.actuators:
         own = {name: float(f"{v:.9g}") for name, v in changes.get(block.joint, {}).items() if name in block.parameters}
         if own:
@@ -174,16 +173,6 @@ def _scenario_text(
         *(f"# The model does not fit: {text}" for text in result.misfit),
     ]
     return "\n".join(lines) + "\n" + yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-
-
-def placed(data: Any, place: Callable[[str], str]) -> Any:
-    """Data in which `place` has changed the paths of all files."""
-    if isinstance(data, Mapping):
-        return {
-            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else placed(value, place)
-            for key, value in data.items()
-        }
-    return [placed(value, place) for value in data] if isinstance(data, list) else data
 
 
 def _as_played(data: Any, columns: Mapping[str, str]) -> Any:

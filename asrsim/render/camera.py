@@ -83,7 +83,7 @@ def fitting_aspect(points: Array, towards: Array) -> float:
 def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
     """Nearest camera in the direction `towards` that sees all points.
 
-    points: (k, 3) m; towards: (3,) from the scene to the camera; aspect: width / height of the picture.
+    points: (k, 3) m; towards: direction (3,) from the scene to the camera; aspect: width / height of the picture.
     """
     right, up, forward = view_axes(-towards)
     tangent = np.tan(np.radians(FIELD / 2)) / MARGIN

@@ -170,7 +170,7 @@ def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
 
 
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: references and ranges that the joint's mode, or the mode of every joint, does not have."""
+    """Errors of references and ranges that do not exist in the mode of the joint, or, under `*`, in the mode of any joint."""
     blocks = {block.joint: block for block in robot.actuators}
     for section, tables in (("references", scenario.references), ("reference_ranges", scenario.reference_ranges)):
         more = ("external_torque",) if section == "reference_ranges" else ()

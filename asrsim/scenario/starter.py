@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -343,6 +343,31 @@ def write_new(path: Path, text: str, *, force: bool) -> None:
         raise OutputError(f"{path} exists: use --overwrite to replace it, or --out to choose another file")
     make_folder(path.parent)
     write_text(path, text, "schema", replace=force)
+
+
+def relocated(scenario: Scenario, base: Path, folder: Path) -> dict[str, Any]:
+    """Copy of a scenario's data for a file in another folder: with changed paths, and without name, variant and claims.
+
+    base: folder of the scenario's file.
+    """
+
+    def place(name: str) -> str:
+        return relative_path(scenario.attachments.get(name, base / name), folder)
+
+    data = _placed(scenario.resolved, place)
+    if isinstance(data.get("robot"), str):
+        data["robot"] = place(data["robot"])
+    return {key: value for key, value in data.items() if key not in ("name", "variant", "expect")}
+
+
+def _placed(data: Any, place: Callable[[str], str]) -> Any:
+    """Copy of data in which `place` has changed the paths of all files."""
+    if isinstance(data, Mapping):
+        return {
+            key: place(value) if key in ("file", "manager", "against") and isinstance(value, str) else _placed(value, place)
+            for key, value in data.items()
+        }
+    return [_placed(value, place) for value in data] if isinstance(data, list) else data
 
 
 def relative_path(target: Path, folder: Path) -> str:

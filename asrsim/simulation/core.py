@@ -187,7 +187,7 @@ class Core:
     # -- running ----------------------------------------------------------------------------------------------------
 
     def taken(self, given: Given) -> Given:
-        """The inputs as :meth:`run` takes them: in plain Python, lists, except for the arrays that the engine receives."""
+        """Inputs in the form that `run` takes: lists in plain Python, except for the arrays that the engine receives."""
         if given.cuts.size:
             self._pieces = max(self._pieces, int((given.cuts[..., 2] - given.cuts[..., 1]).max()))
         if self.compiled:

@@ -74,16 +74,14 @@ def run(
 ) -> None:  # fmt: skip
     """Advance worlds by `count` substeps.
 
-    which: (m, 4) the worlds, and for each its set of inputs and references, its place in `out`, and its set of wrenches,
-    lengths and cuts; first: row of the inputs at which the call begins; every: rows are recorded at multiples of so many
-    substeps;
-    watched: 1 if energies, limits and the stiffness of the springs are found, 0 if nobody asks for them;
-    done: (worlds,) substeps that each world has done; fault: (worlds, 2) its health, and a joint; states, constants: (worlds,
-    joints, ...) S and P of :mod:`asrsim.simulation.layout`, kinds: (joints, ...) K, z: the stepping's numbers; engine_states:
-    (worlds, ...); inputs, references, wrenches, lengths, cuts: see :class:`asrsim.simulation.inputs.Given`; exchange: (pieces,
-    joints, 5) with the engine, whose step is at the address `engine` and takes the `record`; columns: of S that
-    are recorded, out: (m, rows, joints, columns) to where; rows, given: (worlds, joints, ...) take the last recorded row of
-    each world, and its references.
+    which: a row (m, 4) for each world to advance: index of the world, of its inputs and references, of its part of `out`, and
+    of its wrenches, lengths and cuts; first: first row of the inputs; every: number of substeps between recorded rows;
+    watched: 1 to compute energies, limits and spring stiffness, otherwise 0; done: number (worlds,) of completed substeps;
+    fault: health and faulty joint (worlds, 2); states, constants: S and P (worlds, joints, ...) of `asrsim.simulation.layout`;
+    kinds: K (joints, ...); z: numbers of the stepping; engine_states: state of the engine (worlds, ...); inputs, references,
+    wrenches, lengths, cuts: see `asrsim.simulation.inputs.Given`; exchange: data (pieces, joints, 5) shared with the engine;
+    engine: address of the engine's step function, which receives `record`; columns: recorded columns of S; out: recorded
+    values (m, rows, joints, columns); rows, given: last recorded row and references of each world (worlds, joints, ...).
     """
     for chosen in range(len(which)):
         w, own_set, place, timing = which[chosen][0], which[chosen][1], which[chosen][2], which[chosen][3]

@@ -40,8 +40,8 @@ def one_scenario(scenario: str | Path | Scenario, *, variant: str | None = None,
     if not isinstance(scenario, Scenario):
         return only_variant(load_scenario(scenario, variant=variant, overrides=overrides))
     if variant not in (None, scenario.variant) or overrides:
-        message = "a scenario that is made already takes no variant and no overrides"
-        raise InputError(message, hint="Give them where it is made", code="usage")
+        message = "variant and overrides are not allowed with a Scenario object"
+        raise InputError(message, hint="Give them when the scenario is loaded", code="usage")
     return scenario
 
 
@@ -226,7 +226,7 @@ def check_inertia(drives: Sequence[SteppedJoint], mass: Array) -> None:
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
-    """Joint positions at which the mass matrix counts: the initial ones and some within the limits."""
+    """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
     # The standard library's generator, since importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.errors import DivergenceError, RecordingError
+from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plots.output import save_figure, styled
@@ -18,19 +19,22 @@ from asrsim.recordings import Column, read_recording, resample
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array
 from asrsim.scenario.overrides import override_texts
+from asrsim.signals.sampled import Sampled
 from asrsim.simulation.drives import references_of
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.worlds import Start, Worlds
 from asrsim.twin.twin import Twin
 
 MARK = "# asrsim twin: what acted on the robot"
 APART = 0.02
 """Time between the clocks of positions and commands from which a note is given, s."""
+LONGEST = 60.0
+"""Time from the start in which the clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
 """Fields of a twin's step that are kept."""
-Commands = Mapping[tuple[str, str], Array]
-"""(joint, reference) -> values (n,)."""
+Commands = Mapping[str, Mapping[str, Array]]
+"""Joint -> reference -> values (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,8 +123,8 @@ def follow(
         if joint in positions:
             measured[:, j] = resample(positions[joint].time - lag, positions[joint].values, time)
         else:
-            notes.append(f"{joint}: no position is recorded: its twin runs free")
-    commands = dict(_commands(ready, columns, time, notes))
+            notes.append(f"{joint}: no position is recorded, so its twin is not corrected")
+    commands = _commands(ready, columns, time, notes)
     notes += _clocks(ready, commands, measured, time)
     tables = {name: np.full(measured.shape, np.nan) for name in FIELDS}
     done = 0
@@ -128,7 +132,7 @@ def follow(
         while done < len(time) and not (done % 200 == 0 and stop()):
             if done % 200 == 0:
                 progress(done / len(time))
-            found = twin.step(measured[done], _at(commands, done))
+            found = twin.step(measured[done], {joint: {k: v[done] for k, v in own.items()} for joint, own in commands.items()})
             for name, table in tables.items():
                 table[done] = getattr(found, name)
             notes += [f"{time[done]:.3f} s: {note}" for note in found.notes]
@@ -140,18 +144,9 @@ def follow(
     )
 
 
-def _at(commands: Commands, k: int) -> dict[str, dict[str, float]]:
-    """Joint -> reference -> value at step k."""
-    found: dict[str, dict[str, float]] = {}
-    for (joint, reference), values in commands.items():
-        found.setdefault(joint, {})[reference] = float(values[k])
-    return found
-
-
-def _commands(
-    ready: Prepared, columns: Mapping[tuple[str, str], Column], time: Array, notes: list[str]
-) -> Iterator[tuple[tuple[str, str], Array]]:
-    """(joint, reference) and its values (n,), each of which is constant until the next."""
+def _commands(ready: Prepared, columns: Mapping[tuple[str, str], Column], time: Array, notes: list[str]) -> Commands:
+    """Recorded commands; each value is constant until the next."""
+    found = defaultdict[str, dict[str, Array]](dict)
     for drive in ready.drives:
         # An SEA has one reference in every mode.
         count = drive.actuator.motors + drive.actuator.adjuster if drive.actuator else 0
@@ -168,29 +163,30 @@ def _commands(
                 notes.append(f"{drive.name}: {text}: it follows the scenario")
                 continue
             at = np.searchsorted(stamps, time + 1e-9, side="right") - 1
-            yield (drive.name, reference), values[np.maximum(at, 0)]
+            found[drive.name][reference] = values[np.maximum(at, 0)]
+    return found
 
 
 def _clocks(ready: Prepared, commands: Commands, measured: Array, time: Array) -> Iterator[str]:
     """Notes on joints whose positions lag the commands by more or less than those of the model."""
     if not commands:
         return
-    moved = np.full_like(measured, np.nan)
-    with Simulation(ready, expected_substeps=10**6, duration=1e7) as simulation:
-        try:
-            for k in range(len(time)):
-                for (joint, reference), values in commands.items():
-                    simulation.set_reference(joint, reference, float(values[k]))
-                moved[k] = simulation.observe().link_position
-                simulation.advance()
-        except DivergenceError:
-            return
-    for j, joint in enumerate(simulation.joints):
-        found = estimate_lag(time, moved[:, j], time, measured[:, j], limit=min(1.0, 0.25 * float(time[-1] - time[0])))
+    count = min(len(time), round(LONGEST / ready.scenario.step))
+    time = time[:count] - time[0]
+    references = {
+        joint: {name: Sampled(times=time, samples=values[:count]) for name, values in own.items()}
+        for joint, own in commands.items()
+    }
+    with Worlds(ready, 1, watched=False) as worlds:
+        moved = worlds.rollout(["link_position"], start=Start(references=references), steps=count - 1)["link_position"][0]
+    if not np.isfinite(moved).all():
+        return
+    for j, drive in enumerate(ready.drives):
+        found = estimate_lag(time, moved[:, j], time, measured[:count, j], limit=min(1.0, 0.25 * float(time[-1])))
         if found is not None and abs(found.seconds) > APART:
             when = "later" if found.seconds > 0.0 else "earlier"
             text = f"its positions follow the commands {abs(found.seconds):.3g} s {when} than in the model"
-            yield f"{joint}: {text}: are their clocks apart? --lag {found.seconds:.3g} aligns them"
+            yield f"{drive.name}: {text}: are their clocks apart? --lag {found.seconds:.3g} aligns them"
 
 
 def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:

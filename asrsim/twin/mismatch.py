@@ -1,9 +1,10 @@
 """Errors of a twin's model, estimated while nothing touches the robot: a regression of the observed torque, with forgetting.
 
 The observed torque is the sum of the errors of spring, friction and damping, and of the external torque. An error on a motor
-reaches the link only through the spring, so the columns of the regression are the twin's spring torque that yielding motors
-leave, velocity and direction of the link, those of the motors as far as they reach the link, and a constant. The parts of all
-columns but the constant are subtracted from the observed torque.
+moves the motor, x: J x'' + D x' + (P + K) x = error, with the stiffness K of its spring and its controller's gains; the link
+feels K x. So the columns of the regression are the twin's spring torque less the motors' response to it, velocity and
+direction of the link, the motors' responses to their own, and a constant. They pass through the observer's response, as the
+torque did. The parts of all columns but the constant are subtracted from the observed torque.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.samples import Array
-from asrsim.twin.observer import filter_shares
+from asrsim.twin.observer import Response, filter_shares
 
 MEMORY = 5.0
 """Time of motion in which a row loses 63 % of its weight, s."""
@@ -30,8 +31,17 @@ COLUMNS = 6
 class Mismatch:
     """Regression of n joints."""
 
-    def __init__(self, joints: int, *, step: float, bandwidth: float, interval: float) -> None:
-        """step: in s; bandwidth: bandwidth of the observer, Hz; interval: time between rows of the regression, s."""
+    def __init__(self, motors: Array, *, step: float, bandwidth: float, interval: float) -> None:
+        """motors: inertia (kg m^2, infinite for a motor without dynamics), damping with the controller's (N m s/rad) and gain
+        of the controller (N m/rad), each (motors, n); step: in s; bandwidth: bandwidth of the observer, Hz; interval: time
+        between rows of the regression, s.
+        """
+        joints = motors.shape[2]
+        inertia, damping, self._gain = motors
+        self._step, self._kick, self._brake = step, step / inertia, 1.0 + step * damping / inertia
+        self._moved, self._speed = np.zeros((3, *inertia.shape)), np.zeros((3, *inertia.shape))
+        """Responses of the motors' positions and velocities to each kind of error."""
+        self._response = Response((joints, COLUMNS - 1), step=step, bandwidth=bandwidth)
         self._shares = filter_shares(step, bandwidth)[:, None, None]
         self._keep, self._interval = 1.0 - interval / MEMORY, interval
         self._rows = np.zeros((2, joints, COLUMNS + 1))
@@ -44,20 +54,25 @@ class Mismatch:
         self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
         """Missing spring torque as a fraction of the twin's spring torque, and its standard error."""
 
-    def take(self, torque: Array, springs: Array, yielding: Array, link: Array, motors: Array) -> None:
-        """Add a step: observed torque (n,) and spring torques (motors, n) in N m, velocities of links (n,) and motors
-        (motors, n) in rad/s.
-
-        yielding: fraction (motors, n) of a motor's torque that reaches the link through the spring; the rest moves the motor.
+    def take(self, torque: Array, springs: Array, stiffness: Array, link: Array, motors: Array) -> None:
+        """Add a step: observed torque (n,) in N m; torques in N m and stiffnesses in N m/rad of the springs (motors, n);
+        velocities of links (n,) and motors (motors, n) in rad/s.
         """
         # Direction of each velocity, linear below `RUBBING`.
         velocities = np.concatenate([link[None], motors])
         directions = np.minimum(np.maximum(velocities / RUBBING, -1.0), 1.0)
+        # The step is implicit, which is stable for the lightest motor.
+        errors, holds = np.array([springs, motors, directions[1:]]), self._gain + stiffness
+        self._speed += self._kick * (errors - holds * self._moved)
+        self._speed /= self._brake + self._step * self._kick * holds
+        self._moved += self._step * self._speed
+        spring, velocity, direction = (stiffness * self._moved).sum(axis=1)
         rows = np.empty(self._rows.shape[1:])
-        rows[:, 0] = ((1.0 - yielding) * springs).sum(axis=0)
-        rows[:, 1], rows[:, 2] = link, (yielding * motors).sum(axis=0)
-        rows[:, 3], rows[:, 4] = directions[0], (yielding * directions[1:]).sum(axis=0)
+        rows[:, 0] = springs.sum(axis=0) - spring
+        rows[:, 1], rows[:, 2] = link, velocity
+        rows[:, 3], rows[:, 4] = directions[0], direction
         rows[:, 5], rows[:, 6] = 1.0, torque
+        rows[:, :5] = self._response.update(rows[:, :5])
         self._rows += self._shares * (rows - self._rows)
 
     def external(self) -> Array:

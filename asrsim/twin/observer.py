@@ -22,17 +22,62 @@ def filter_shares(step: float, bandwidth: float) -> Array:
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
-class Observer:
+class Controller:
+    """The controller for links of inertia 1, for errors of any shape."""
+
+    def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
+        """step: in s; bandwidth: in Hz."""
+        w = self._w = 2.0 * math.pi * bandwidth
+        self.step = step
+        self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
+        self._lag = math.exp(-4.0 * w * step)
+        self.integral, self._lagged = np.zeros(shape), np.zeros(shape)
+
+    def respond(self, error: Array) -> Array:
+        """Torques for the next step from errors of position; the integral is left to `integrate`."""
+        proportional, slow, quick = self._gains
+        torque = proportional * error + slow * self.integral + quick * self._lagged
+        self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
+        return np.asarray(torque)
+
+    def integrate(self, error: Array) -> None:
+        """Add a step of errors to the integral."""
+        self.integral += self.step * error
+
+    def restart(self) -> None:
+        """Reset the state."""
+        self.integral[...] = self._lagged[...] = 0.0
+
+
+class Response(Controller):
+    """What the observer shows of torques on free links: the torques after its own delay."""
+
+    def __init__(self, shape: int | tuple[int, ...], *, step: float, bandwidth: float) -> None:
+        super().__init__(shape, step=step, bandwidth=bandwidth)
+        self._error, self._velocity = np.zeros(shape), np.zeros(shape)
+
+    def update(self, torques: Array, noise: Array | float = 0.0) -> Array:
+        """Observed torques in this step; noise: errors of the measured positions."""
+        error = self._error + noise
+        seen = self.respond(error)
+        self.integrate(error)
+        self._velocity += self.step * (torques - seen)
+        self._error = self._error + self.step * self._velocity
+        return seen
+
+
+class Observer(Controller):
     """Controllers of n joints."""
 
     def __init__(self, joints: int, *, step: float, bandwidth: float) -> None:
-        """step: in s; bandwidth: in Hz."""
-        w = self._w = 2.0 * math.pi * bandwidth
-        self._step = step
-        self._gains = 6.0 * w**2, 0.25 * w**3, -20.25 * w**3
-        self._lag = math.exp(-4.0 * w * step)
-        self._integral, self._lagged = np.zeros(joints), np.zeros(joints)
-        self.noise_gain = self._noise_gain(filter_shares(step, bandwidth)[1])
+        super().__init__(joints, step=step, bandwidth=bandwidth)
+        # Response to a single wrong position.
+        free, share, fast = Response(1, step=step, bandwidth=bandwidth), filter_shares(step, bandwidth)[1], np.zeros(1)
+        total = np.zeros(1)
+        for k in range(math.ceil(20.0 / (self._w * step))):
+            fast = fast + share * (free.update(np.zeros(1), float(k == 0)) - fast)
+            total += fast * fast
+        self.noise_gain = float(np.sqrt(total[0]))
         """Standard deviation of the fast torque of a joint with inertia 1 per standard deviation of position noise, s^-2."""
 
     def update(self, error: Array, masses: Array, most: Array) -> Array:
@@ -42,30 +87,9 @@ class Observer:
         """
         known = np.isfinite(error)
         error = np.where(known, error, 0.0)
-        proportional, slow, quick = self._gains
-        wanted = masses @ (proportional * error + slow * self._integral + quick * self._lagged)
+        wanted = masses @ self.respond(error)
         torque = np.asarray(np.clip(wanted, -most, most))
         # The integral does not change while the torque is clipped.
-        self._integral += np.where(torque == wanted, self._step * error, 0.0)
-        self._integral *= known
-        self._lagged = self._lag * self._lagged + (1.0 - self._lag) / (4.0 * self._w) * error
+        self.integrate(np.where(torque == wanted, error, 0.0))
+        self.integral *= known
         return torque
-
-    def restart(self) -> None:
-        """Reset the state of the controllers."""
-        self._integral[:] = self._lagged[:] = 0.0
-
-    def _noise_gain(self, share: float) -> float:
-        # Norm of the response of a free link of inertia 1 with this controller to a single wrong position.
-        proportional, slow, quick = self._gains
-        integral = lagged = position = velocity = fast = total = 0.0
-        for k in range(math.ceil(20.0 / (self._w * self._step))):
-            error = float(k == 0) - position
-            torque = proportional * error + slow * integral + quick * lagged
-            integral += self._step * error
-            lagged = self._lag * lagged + (1.0 - self._lag) / (4.0 * self._w) * error
-            fast += share * (torque - fast)
-            velocity += self._step * torque
-            position += self._step * velocity
-            total += fast * fast
-        return math.sqrt(total)

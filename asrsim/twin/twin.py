@@ -24,9 +24,9 @@ from asrsim.simulation.simulation import Simulation
 from asrsim.twin.mismatch import Mismatch
 from asrsim.twin.observer import Observer
 
-SIGMAS = 5.5
-"""Ratio of the alarm threshold to the standard deviation of the torque's noise."""
-TOLERANCE, UNLEARNED = 0.13, 0.3
+SIGMAS = 6.0
+"""Noise of the torque that raises no alarm, in standard deviations."""
+TOLERANCE, UNLEARNED = 0.08, 0.6
 """Error of the model that raises no alarm, as a fraction of the springs' largest recent torque: after the mismatch of the model
 is known, and before."""
 FRICTION = 0.5
@@ -119,12 +119,14 @@ class Twin:
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
         self._observer = Observer(n, step=self._step, bandwidth=bandwidth)
-        self._mismatch = Mismatch(n, step=self._step, bandwidth=bandwidth, interval=EVERY)
-        self._gains = np.zeros((len(self._springs), n))
-        """Position gains of the motors' controllers, N m/rad."""
+        motors = np.zeros((3, len(self._springs), n))
+        motors[0] = np.inf
         for j, drive in enumerate(ready.drives):
-            gains = drive.drive.proportional if drive.drive else ()
-            self._gains[: len(gains), j] = gains[: len(self._springs)]
+            if (own := drive.drive) is not None:
+                for row, values in zip(motors, (own.motor_inertia, own.motor_damping, own.proportional), strict=True):
+                    row[: len(values), j] = values[: len(self._springs)]
+                motors[1, : len(own.derivative), j] += own.derivative[: len(self._springs)]
+        self._mismatch = Mismatch(motors, step=self._step, bandwidth=bandwidth, interval=EVERY)
         self._refresh, self._every = (max(1, round(seconds / self._step)) for seconds in (REFRESH, EVERY))
         self._state = self.simulation.observe()
         self._stiffness, self._stiffness_factor = np.full(n, np.nan), np.full(n, np.nan)
@@ -141,7 +143,7 @@ class Twin:
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Mapping[str, Any]) -> TwinStep:
         """Estimates after one further step.
 
-        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position runs free.
+        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
         commands: joint -> value of its first reference from now on, or name of a reference -> value.
         """
         notes: list[str] = []
@@ -253,7 +255,7 @@ class Twin:
         self._missing = (self._missing + 1) * (positions != positions)
         if self._missing.any():
             for joint in np.flatnonzero(self._missing * self._step > MISSING).tolist():
-                self._note(f"{self.joints[joint]}: no position is measured: its twin runs free", notes)
+                self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
 
     def _estimate(self, error: Array, torque: Array, notes: list[str]) -> TwinStep:
         read, state = self.simulation.read([*self._springs, *(["stiffness"] if self._has_stiffness else [])]), self._state
@@ -261,17 +263,17 @@ class Twin:
         spring, sizes = springs.sum(axis=0), np.abs(springs)
         self._stiffness = read.get("stiffness", self._stiffness)
         # The stiffness of a spring grows with its torque: the total is divided in this ratio.
-        stiffness = self._stiffness * sizes / (sizes.sum(axis=0) + TINY)
-        yielding = _zero_if_missing(stiffness / (self._gains + stiffness + TINY))
+        stiffness = _zero_if_missing(self._stiffness * sizes / (sizes.sum(axis=0) + TINY))
         motors = np.zeros_like(springs)
         for row, velocity in zip(motors, (state.motor_1_velocity, state.motor_2_velocity), strict=False):
             row[:] = _zero_if_missing(velocity)
-        self._mismatch.take(torque, springs, yielding, state.link_velocity, motors)
+        self._mismatch.take(torque, springs, stiffness, state.link_velocity, motors)
         slow, fast = self._mismatch.external()
         self._peak = np.maximum(np.abs(spring), self._peak * (1.0 - self._step / PEAK_MEMORY))
         noise = self._observer.noise_gain * np.sqrt(self._masses**2 @ self._variance)
         tolerance = np.where(self._mismatch.learned, TOLERANCE, UNLEARNED)
-        threshold = SIGMAS * noise + tolerance * self._peak + self._friction
+        # Noise and errors of the model are independent: both are at their largest only in moments.
+        threshold = np.hypot(SIGMAS * noise, tolerance * self._peak + self._friction)
         measured, ready = error == error, self._steps >= self._settled
         self._alarm = (np.abs(fast) > threshold * np.where(self._alarm, RELEASE, 1.0)) & ready
         if self._steps % self._every == 0:

@@ -19,7 +19,7 @@ RECORDINGS = {
     "sampled at 100 Hz": {"every": 10},
     "from encoders": {"noise": 2e-4, "quantum": 1.5e-3},
 }
-"""Kind of a recording -> options of :func:`record`."""
+"""Options of `record` by kind of recording."""
 SEEDS = 8
 
 

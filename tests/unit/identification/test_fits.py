@@ -19,6 +19,7 @@ from asrsim.identification import door, progress, task_of
 from asrsim.identification.advice import advice, design_line
 from asrsim.identification.data import Command
 from asrsim.identification.layout import Tie
+from asrsim.identification.pictures import figures
 from asrsim.identification.played import Played
 from asrsim.identification.setup import set_up
 from asrsim.identification.show import judgement
@@ -153,6 +154,13 @@ def test_fits_on_many_threads_are_those_on_one_to_the_bit(lab, monkeypatch):
         result = identify(lab / "lab.yaml", [lab / "a.csv"], free=free)
         found.append((result.x.tolist(), result.evaluations, [(one.low, one.high) for one in result.estimates]))
     assert found[0] == found[1]
+
+
+def test_recordings_of_equal_name_have_a_picture_each(lab, tmp_path):
+    (tmp_path / "a.csv").write_bytes((lab / "a.csv").read_bytes())
+    recordings = [lab / "a.csv", tmp_path / "a.csv"]
+    result = identify(lab / "lab.yaml", recordings, free=["joint_1.damping"], check=True)
+    assert list(figures(result)) == ["overlay_a", "overlay_a_2"]
 
 
 def test_two_recordings_share_what_is_the_robots(lab):

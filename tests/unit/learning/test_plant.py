@@ -123,7 +123,7 @@ def test_a_session_writes_what_it_promises(tmp_path):
 
 
 def test_trials_have_the_bits_of_runs_of_their_own_with_the_same_substeps(tmp_path):
-    """From a start at rest, which depends on the first inputs."""
+    """The run starts at rest, at an equilibrium that depends on the first inputs."""
     chosen = plant(initial="equilibrium", ilc={"max_iterations": 1, "tolerance": 1e-6})
     session = run_session(chosen, tmp_path, picture=False)
     samples = simulate(load_scenario(tmp_path / "learned.yaml")[0]).samples

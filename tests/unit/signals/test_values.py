@@ -263,7 +263,7 @@ def test_jumps_are_told_of_where_values_jump_and_nowhere_else(kind, tmp_path):
     assert np.all((jumps >= 0.0) & (jumps <= 2.0) & (np.diff(jumps, prepend=-1.0) > 0.0))
     heights = np.abs(signal.values(jumps + 1e-5) - signal.values(jumps - 1e-5))
     assert np.all(heights > 0.05)
-    # A run asks for them block by block; none is lost between two, none comes from outside.
+    # A run requests the jumps of each block. No jump is lost between two blocks, and none lies outside.
     for count in (3, 101):
         edges = np.linspace(0.0, 2.0, count + 1)
         parts = [signal.jumps(float(a), float(b)) for a, b in pairwise(edges)]

@@ -178,7 +178,7 @@ def test_an_engine_goes_with_its_simulation(engine: str) -> None:
 
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 def test_a_rollout_gives_what_a_run_records(stepping: str) -> None:
-    """Every channel, bit by bit, of an electric motor in mode 6 and of ideal ones in mode 3."""
+    """All channels agree bit for bit, for an electric motor in mode 6 and for ideal motors in mode 3."""
     electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
     scenario = make_scenario(
         EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=0.02, engine="mujoco", compiled=False, stepping=stepping,

@@ -1,4 +1,4 @@
-"""Small things of the core that must hold, each by a number that is known beforehand."""
+"""Small facts about the simulation core, compared with known numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ TOTAL = INERTIA + MASS * REACH**2
 
 
 def test_a_joint_s_own_spring_gives_the_links_their_energy(tmp_path: Path) -> None:
-    """Had it come from nowhere, the run would have ended."""
+    """If the energy balance did not include the spring, the run would stop."""
     text = links("0 1 0").replace("</robot>", '<gazebo reference="j1"><springStiffness>30</springStiffness></gazebo></robot>')
     given = plan(text, (joint("j1", start=0.6),), 0.2)
     scenario = asrsim.make_scenario(given.write(tmp_path), **(given.keys() | {"gravity": [0, 0, 0]}))

@@ -11,7 +11,7 @@ from asrsim.learning.law import zero_phase
 @pytest.mark.parametrize("cutoff", [0.5, 2.0])
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_the_filter_keeps_a_ramp_to_its_ends(cutoff: float, order: int) -> None:
-    """A padding shorter than what the filter remembers leaves its start in the first samples."""
+    """If the padding were shorter than the filter's memory, its transient would remain in the first samples."""
     time = np.arange(0, 20, 0.005)
     ramp = np.column_stack([time, 3 - 0.5 * time])
     off = np.abs(zero_phase(ramp, cutoff, order, 0.005) - ramp)

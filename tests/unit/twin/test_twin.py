@@ -14,6 +14,8 @@ from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
 from asrsim.twin.follow import follow, write
 from asrsim.twin.live import LiveTwin
+from asrsim.twin.mismatch import Mismatch
+from asrsim.twin.observer import Response
 from support.independent_joint import FINE, QBMOVE, SEA, Joint, record
 from support.paths import EXAMPLES
 
@@ -70,7 +72,7 @@ def spring_of(joint, robot):
 @pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
 def test_a_wrong_twin_finds_hits_and_nothing_else(joint, tmp_path):
     hits = (15.2, 16.1, 17.3, 18.2, 19.4)
-    steps, robot = followed(joint, tmp_path, seconds=20.0, hits=hits)
+    steps, robot = followed(joint, tmp_path, seconds=20.0, hits=hits, seed=7)
     torque, stiffness = spring_of(joint, robot)
     free = slice(5000, 15000)
     external = np.array([step.external_torque[0] for step in steps])
@@ -79,18 +81,33 @@ def test_a_wrong_twin_finds_hits_and_nothing_else(joint, tmp_path):
     assert not alarm[:15200].any()
     delays = [int(np.argmax(alarm[round(1e3 * at) :])) for at in hits]
     assert min(delays) > 0
-    assert np.median(delays) <= 15
-    assert max(delays) <= 20
+    assert max(delays) <= 15
     known = np.array([step.stiffness[0] for step in steps])[free] / stiffness[free]
     assert np.isfinite(known).mean() > 0.5
-    assert np.nanmax(np.abs(known - 1.0)) < 0.2
+    assert np.nanquantile(np.abs(known - 1.0), 0.95) < 0.2
     assert not any(step.notes for step in steps)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("joint", [SEA, QBMOVE], ids=["sea", "qbmove"])
 def test_ten_minutes_of_free_motion_raise_no_alarm(joint, tmp_path):
-    assert not any(step.alarm[0] for step in followed(joint, tmp_path, seconds=600.0, rests=True)[0])
+    assert not any(step.alarm[0] for step in followed(joint, tmp_path, seconds=600.0, seed=12, rests=True)[0])
+
+
+def test_a_wrong_spring_is_found_through_the_motors_response():
+    inertia, damping, gain, stiffness, rate = 0.02, 0.5, 8.0, 4.0, 12.0
+    mismatch = Mismatch(np.array([inertia, damping, gain])[:, None, None], step=1e-3, bandwidth=8.0, interval=0.01)
+    observer = Response(1, step=1e-3, bandwidth=8.0)
+    share = stiffness / (gain + stiffness - inertia * rate**2 + 1j * damping * rate)
+    for k in range(10_000):
+        spring = np.exp(1j * rate * 1e-3 * k)
+        torque, link = 0.1 * ((1.0 - share) * spring).real, np.cos(7.3e-3 * k)
+        torque = observer.update(np.array([torque]))[0]
+        mismatch.take(*(np.array(value) for value in ([torque], [[spring.real]], [[stiffness]], [link], [[0.0]])))
+        if k % 10 == 0:
+            mismatch.learn(np.array([True]))
+    assert mismatch.spring == pytest.approx(0.1, rel=0.02)
+    assert np.abs(mismatch.external()).max() < 3e-3
 
 
 def test_a_robot_at_rest_shows_no_stiffness(tmp_path):
@@ -128,7 +145,7 @@ def test_a_joint_that_is_not_measured_runs_free(five):
     assert np.isnan(found.external_torque).tolist() == [False, True, False, False, False]
     assert [note.partition(":")[0] for note in notes] == ["joint_1", "joint_2"]
     assert "not finite" in notes[0]
-    assert "runs free" in notes[1]
+    assert "not corrected" in notes[1]
 
 
 def test_a_twin_far_from_its_robot_is_put_there(tmp_path):
