@@ -180,7 +180,7 @@ def error_as_dict(error: AsrsimError) -> dict[str, Any]:
 
 @contextmanager
 def json_errors(json: bool) -> Iterator[None]:
-    """Context that prints an expected error as JSON on stdout if `json` is set, and exits with code 1."""
+    """Context that prints an expected error (exit code 1) or an interruption as JSON on stdout if `json` is set."""
     try:
         yield
     except AsrsimError as error:
@@ -190,6 +190,10 @@ def json_errors(json: bool) -> Iterator[None]:
 
         say_json({"ok": False, "errors": [error_as_dict(error)]})
         raise typer.Exit(1) from error
+    except KeyboardInterrupt:
+        if json:
+            say_json({"ok": False, "errors": [{"message": "interrupted"}]})
+        raise
 
 
 def _unicode() -> bool:

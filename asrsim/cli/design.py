@@ -45,7 +45,8 @@ def design(
     Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture; and says which
     interval each parameter is promised, beside one step and a chirp. Ctrl-C keeps the best so far.
 
-    Example: asrsim design lab.yaml --free 'joint_1.spring_*' --limits examples/recordings/limits.yaml --seconds 4
+    Example: asrsim design lab.yaml --set initial=equilibrium --free 'joint_1.spring_*' --limits
+    examples/recordings/limits.yaml --seconds 4
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.design.run import design as designed

@@ -79,7 +79,9 @@ def ilc(
         return _learn(plant, folder, plugin, resume, overwrite, plot, quiet=quiet)
     except KeyboardInterrupt:
         complain(f"\nasrsim: interrupted; the trials so far are in {folder / 'state.npz'}: continue with --resume")
-        raise typer.Exit(INTERRUPTED) from None
+        return Done(
+            data={"ok": False, "errors": [{"message": "interrupted"}], "state": str(folder / "state.npz")}, code=INTERRUPTED
+        )
 
 
 def _learn(

@@ -71,7 +71,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
         if name not in scenario.references_of(joint)
     ]
     if problems:
-        raise ScenarioError(problems)
+        raise ScenarioError([scenario.placed(problem) for problem in problems])
     joints = tuple(names)
     time = scenario.step_times()
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])

@@ -36,8 +36,8 @@ def match_joints(
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
-        hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, for example with "
-        f"--map '{column.source}={joint}.link_position [rad]'",
+        hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, in the document beside the file or with "
+        f"--map '{column.source}={joint}.{column.quantity or 'link_position'} [{column.unit or 'unit'}]'",
     )  # fmt: skip
 
 

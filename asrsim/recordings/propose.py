@@ -8,7 +8,6 @@ from pathlib import Path
 
 from asrsim.errors import OutputError
 from asrsim.recordings.data import Recording
-from asrsim.recordings.names import KNOWN
 from asrsim.recordings.read import read_series
 from asrsim.recordings.reading import ENDING, Reading, resolve_reading
 
@@ -63,7 +62,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
         if column.quantity:
             unit = column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
             target = given.get(column.source) or column.meaning + (f" [{unit}]" if unit else "")
-            doubt = "" if column.stated or not KNOWN[column.quantity].unit else "; ? the file states no unit"
+            doubt = "" if " assumed" not in column.conversion else "; ? the file states no unit"
             yield _line(f"  {_text(column.source)}: {_text(target)}", column.origin + doubt)
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.QUANTITY [{column.unit or 'unit'}]"

@@ -204,7 +204,9 @@ def in_si(series: RawSeries, one: ColumnMap | None, origin: str = "") -> Column:
     quantity = KNOWN[one.quantity].unit if one.quantity is not None else ""
     stated = bool(unit.symbol)
     said = [f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"] if unit.factor != 1.0 else []
-    said += [f"{quantity} assumed"] if quantity and not stated and not one.origin.startswith("named") else []
+    # The unit of a reference depends on the mode.
+    assumed = "SI" if one.quantity in ("reference_1", "reference_2") else quantity
+    said += [f"{assumed} assumed"] if assumed and not stated and not one.origin.startswith("named") else []
     values = series.values * unit.factor * one.scale
     said += [] if one.scale == 1.0 else [f"x {one.scale:g}"]
     if one.unwrapped:

@@ -32,7 +32,10 @@ class SignalKind(Kind[Signal]):
         if isinstance(value, int | float) and not isinstance(value, bool):
             return Constant(value=block_of(Constant).keys[0].kind.read(node, path, reading))
         if not isinstance(value, dict):
-            raise reading.fault(node, path, f"must be a signal: {FORM}", choices=SIGNALS.names(), code="signal")
+            moved = path[-1:] == ("inverse_dynamics",)
+            hint = "State it as a key of the scenario: `inverse_dynamics: {JOINT: true}`" if moved else None
+            choices = () if hint else SIGNALS.names()
+            raise reading.fault(node, path, f"must be a signal: {FORM}", choices=choices, hint=hint, code="signal")
         if len(value) != 1:
             raise reading.fault(
                 node,

@@ -5,7 +5,7 @@ The functions work on the rows of one joint (`asrsim.simulation.layout`) and run
 
 from __future__ import annotations
 
-from math import exp, floor, sqrt
+from math import ceil, exp, floor, sqrt
 from typing import Any
 
 from asrsim.actuators.hysteresis import dahl
@@ -160,7 +160,9 @@ def _advance_springs(s: Any, p: Any, k: Any, z: Any, u: Any, h: float, note: int
     torque bounded.
     """
     motors, dynamic, thetas, torques = k[MOTORS], k[DYNAMIC], k[THETAS], k[TORQUES]
-    turns = int(p[P_SUBSTEPS]) if h == z[STEP] else 1
+    turns = ceil(p[P_SUBSTEPS] * h / z[STEP])
+    # An odd number, of which one is in the middle, also in a piece of a kick.
+    turns += 1 - turns % 2
     step = h / turns
     before = z[FIRST_DRIFT] * step
     q, total = s[POSITION], 0.0

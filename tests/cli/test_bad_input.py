@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asrsim.cli.console import json_errors
 from asrsim.engines.bullet import BulletEngine
 from asrsim.engines.foreign import crashes
 from asrsim.errors import OutputError, Problem
@@ -364,3 +365,18 @@ def test_misspelt_file_names_get_a_suggestion(tmp_path, monkeypatch, asrsim_comm
     assert outcome.code == 1
     assert wanted in outcome.err + outcome.out
     assert not any(word in outcome.err for word in REFUSED)
+
+
+def test_inverse_dynamics_under_references_names_its_new_key(asrsim_command, tmp_path):
+    robot = ROOT / "examples" / "urdf" / "dof1_sea.urdf"
+    (tmp_path / "s.yaml").write_text(f"robot: {robot}\nduration: 1\nreferences: {{joint_1: {{inverse_dynamics: true}}}}\n")
+    assert "s.yaml:3: references.joint_1.inverse_dynamics" in (said := asrsim_command("run", "s.yaml").err)
+    assert "`inverse_dynamics: {JOINT: true}`" in said
+    (tmp_path / "s.yaml").write_text(f"robot: {robot}\nduration: 1\ninverse_dynamics: true\n")
+    assert "s.yaml: references.joint_1: needs the desired motion" in asrsim_command("run", "s.yaml").err
+
+
+def test_an_interrupted_command_still_prints_one_json_document(capsys):
+    with pytest.raises(KeyboardInterrupt), json_errors(True):
+        raise KeyboardInterrupt
+    assert json.loads(capsys.readouterr().out)["ok"] is False

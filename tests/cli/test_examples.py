@@ -31,17 +31,18 @@ FASTER = {
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
-def examples_of_the_help() -> list[str]:
-    """Examples in the help texts of all commands, ordered so that input files are written before they are read."""
+def texts_of_examples(name: str) -> list[str]:
+    """The examples in the help of a command."""
     from typer.main import get_command
 
-    group = get_command(app)
-    found = []
-    for name in dict.fromkeys(["run", *COMMANDS]):
-        if name not in LONG:
-            texts = (" ".join(text.split()) for text in str(group.get_command(None, name).help).split("\n\n"))
-            found += [text.removeprefix("Example: ") for text in texts if text.startswith("Example: ")]
-    return found
+    texts = (" ".join(text.split()) for text in str(get_command(app).get_command(None, name).help).split("\n\n"))
+    return [text.removeprefix("Example: ") for text in texts if text.startswith("Example: ")]
+
+
+def examples_of_the_help() -> list[str]:
+    """Examples in the help texts of all commands, ordered so that input files are written before they are read."""
+    names = dict.fromkeys(["run", *COMMANDS])
+    return [text for name in names if name not in LONG for text in texts_of_examples(name)]
 
 
 def test_every_command_of_the_tutorial_and_of_the_help_runs(asrsim_command, tmp_path):
@@ -56,6 +57,16 @@ def test_every_command_of_the_tutorial_and_of_the_help_runs(asrsim_command, tmp_
     for shown, made in pictures.items():
         assert made.stat().st_size > 5000, made
         assert shown.stat().st_size < 150_000
+
+
+@pytest.mark.slow
+def test_the_example_of_design_designs_for_the_recorded_arm(asrsim_command):
+    asrsim_command("examples")
+    recorded = "examples/urdf/dof2_vertical.urdf --experiment examples/recordings/two_joints.csv --out lab.yaml"
+    asrsim_command("init", *shlex.split(recorded))
+    (example,) = texts_of_examples("design")
+    done = asrsim_command(*shlex.split(example)[1:], "--seconds", "0.5", "--no-plot")
+    assert done.code == 0, done.err
 
 
 def test_examples_are_copied_without_replacing_foreign_files(tmp_path):

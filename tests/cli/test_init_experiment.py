@@ -211,6 +211,13 @@ def test_a_mapping_file_is_written_into_the_scenario(tmp_path: Path, monkeypatch
     ]  # fmt: skip
 
 
+def test_a_command_without_unit_is_stated_as_assumed(tmp_path: Path) -> None:
+    made, _ = make(tmp_path, lab(tmp_path))
+    assert made.recording.channels["q1_ref"].conversion == "SI assumed"
+    assert "q1_ref: joint_1.reference_1" in (text := (tmp_path / "lab.csv.yaml").read_text())
+    assert "no unit" in next(line for line in text.splitlines() if "q1_ref" in line)
+
+
 def test_motor_position_replaces_a_missing_command(tmp_path: Path) -> None:
     lab(tmp_path, header="time,q1,motor_pos1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")

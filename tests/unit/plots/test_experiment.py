@@ -164,10 +164,10 @@ def test_json_is_one_document(tmp_path: Path):
 
 def test_no_common_joint_says_what_there_is(tmp_path: Path):
     log = made_up_log(tmp_path / "log.mcap", joints=2)
-    (tmp_path / "lab.csv").write_text("time [s],knee_position [rad]\n" + "".join(f"{n / 100},{n}\n" for n in range(100)))
+    (tmp_path / "lab.csv").write_text("time [s],knee_position [mm]\n" + "".join(f"{n / 100},{n}\n" for n in range(100)))
     with pytest.raises(InputError, match="no common joint") as caught:
         plot(PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(tmp_path / "lab.csv"),)))
-    assert "joint_1" in str(caught.value)
+    assert "--map 'knee_position [mm]=joint_1.link_position [m]'" in str(caught.value)
     assert not (tmp_path / "out").exists()
 
 
