@@ -245,7 +245,8 @@ class Search:
                 break
             # The information of the joined motion is not confirmed: do without one of its segments.
             segments = [*segments[1:], segments[-1]]
-        count = VARIED * rounds
+        # Each further robot must be simulated for each variation: fewer of them keep the time bounded.
+        count = VARIED * rounds // len(self.robots)
         for number in range(count):
             if self.stop() or self.best is None:
                 break
