@@ -82,7 +82,9 @@ def step(presets: Array) -> Segment:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Segment:
-    """Chirp with random frequencies and constant stiffness presets; some of its levels, amplitudes and frequencies are random."""
+    """Chirp with random frequencies and constant stiffness presets; some of its levels, amplitudes and frequencies
+    are random.
+    """
     first, last = SLOWEST * (FASTEST / SLOWEST) ** np.sort(generator.random(2))
     simple = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0, 1.0], len(presets)))
     numbers = generator.random(simple.numbers.shape)

@@ -89,7 +89,9 @@ def presliding(problem: Problem, robot: Robot) -> Iterator[Extension]:
 
 
 def missing_causes(problem: Problem, x: Array) -> Iterator[str]:
-    """Sentences that name effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
+    """Sentences that name effects that the model may lack. problem: problem whose residuals are weighted by the
+    recorded noise.
+    """
     base = mean_square(problem, x)
     target = base - EXPLAINED * max(base - 1.0, 0.0)
     found = extended(
@@ -230,7 +232,9 @@ def ties_that_are_none(problem: Problem, x: Array, found: Uncertainty) -> list[s
 
 
 def _motor_limits(problem: Problem, x: Array) -> Iterator[tuple[Drive, str, float, float]]:
-    """Each torque or speed limit of the first motors: drive, name, level, and largest simulated value of the limited quantity."""
+    """Each torque or speed limit of the first motors: drive, name, level, and largest simulated value of the
+    limited quantity.
+    """
     track, values = problem.tracks[0], problem.layout.table(x, 0)
     for j, drive in enumerate(track.door.drives):
         for what in ("torque", "velocity") if drive.dynamic_motors else ():

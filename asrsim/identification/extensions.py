@@ -133,7 +133,9 @@ def extended(
 def freed(
     problem: Problem, parameters: Sequence[Parameter], ties: Sequence[Tie] = (), *, tracks: Sequence[int | None] = (None,)
 ) -> Problem:
-    """Problem with additional free parameters. tracks: recordings that get separate values; None: all recordings share a value."""
+    """Problem with additional free parameters. tracks: recordings that get separate values; None: all recordings
+    share a value.
+    """
     layout = problem.layout
     entries = [
         Entry(one, track, one.key if track is None else f"{one.key} ({problem.tracks[track].data.name})", one.start)

@@ -144,7 +144,9 @@ def _interval(entry: Entry, x: float, width: float) -> tuple[float, float]:
 
 
 def _vanished(entry: Entry, value: float) -> str:
-    """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not move so far."""
+    """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
+    move so far.
+    """
     share = value / entry.start if entry.parameter.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""
