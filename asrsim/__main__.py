@@ -18,7 +18,7 @@ def main() -> None:
     finally:
         # All files are written. A later signal would end Python without a message and with another exit code.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        exec("pass")  # Python sends itself the signal again where text that it ran was interrupted last, as dataclasses have it
+        exec("pass")  # clears the flag of an interrupted `exec` (dataclasses use it), with which Python ends by SIGINT
 
 
 if __name__ == "__main__":

@@ -86,7 +86,7 @@ LIMITS = {
     "deflection": "deflection limit",
     "stop": "joint stop",
 }
-"""Limits for which a run counts the substeps of each joint -> heading of their column."""
+"""Limits for which a run counts the substeps that each joint spends at the limit -> heading of the limit's column."""
 
 
 def linear_unit(unit: str) -> str:
@@ -99,8 +99,8 @@ PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
-    """Whether a simulation is compared with a recording by this quantity: by all except energies, unless `wanted` names them.
-    Only simulations have energies, and these follow from other quantities."""
+    """Whether a simulation and a recording are compared by this quantity: any that `wanted` names; without `wanted`, all but
+    energies. Only simulations have energies, and these follow from other quantities."""
     return unit_of(name) != "J" if wanted is None else name in wanted
 
 

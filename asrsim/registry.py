@@ -24,9 +24,9 @@ def plugin_file(path: str) -> Iterator[None]:
 class Registry(Generic[T]):
     """Table of named entries; the error for an unknown name lists the known ones.
 
-    Installed packages add entries through an entry point group. They are loaded when a name is not found, so that
-    they do not slow down the start. An entry that cannot be loaded, is not derived from `base`, or is not an instance
-    of `instance`, raises an error only when its name is used.
+    Installed packages add entries through an entry point group. These entries are loaded when a name is not
+    found, so that they do not slow down the start. An entry that cannot be loaded, is not derived from `base`, or is not an
+    instance of `instance`, raises an error only when its name is used.
     """
 
     added: ClassVar[int] = 0

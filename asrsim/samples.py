@@ -50,15 +50,15 @@ class Frame:
 
 @dataclass(frozen=True)
 class Command:
-    """Value set from outside, at the substep from which it was in effect."""
+    """Value that a client sets in a live run, and the substep from which the value is in effect."""
 
     substep: int
-    """Number of substeps done when the value was set; it applies from the next one on."""
+    """Number of completed substeps when the value was set; the value applies from the next substep on."""
     joint: str
     reference: str
     """Name of the reference in the joint's mode, or `external_torque`."""
     value: float | None
-    """Value, SI units; None: back to the scenario's reference."""
+    """Value, SI units; None: the scenario's reference applies again."""
 
 
 TIP, TIP_GOAL = "tip", "tip_goal"

@@ -33,7 +33,7 @@ class Key:
     shown: str = ""
     """Description of the default in tables; "": the value itself."""
     spread: bool = False
-    """True: the value is a mapping of several constructor arguments, which are all omitted without the key."""
+    """True: the value is a mapping of several constructor arguments; without the key, all of them are omitted."""
 
     @property
     def required(self) -> bool:
@@ -97,7 +97,7 @@ def declare(
 def key_at(kind: Kind[Any], path: Sequence[str], key: Key | None = None) -> Key | None:
     """Key that declares the value at a path inside a kind; None if no key declares it.
 
-    For an entry of a list, or of a mapping with free names, it is the key of the list or mapping. key: the key of `kind`.
+    For an entry of a list, or of a mapping with free names, the key of the list or mapping is returned. key: key of `kind`.
     """
     if not path:
         return key
@@ -144,9 +144,9 @@ class Block(Kind[T], Generic[T]):
     doc: str = ""
     may_be_empty: bool = True
     main: str = ""
-    """Key that a value which is not a mapping sets (`robot: arm.urdf`); "": none."""
+    """Main key: a value that is no mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
     line_argument: str = ""
-    """Argument of `build` that receives the line of the block; "": none."""
+    """Argument of `build` that receives the line of the block; "": `build` needs no line."""
     partial: bool = False
     """True: the object is built without the faulty keys. False: a faulty key rejects the block."""
     read_before: tuple[str, ...] = ()

@@ -102,7 +102,7 @@ class Either(Kind[Any]):
     """Kind of value: one of several kinds, chosen by the type of the YAML value."""
 
     options: tuple[tuple[Callable[[Node], bool], Kind[Any]], ...]
-    """(function that accepts a node, kind), tried in order."""
+    """Pairs (function that tells whether a node fits, kind), tried in order."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> Any:
         for fits, kind in self.options:

@@ -43,7 +43,7 @@ class Kind(ABC, Generic[T_co]):
         return ()
 
     def merge(self, base: Node, over: Node) -> Node:
-        """Value of a variant: `over`, or for kinds with parts `base` with the parts of `over`."""
+        """Value of a variant: `over`; if the kind has parts, the parts of `over` replace those of `base`."""
         return over
 
 
@@ -132,7 +132,7 @@ class Text(Kind[str]):
     """Noun for the text, for messages and tables."""
 
     def read(self, node: Node, path: KeyPath, reading: Reading) -> str:
-        if isinstance(node.value, bool | int | float):  # such as a joint with the name 1, or a numeric argument
+        if isinstance(node.value, bool | int | float):  # for example 1 as the name of a joint
             return str(node.plain()).lower() if isinstance(node.value, bool) else str(node.value)
         if not isinstance(node.value, str) or not node.value.strip():
             raise reading.fault(node, path, f"must be {self.noun}", code="type")

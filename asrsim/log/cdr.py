@@ -17,11 +17,11 @@ class Column(NamedTuple):
     """Source of a number in a message: a scalar signal of `asrsim.samples.Samples`."""
 
     kind: str
-    """`time`, `value`, `body` or `contact`."""
+    """Kind of the signal: `time`, `value`, `body` or `contact`."""
     name: str = ""
-    """Quantity, body or contact; empty for the time."""
+    """Name of the quantity, body or contact; empty for the time."""
     part: str | int = ""
-    """Joint of a value; component of a body's pose (0..6) or of a contact's force (0..2)."""
+    """Joint of a value, or component of a body's pose (0..6) or of a contact's force (0..2)."""
 
 
 @dataclass(frozen=True, kw_only=True)

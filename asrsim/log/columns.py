@@ -73,7 +73,7 @@ class ColumnReader:
         return found
 
     def _first_row(self, data: bytes) -> tuple[int, list[tuple[int, int, int]]]:
-        """Offset of the first row, and for each message in it: offset in the row, length, and channel."""
+        """Offset of the first row, and a tuple (offset in the row, length, channel) for each of its messages."""
         start = 0
         row: list[tuple[int, int, int]] = []
         for opcode, place, length in split_records(data):

@@ -58,11 +58,11 @@ DERIVED_SOURCES: dict[str, tuple[str, ...]] = {
     "equilibrium_position": (*_MOTORS, *_REFERENCES),
     "position_error": ("link_position", *_REFERENCES),
 }
-"""Derived quantity -> logged quantities that it needs, where the log has them."""
+"""Logged quantities from which each derived quantity is computed, if the log has them."""
 
 
 def _kinds(samples: Samples, joints: Sequence[JointInfo]) -> Iterator[tuple[tuple[str, int | None], Any]]:
-    """(actuator, mode) and an index that selects the rows of its joints from an array (joints, n), for each pair."""
+    """Pairs (actuator, mode), each with the index of the pair's joints in the rows of an array (joints, n)."""
     kinds: dict[tuple[str, int | None], list[int]] = {}
     places = {name: row for row, name in enumerate(samples.joints)}
     for joint in joints:

@@ -34,7 +34,7 @@ _RESOLVED_SHAPE: Shape = {
 
 
 def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
-    """Attachments needed to repeat the run: name -> (media type, data). `run.json` contains what has no separate file."""
+    """Attachments needed to repeat the run: name -> (media type, data). `run.json` contains all data without a file."""
     run = {
         "format": FORMAT,
         "robot": info.robot,
@@ -54,7 +54,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     if info.scenario:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
-    # Last: a truncated file that contains run.json contains all attachments.
+    # run.json is the last attachment: a truncated file that contains run.json contains all attachments.
     files[_RUN] = ("application/json", json.dumps(run, indent=1).encode())
     return files
 

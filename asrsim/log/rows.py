@@ -20,7 +20,7 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 _CHUNK_BYTES = 4 << 20
 """Size of the rows in memory, bytes."""
 _ROWS = (256, 2048)
-"""Fewest and most rows in a chunk. Below, calls cost more time than copying; above, a killed run loses more samples."""
+"""Fewest and most rows in a chunk. With fewer rows, calls cost more time than copying; with more, a kill loses more samples."""
 
 
 class RowBuffer:

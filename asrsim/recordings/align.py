@@ -18,12 +18,12 @@ from asrsim.samples import Array, JointInfo, Samples
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
 """Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
-first, as it is the same signal in both records. The lag of a response belongs to the difference that is to be judged."""
+first, as both records contain the same reference. The lag of a response is part of the difference to be measured."""
 
 Reader = Callable[[Sequence[str], Sequence[str]], Samples]
-"""(quantities, joints) -> samples of these quantities and joints."""
+"""Function (quantities, joints) that returns the samples of these quantities and joints."""
 SeriesOf = Callable[[str, str], tuple[Array, Array] | None]
-"""(joint, quantity) -> times (n,) in s and values (n,) of the run; None where the run lacks the series."""
+"""Function (joint, quantity) that returns the run's times (n,) in s and values (n,); None where the run lacks the series."""
 
 
 def align_recording(
@@ -34,14 +34,14 @@ def align_recording(
 
     Args:
         recording: The experiment.
-        pairing: Joint of the recording -> joint of the run.
-        series: Gives the run's series.
+        pairing: Maps each joint of the recording to a joint of the run.
+        series: Function that returns the run's series.
         lag: See `LagChoice`.
-        limit: s, largest lag that auto may find; None: a quarter of the shorter record.
+        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         infos: The run's joints; columns whose unit does not fit their joint are left out.
 
     Raises:
-        RecordingError: Recording and run share no quantity, or do not overlap in time under auto.
+        RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
     """
     columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
     best: tuple[str, Array, Array, Column] | None = None
@@ -52,7 +52,7 @@ def align_recording(
         moves = _moves(found[1]) and _moves(column.values)
         if best is None or moves:
             best = (f"{joint}.{quantity}", *found, column)
-        # Without a search the first series is enough: only its times matter.
+        # If the lag is not estimated, the first series is enough: only the times of the series are used.
         if moves or lag != "auto":
             break
     if best is None:
@@ -70,7 +70,7 @@ def align_recording(
 def comparable(
     recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo], quantities: Sequence[str] | None = None
 ) -> tuple[dict[tuple[str, str], Column], list[Problem]]:
-    """(joint, quantity) of the run -> column, and problems of columns in units of another kind of joint, which are left out."""
+    """Columns by (joint, quantity) of the run, and problems. Columns whose unit does not fit their joint are left out."""
     known = {info.name: info for info in infos}
     found: dict[tuple[str, str], Column] = {}
     wrong: list[Problem] = []
@@ -123,9 +123,9 @@ def _moves(values: Array) -> bool:
 
 
 LagChoice = float | Literal["auto", "off", "start"]
-"""auto: by cross-correlation; off: clocks unchanged; start: aligns the first samples; a number: delay of the recording, s."""
+"""Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
 _CLEARLY = 0.1
-"""Gain in correlation from which a series with reversed sign is taken to be reversed."""
+"""Smallest gain in correlation by a reversal of the sign for which the recorded sign is taken to be reversed."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source."""
 
@@ -137,7 +137,7 @@ class Alignment:
     lag: float
     """Delay of the recording, s; subtracted from its time."""
     how: str
-    """`cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
+    """Method that gave the delay: `cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
     found: Lag | None = None
     findings: tuple[Problem, ...] = ()
 
@@ -145,7 +145,7 @@ class Alignment:
     def said(self) -> str:
         """Delay of the recording as text, for example `0.12 s late`."""
         lag = round(self.lag, 4)
-        # On a clock that began long ago, only the last digits differ: fixed decimals show them.
+        # Delays between clocks with different origins are large: the format `g` would drop the fractions of a second.
         return f"{f'{abs(lag):.4f}'.rstrip('0').rstrip('.')} s {'early' if lag < 0.0 else 'late'}"
 
 
@@ -161,11 +161,11 @@ def align(
         time_recording: Times of the recording (m,), s.
         recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
-        limit: s, largest lag that auto may find; None: a quarter of the shorter record.
+        limit: Largest lag that `auto` may find, s; None: a quarter of the shorter record.
         name: Name of the quantity, for messages.
 
     Raises:
-        RecordingError: The records do not overlap in time under auto or off.
+        RecordingError: With `auto` or `off`, the records do not overlap in time.
     """
     if choice == "off":
         return Alignment(lag=0.0, how="off")

@@ -16,7 +16,7 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.times import is_time
 
 Leaf = tuple[str, list[RawColumn]]
-"""Path of a struct, and the columns of a variable in it: a vector has one column, a matrix several."""
+"""Path of a struct, and the columns of a variable in this struct: a vector has one column, a matrix several."""
 
 
 def read_matlab(path: Path, reading: Reading) -> Content:
@@ -79,7 +79,7 @@ def _fields(array: NDArray[Any], name: str) -> dict[str, Any]:
 
 
 def _of_group(h5py: Any, group: Any) -> dict[str, Any]:
-    """Numeric arrays of an HDF5 group and of the groups in it, by name. MATLAB writes its arrays transposed."""
+    """Numeric arrays of an HDF5 group and of its subgroups, by name. MATLAB writes its arrays transposed."""
     found: dict[str, Any] = {}
     for name, item in group.items():
         if isinstance(item, h5py.Group) and not name.startswith("#"):
@@ -100,7 +100,7 @@ def _content(form: str, tree: Mapping[str, Any], findings: list[Problem], readin
 
 
 def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> Iterator[Leaf]:
-    """Vectors and matrices of a struct and of the structs in it. struct: path of the struct, which ends with a point."""
+    """Vectors and matrices of a struct and of its nested structs. struct: path of the struct, which ends with a point."""
     for name, value in tree.items():
         cells = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object and value.ndim)
         items = (
@@ -118,9 +118,9 @@ def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> It
 
 
 def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
-    """Tables of the leaves: one for each struct and length, with the times of this length in the struct and around it.
+    """Tables of the variables: one for each struct and length, with the times of this length in the struct and its parents.
 
-    stated: names that the user gives to the time.
+    stated: names of the time columns that the user states.
     """
     groups: dict[tuple[str, int], list[RawColumn]] = {}
     for struct, columns in leaves:

@@ -22,7 +22,7 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import printable
 
 _SAME_CLOCK = 1.0
-"""Largest difference between header stamps and times of recording on one clock, s."""
+"""Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
 _LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 _NAMES = ("name", "names", "joint_names")
@@ -35,7 +35,7 @@ TOPICS: dict[str, str] = {
     **{f"torque_el{i}_state": f"elastic_torque_{i}" for i in (1, 2)},
     **{name: f"reference_{i}" for names in REFERENCE_TOPICS.values() for i, name in enumerate(names, start=1)},
 }
-"""Last part of a toolbox topic `.../<joint>/<topic>` of type Float64 -> quantity that the topic carries."""
+"""Quantity carried by a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
 """Parts of the names of message types that carry no signals."""
@@ -93,7 +93,7 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None]:
-    """Joint and quantity of a number in a message, by its topic and message type; None where these do not state it."""
+    """Joint and quantity of a number in a message, by its topic and message type; None for an unknown joint or quantity."""
     parts = [part for part in topic.split("/") if part]
     last, name = parts[-1] if parts else "", label.partition("[")[0]
     if kind.endswith("/JointState") and name in _JOINT_STATE:
@@ -233,7 +233,7 @@ class _Types:
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
     def topic(self, name: str, kind: str, definition: str, language: str) -> _Topic:
-        """Topic with its decoder, or with the reason why it cannot be decoded. language: MSG, IDL, or NONE."""
+        """Topic with its decoder, or why it cannot be decoded. language: language of the definition, MSG, IDL, or NONE."""
         from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
@@ -257,7 +257,7 @@ class _Types:
 def _tables(
     topics: dict[int, _Topic], messages: Messages, stated: Sequence[str], findings: list[Problem]
 ) -> Iterator[RawTable]:
-    """Tables of a bag: one for each topic and set of labels in its messages. stated: names that the user gives to the time."""
+    """Tables of a bag: one for each topic and set of labels in its messages. stated: time columns that the user states."""
     groups: dict[tuple[int, frozenset[Label]], _Group] = {}
     broken: Counter[int] = Counter()
     for topic_id, logged, data in messages:
@@ -307,7 +307,7 @@ def _tables(
 
 
 def _time_of(topic: str, group: _Group, stated: Sequence[str], findings: list[Problem]) -> RawColumn:
-    """Time of messages: header stamps if the user chose them or they agree with the times of recording, which are used else."""
+    """Time of messages: header stamps if the user chose them or if both clocks agree; otherwise the times of recording."""
     received, stamped = (np.array(times, dtype=np.int64) for times in (group.received, group.stamped))
     lag = float(np.median(stamped - received)) * 1e-9
     by_header = stamped.all() and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)

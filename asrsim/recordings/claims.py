@@ -1,4 +1,4 @@
-"""Claims that compare a run with a recording. File, mapping, alignment and samples are those of `asrsim plot`."""
+"""Claims that compare a run with a recording. The recording is read, mapped and aligned as by `asrsim plot`."""
 
 from __future__ import annotations
 

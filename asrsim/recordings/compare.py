@@ -37,7 +37,7 @@ class Series:
     quantity: str
     unit: str
     time: Array
-    """Times (m,) on the simulation's clock, s: those of the coarser record, within the overlap."""
+    """Times (m,) on the simulation's clock, s: sample times of the coarser record within the overlap."""
     simulation: Array
     """Simulated values (m,); NaN in gaps."""
     recording: Array
@@ -45,7 +45,7 @@ class Series:
     source: str
     """Column of the recording."""
     reading: str
-    """How the column was read, as text."""
+    """Description of how the column was read."""
     metrics: Mapping[str, float]
     """Measure -> value for the difference between simulation and recording; NaN where undefined."""
     steps: Mapping[str, tuple[float, float]]
@@ -66,9 +66,9 @@ class Comparison:
     series: tuple[Series, ...]
     alignment: Alignment
     joints: Mapping[str, str] = field(default_factory=dict)
-    """Joint of the recording -> joint of the simulation."""
+    """Maps joints of the recording to joints of the simulation."""
     findings: tuple[Problem, ...] = ()
-    """Problems of the comparison; the recording has the problems of its file."""
+    """Problems of the comparison; the problems of the file are in the recording's `findings`."""
 
     def find(self, joint: str, quantity: str) -> Series | None:
         """Series of a joint's quantity; None unless both records have it."""
@@ -192,7 +192,7 @@ class Band:
 
 
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
-    """Band of several recordings, at the times of the first one; None if no recording has the series.
+    """Band of several recordings, at the times of the first recording; None if no recording has the series.
 
     The band is NaN before the last run begins and after the first run ends, so that it never jumps there. In the gap of one
     run, the band covers the other runs.

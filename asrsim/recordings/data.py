@@ -29,7 +29,7 @@ class RawColumn:
     zero: int | None = None
     """Origin of the values: Unix time in ns for dates, ns since midnight for times of day, None for other columns."""
     place: int = 0
-    """Number of the column in the file, counted from 1; 0: its position in the table counts."""
+    """Number of the column in the file, counted from 1; 0: the position in the table is used."""
     joint: str | None = None
     """Joint that the file states, as JointState messages do."""
     quantity: str | None = None
@@ -125,13 +125,13 @@ class Recording:
     time: Array
     """Times (n,), s, strictly increasing, as in the file. Absolute stamps count from the first one (see `epoch`)."""
     channels: Mapping[str, Column]
-    """Name in the file -> column, in the file's order. Each column has its times; `time` above is that of the longest table."""
+    """Columns by name, in the file's order. Each column has its own times; `Recording.time` is from the longest table."""
     findings: tuple[Problem, ...] = ()
     """Problems of the file: bad rows, gaps, jitter, constant columns, assumed units. Every dropped sample is reported."""
     epoch: float | None = None
     """Unix time in s of time 0; None where the file has no absolute stamps."""
     reading: Path | None = field(default=None, repr=False)
-    """Document that says how the file is read; None: the names of the columns decided."""
+    """Document that says how the file is read; None: the columns were interpreted by their names."""
 
     @property
     def asked(self) -> tuple[Column, ...]:

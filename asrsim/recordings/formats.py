@@ -111,7 +111,7 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
     """Content read in a child process, as damaged files may crash a library or make it request all memory."""
     if path.is_file() and zipfile.is_zipfile(path):
         _check_unpacked(path)
-    # The request is trusted and may be a pickle. The answer depends on the hostile file and is plain data.
+    # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
     request = {
         "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
         "reading": pickle.dumps(reading).hex(),

@@ -13,7 +13,7 @@ from asrsim.recordings.data import Column, Recording
 def match_joints(
     names: Sequence[str], recording: Recording, joints: Mapping[str, str] | None = None
 ) -> tuple[dict[str, str], list[Problem]]:
-    """Joint of the recording -> joint of the simulation, and notes for the user. Raises RecordingError if none is common."""
+    """Map from joints of the recording to joints of the simulation, and notes. Raises RecordingError without a common joint."""
     recorded = recording.joints
     if joints is not None:
         unknown = [joint for joint in joints if joint not in recorded] + [j for j in joints.values() if j not in names]

@@ -75,7 +75,7 @@ def _words(tokens: Sequence[str]) -> list[str]:
 
 
 def stated_unit(name: str, beside: str = "") -> Unit | None:
-    """Unit of a column, from `beside` or else from its name. A velocity in deg is read in deg/s."""
+    """Unit of a column, from the separate text `beside` or else from the name. A velocity in deg is read in deg/s."""
     unit = find_unit(beside) or split_header(name)[1]
     if unit is not None and unit.si in ("rad", "m") and "velocity" in _words(tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
@@ -149,7 +149,7 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
 
 
 def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> tuple[str | None, str]:
-    """Joint with this number, and the reason if it is ambiguous. indexed: counted from 0, as in an array."""
+    """Joint with this number, and the reason if it is ambiguous. indexed: joints are counted from 0, as in an array."""
     if number is None:
         if joints is None or len(joints) == 1:
             return (joints or ["joint_1"])[0], ""

@@ -25,7 +25,7 @@ def propose(
         rate: Sampling rate that replaces the file's time, Hz.
         joints: Joints of the simulation.
         force: Replace an existing document.
-        called: The recording's path in the document; "": its name.
+        called: The recording's path in the document; "": the recording's file name.
 
     Raises:
         RecordingError: The file cannot be read.

@@ -55,7 +55,7 @@ def read_recording(
     """
     path, joints = Path(path), None if joints is None else one_or_more(joints)
     if is_document(str(path)) and mapping is None:
-        with suppress(RecordingError):  # a recording may have this ending too
+        with suppress(RecordingError):  # a recording may have the file ending of a document
             described = load_reading(path).file
             path, mapping = (path, None) if described is None else (path.parent / described, path)
     return read_series(path, resolve_reading(mapping, path, rate), joints)[2]
@@ -125,7 +125,7 @@ def _windowed(series: Sequence[RawSeries], reading: Reading) -> Sequence[RawSeri
 
 
 def _explicit(series: Sequence[RawSeries], reading: Reading, joints: Sequence[str] | None) -> dict[int, ColumnMap]:
-    """Index of a series -> its mapping. Raises RecordingError for unknown columns, unknown joints and unfitting units.
+    """Mappings by index of the series. Raises RecordingError for unknown columns, unknown joints and unfitting units.
 
     joints: joints of the simulation. Documents may name other joints, as they may describe a larger robot.
     """

@@ -21,7 +21,7 @@ from asrsim.recordings.units import Unit, find_unit, parse_unit
 ENDING = ".yaml"
 """Ending appended to a recording's name: name of the document that says how the recording is read."""
 SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
-"""Word in a document -> separator of cells; None: runs of white space."""
+"""Separator of cells for each word in a document; None: runs of white space."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*(?:(?P<joint>[^\[\]*]+)\.)?(?P<name>\w+)(?:\s*\[(?P<unit>[^\[\]]*)\])?"

@@ -56,7 +56,8 @@ def suspect_scale(
 ) -> Problem | None:
     """Suspected wrong unit: values 57.3 or 1000 times too large or too small; None if there is no suspicion.
 
-    The ranges (5 to 95 %) of both series, (n,) and (m,), are compared; where one is constant, their mean magnitudes.
+    The ranges (5 to 95 %) of both series, (n,) and (m,), are compared; where one series is constant, the mean
+    magnitudes are compared.
     """
     ratio = _ratio(expected, measured)
     for factor, unit in _FACTORS:
@@ -83,7 +84,7 @@ def beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str 
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:
-    """Problems, where more than two with one code become one problem: the first message, and the keys of the others."""
+    """Problems, merged if more than two have the same code: the first message, followed by the keys of the other problems."""
     kinds: dict[str, list[Problem]] = {}
     for one in findings:
         kinds.setdefault(one.code, []).append(one)

@@ -89,9 +89,9 @@ class Rows:
     first: int
     """Line of the first row of numbers."""
     faults: dict[tuple[str, int], tuple[list[int], str]] = field(default_factory=dict)
-    """(code of the problem, column) -> (lines, text of the first cell); column -1 stands for whole lines."""
+    """Faulty lines and text of the first faulty cell, by (code of the problem, column); column -1 stands for whole lines."""
     zeros: dict[int, int] = field(default_factory=dict)
-    """Index of a column of dates -> first date, ns."""
+    """First date of each column of dates, ns, by index of the column."""
 
     def read(self, rows: Iterable[Row]) -> tuple[Array, NDArray[np.int64]]:
         """Numbers and line numbers of the rows. Rows of another length are skipped, text becomes NaN; both are reported."""
@@ -252,7 +252,7 @@ def _encoding(path: Path) -> str:
 
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str | None, str]:
-    """Separator and decimal mark that make most cells numbers; values stated in `reading` are kept."""
+    """Separator and decimal mark that make most cells numbers; a separator or mark stated in `reading` is kept."""
     best: tuple[float, str | None, str] = (-1.0, None, ".")
     for separator in [SEPARATORS[reading.separator]] if reading.separator else SEPARATORS.values():
         rows = [split(line, separator) for line in lines]
@@ -283,7 +283,7 @@ def _uncommented(cells: list[str]) -> list[str]:
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Unique names: the second q becomes q#2, and a blank fourth name column_4."""
+    """Unique names: the second column q becomes q#2, and a fourth column without name becomes column_4."""
     seen: Counter[str] = Counter()
     result = []
     for i, name in enumerate(names):

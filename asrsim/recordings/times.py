@@ -1,4 +1,4 @@
-"""Finds the time column and time unit of each table, and removes samples whose time does not increase. All is reported."""
+"""Finds time column and time unit of each table. Removes and reports samples whose time does not increase."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _GAP = 1.7
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """Time of a table, and the columns that it was made of."""
+    """Time of a table, and the columns that contain the time."""
 
     name: str
     seconds: Array
-    """Times (n,), s; NaN where a row has none."""
+    """Times (n,), s; NaN where a row has no time."""
     zero: int = 0
     """Clock reading at which `seconds` is 0, ns; 0 for times that are neither dates nor stamps."""
     used: frozenset[int] = frozenset()
@@ -127,12 +127,12 @@ def _of_columns(table: RawTable, reading: Reading, findings: list[Problem]) -> C
 
 
 def _stem(name: str) -> list[str]:
-    """Words of a name without numbers: those of `t1` and `t2`, and of `time` and `time#2`, are equal."""
+    """Words of a name without its numbers: `t1` and `t2` have equal words, and so have `time` and `time#2`."""
     return [word for word in tokens_of(name) if not word.isdecimal()]
 
 
 def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> Clock:
-    """Time in s of one column. Its description is the unit."""
+    """Time in s from one column; `Clock.described` names the column's unit."""
     name, values = column.name, column.values
     if column.zero is not None:
         return Clock(name=name, seconds=values, zero=column.zero)
@@ -157,7 +157,7 @@ def _clock(column: RawColumn, reading: Reading, findings: list[Problem], *, alon
 
 
 def _check_steps(values: Array, factor: float | None, *, name: str, findings: list[Problem]) -> None:
-    """Report time steps that are implausible in the stated unit. Raises RecordingError where no unit is stated either."""
+    """Report time steps that are implausible in the stated unit. Raises RecordingError if no unit is stated for them."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     step = float(np.median(steps[steps > 0])) * (factor or 1.0) if steps.any() else SLOWEST
     if FASTEST <= step <= SLOWEST:
@@ -196,7 +196,7 @@ def clean_time(
     keep = np.ones(len(time), dtype=bool)
 
     def leave_out(bad: NDArray[np.int64], what: str, code: str, most: float, why: str) -> None:
-        """Remove samples. Raises RecordingError where they exceed the fraction `most` of all samples."""
+        """Remove the samples `bad`. Raises RecordingError where more than the fraction `most` of all samples is bad."""
         if not len(bad):
             return
         keep[bad] = False
@@ -214,7 +214,7 @@ def clean_time(
     leave_out(repeated, "repeated time stamps", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]
-    # A stamp that falls back is no new maximum. A stamp that jumps ahead is no new minimum, counted from the end.
+    # A stamp that falls back is below an earlier stamp. A stamp that jumps ahead is above a later stamp.
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]

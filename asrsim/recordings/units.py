@@ -68,8 +68,9 @@ degC       1.0                   °C degC
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw
 """
-"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks; their case counts
-only where two units differ by it. Counts of a converter have no SI unit until the user states the size of a count."""
+"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks. Upper and lower
+case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the user states
+the size of a count."""
 UNITS = {
     spelling: Unit(spelling, si, float(factor))
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())

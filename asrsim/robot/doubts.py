@@ -20,13 +20,13 @@ from asrsim.robot.structure import EMPTY_LIMIT
 from asrsim.robot.values import has_spring
 
 HEAVY = 50.0
-"""Largest plausible mass of a link in arms below 0.8 m, kg; for larger arms it grows with the cube of the arm's size."""
+"""Largest plausible mass of a link in arms below 0.8 m, kg; for larger arms the limit grows with the cube of the arm's size."""
 DENSITY = 100.0
 """Largest plausible density of a robot, over the cube around it, kg/m^3; industrial arms have 10 to 30."""
 AWAY = 2.0
 """Largest plausible distance of a centre of mass from all known parts of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Range of limits of revolute joints that are several turns or, by mistake, degrees."""
+"""Range, rad, in which a limit of a revolute joint means several turns or was stated in degrees by mistake."""
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
@@ -210,7 +210,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Doubt]:
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
             message = "the motor's friction is at least its largest torque: it never turns"
             yield doubt(message, code="stuck-motor", value=f"{values[friction]:g} N m")
-        # What is usual in N m/rad says nothing about N/m.
+        # Usual values in N m/rad do not apply to values in N/m.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
         ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:

@@ -39,9 +39,9 @@ class _Element:
 
 
 def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> bytes:
-    """Text of the file with other numbers: joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`.
+    """Text of the file with new numbers, given as joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`.
 
-    A number that the file leaves to its default gets a tag. Raises RobotError if the text has no place for a number.
+    For a number that the file omits, a tag is added. Raises RobotError if the text has no place for a number.
     """
     lacking: list[Problem] = []
     for owner, values in changes.items():

@@ -69,15 +69,15 @@ def _mesh_file(shape: Shape, packages: Packages) -> Path | str:
 
 
 def engine_urdf(robot: Robot, *, package_paths: Mapping[str, Path | str] | None = None) -> tuple[str, tuple[Problem, ...]]:
-    """The robot as PyBullet may load it, without visuals, and the warnings of `usable_shapes`.
+    """URDF text of the robot that PyBullet can load, without visuals, and the warnings of `usable_shapes`.
 
     Everything is written from the robot's data with all digits, so that an engine reads the very numbers that were checked:
-    links with mass, principal moments and shapes, joints with unit axes and limits. Nothing else of the file gets there:
-    damping and friction are applied from the data (an engine that applied them too would do so twice). Links without
-    `<inertial>`, other than the root, get a massless one, since an engine makes up a mass where none is given (PyBullet:
-    1 kg). A joint without limits is continuous, or a slide whose limits are crossed, which engines take as none.
+    links with mass, principal moments and shapes, joints with unit axes and limits. Damping and friction are
+    omitted: asrsim applies them, so an engine must not apply them again. Links without `<inertial>`, except the root, get a
+    massless `<inertial>`, since engines assume a mass where the text has none (PyBullet: 1 kg). A revolute joint without
+    limits is written as continuous; a prismatic joint without limits has lower > upper, which engines read as no limits.
 
-    Each element has a line of its own. Raises RobotError for an element too long for an engine.
+    Each element is on a separate line. Raises RobotError for an element too long for an engine.
     """
     robot, warnings = usable_shapes(robot, package_paths=package_paths)
     root = etree.Element("robot", name=robot.name)
@@ -94,7 +94,7 @@ def engine_urdf(robot: Robot, *, package_paths: Mapping[str, Path | str] | None 
 
 
 def _cure(mesh: str, fault: str) -> str | None:
-    """Hint to name a package with an unknown folder."""
+    """Hint to state the folder of a package whose folder is unknown."""
     name = package_name(mesh)
     if name is None or not fault.endswith("is not known"):
         return None

@@ -49,7 +49,7 @@ def effective_inertia(matrix: np.ndarray) -> np.ndarray:
     alive = np.flatnonzero(scale > 0.0)
     result = np.zeros(len(scale))
     values, vectors = np.linalg.eigh(matrix[np.ix_(alive, alive)] / np.outer(scale[alive], scale[alive]))
-    # 1e-12: below it a direction carries no mass to double precision.
+    # An eigenvalue below 1e-12 is zero to double precision: motion in its direction moves no mass.
     result[alive] = scale[alive] ** 2 / ((vectors**2) @ (1.0 / np.maximum(values, 1e-12)))
     return result
 

@@ -1,4 +1,4 @@
-"""Merges links that are connected by fixed joints into one body: engines need time for each link, and merge inexactly."""
+"""Merges links that are connected by fixed joints into one body: engines are slow with many links, and merge inexactly."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class MergedRobot:
-    """Robot without fixed joints, and the places of the file's links in it."""
+    """Robot without fixed joints, and the places of the file's links in this robot."""
 
     robot: Robot
     """Robot whose links are the bodies and whose joints are the moving joints, in file order."""
@@ -44,7 +44,7 @@ def merge_fixed(robot: Robot) -> MergedRobot:
     bodies: dict[str, Link] = {}
     for name in (robot.root.name, *(joint.child for joint in moving)):
         members = [(links[name], HERE)]
-        for link, pose in members:  # grows while it is walked: children come behind their parents
+        for link, pose in members:  # the loop appends children to `members`
             places[link.name] = Place(body=name, pose=pose)
             fixed = [joint for joint in robot.carried.get(link.name, ()) if not joint.moves]
             members += [(links[joint.child], pose.then(joint.origin, joint.rpy)) for joint in fixed]

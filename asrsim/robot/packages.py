@@ -88,7 +88,7 @@ def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = Non
     named: dict[str, Path] = {}
     own = _own_package(folder)
     if own is not None:
-        # The names of the package in its own files, some of which are older than the package.
+        # A package is known by the name of its folder and by the name in its package.xml: robot files may use either name.
         named.update({own[1].name: own[1], own[0]: own[1]})
     named.update({name: Path(given) for name, given in (package_paths or {}).items()})
     searched = [

@@ -21,8 +21,8 @@ from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 MAX_LINKS = 2000
 """Largest number of links, and of joints, of a robot."""
 MAX_MOVING = 121
-"""Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. Beyond that, it silently confuses
-positions and velocities.
+"""Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. With more
+joints, PyBullet silently confuses positions and velocities.
 """
 XACRO = "{http://www.ros.org/wiki/xacro}"
 

@@ -12,9 +12,9 @@ from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import elements, name_of
 
 SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"), "mesh": ()}
-"""Shape -> its required attributes."""
+"""Required attributes of each shape."""
 LARGEST = 1e6
-"""m."""
+"""Largest size of a shape, m."""
 Colour = tuple[float, float, float, float]
 
 

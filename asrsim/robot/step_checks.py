@@ -17,26 +17,28 @@ from asrsim.robot.inertia import effective_inertia, zero_pose_matrix
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 
 UNSTABLE = 2.0
-"""Limit of explicit damping: a motion that decays faster than this per step changes its sign and grows."""
+"""Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepFigures:
-    """Figures of one joint at one time step; dimensionless unless stated."""
+    """Stability figures of one joint at one time step; dimensionless unless stated."""
 
     joint: str
     inertia: float
     """Effective inertia at the zero pose, with all other joints free, kg m^2."""
     natural: float
-    """Natural frequency of the link on its unloaded spring with locked motors, Hz; 0 without a spring. An adjuster has its
-    typical value.
+    """Natural frequency of the link on its unloaded spring with locked motors, Hz; 0 without a spring. An adjuster has
+    its typical value.
     """
     damping: float
-    """c h / I of the URDF's damping; above 2, the toolbox's explicit damping diverges."""
+    """Time step times damping of the URDF, divided by inertia; above 2, the toolbox's explicit damping diverges."""
     link_gain: float
-    """h (ctrl_D + c) / I in mode 1; above 2, the toolbox diverges."""
+    """Time step times sum of `ctrl_D` and link damping, divided by link inertia, in mode 1; above 2, the toolbox diverges."""
     motor_gain: float
-    """Largest h (ctrl_D + d) / J of the motors in modes 5 and 6; above 2, the controllers diverge."""
+    """Time step times sum of `ctrl_D` and motor damping, divided by motor inertia, in modes 5 and 6: the largest value of all
+    motors. Above 2, the controllers diverge.
+    """
 
 
 def step_figures(robot: Robot, *, step: float) -> tuple[StepFigures, ...]:

@@ -239,7 +239,7 @@ def _axis(findings: Findings, element: Any, name: str) -> Vector:
     if abs(length - 1.0) > UNIT:
         message = "the axis is not of length 1; its direction is used"
         findings.warn(message, tags[0], name, code="axis-length", value=f"{length:.9g}")
-    # A length that is 1 to rounding stays as it is, so that a written robot reads back to the bit.
+    # An axis whose length is 1 up to rounding is not normalised, so that a written robot is read back bit for bit.
     return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
 
@@ -255,7 +255,7 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = limits.pop("lower"), limits.pop("upper")
     if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
         return limits
-    # The format's default for a missing one is 0.
+    # In the URDF format, a missing lower or upper limit is 0.
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"

@@ -17,7 +17,7 @@ FREEDOMS = {
 def without_floating_root(
     findings: Findings, links: tuple[Link, ...], joints: tuple[Joint, ...], driven: Collection[str]
 ) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links and joints, without a massless root and the floating joint below it, which only say that the robot may float.
+    """Links and joints without a massless root and its floating joint, by which files state that the robot may float.
 
     The scenario decides whether the robot floats. Other joints with several degrees of freedom are errors. driven: joints that
     plugins name.

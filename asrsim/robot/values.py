@@ -77,7 +77,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
 
 
 def has_spring(block: ActuatorBlock) -> bool:
-    """Whether any deflection up to the limit makes a torque."""
+    """Whether the springs give a torque at some deflection within the limit."""
     actuator, values = ACTUATORS.get(block.actuator), block.values()
     parameters = actuator.law_values(values)
     reach = min(values.get("max_deflection", 1.0), 1.0)

@@ -121,7 +121,7 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
 
     Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.
     """
-    # Of every evaluation and every run of a sweep, and few change an inertia.
+    # Every evaluation of a fit and every run of a sweep calls this function, but few of them change an inertia.
     touched = [owner for owner, values in changes.items() if not _INERTIAS.isdisjoint(values)]
     if not touched:
         return changes

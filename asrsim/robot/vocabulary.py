@@ -1,4 +1,4 @@
-"""Elements and attributes of the URDF format. Unknown and repeated ones get a warning."""
+"""Elements and attributes of the URDF format. Unknown and repeated elements or attributes get a warning."""
 
 from __future__ import annotations
 

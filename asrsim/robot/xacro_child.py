@@ -1,8 +1,8 @@
 """Run as a script by `asrsim.confined`: expands one xacro file under restrictions.
 
-Reads a JSON request on stdin, writes a JSON answer on stdout. It imports nothing of asrsim.
+Reads a JSON request on stdin, writes a JSON answer on stdout. This script imports nothing of asrsim.
 
-What a stranger's file cannot do here: reach an attribute of a Python object (attribute access is a guarded call that
+The file cannot: reach an attribute of a Python object (attribute access is a guarded call that
 knows xacro's name spaces, YAML tables and a few string methods), define functions, see `type` or `vars`, read files
 outside the allowed folders, read environment variables, write files, or run for ever.
 """
@@ -74,7 +74,7 @@ def _checked_eval(expression: str, table: Any, _local: Any = None) -> Any:
         if isinstance(node, ast.Name) and (node.id.startswith("__") or node.id == _GUARD):
             raise RefusedError(f"the name '{node.id}' may not be used in an expression", code="xacro-refused")
     code = compile(ast.fix_missing_locations(_Guarding().visit(tree)), "<expression>", "eval")
-    # The table itself is the global name space (as in xacro), so that comprehensions see its names.
+    # Xacro's symbol table is passed as the global name space, so that comprehensions see the table's names.
     table.update({"__builtins__": {}, _GUARD: _attribute})
     return eval(code, table)
 
@@ -204,7 +204,7 @@ def _expand(request: dict[str, Any]) -> str:
 
 
 def _cause(error: BaseException) -> BaseException:
-    """Refusal inside xacro's exceptions, or the exception itself."""
+    """RefusedError that caused the exception; the exception itself if there is no such cause."""
     inner: BaseException | None = error
     while inner is not None:
         if isinstance(inner, RefusedError):
@@ -214,7 +214,7 @@ def _cause(error: BaseException) -> BaseException:
 
 
 def main() -> None:
-    """Answer one request."""
+    """Read one request from stdin, and write its answer to stdout."""
     request = json.loads(sys.stdin.buffer.read())
     answer: dict[str, Any]
     sys.stderr = io.StringIO()

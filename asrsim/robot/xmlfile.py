@@ -39,7 +39,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
 
     large: texts of more than 10 MB are valid, as in meshes.
     """
-    # PyBullet's own tools write a version that XML does not have.
+    # PyBullet's tools write the XML version 0.0, which does not exist.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     _refuse_declarations(data, path)
     parser = etree.XMLParser(
@@ -50,7 +50,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False) -> Any:
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise _malformed(path, reason, error.lineno or None) from error
-    # expat looked above; lxml may see declarations that expat did not.
+    # The check with expat (`_refuse_declarations`) may have missed declarations that lxml finds.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
         raise _declares(path, None)
@@ -89,7 +89,7 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
     except _RootReachedError:
         return
     except (LookupError, ValueError) as error:
-        # Python knows encodings (UTF-7, multi-byte ones) that its parser cannot use, and fails on each in a way of its own.
+        # Python has encodings (UTF-7, multi-byte encodings) that its XML parser cannot use; the types of the errors differ.
         message = "the XML declaration names an encoding that cannot be read"
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error

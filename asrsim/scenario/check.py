@@ -125,7 +125,7 @@ def _initial(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Numbers whose powers would overflow. Signals and parameters have checks of their own."""
+    """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
     left = [(key, scenario.resolved[key]) for key in PLAIN_NUMBERS if key in scenario.resolved]
     while left:
         key, value = left.pop(0)
@@ -138,7 +138,7 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """A start needs a value for each motor of the joint. An entry for all joints concerns only joints that have motors."""
+    """Errors: starts that lack a value for a motor of the joint. An entry for all joints applies only to joints with motors."""
     blocks = {block.joint: block for block in robot.actuators}
     tables = {"motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities}
     for joint in robot.moving_joints:

@@ -241,7 +241,7 @@ class Scenario:
     """Dotted key -> line in the file, for messages of later checks."""
 
     def references_of(self, joint: str) -> dict[str, Signal]:
-        """Name -> reference of a joint. Entries for the joint take precedence over entries for all joints."""
+        """References of a joint by name. Entries for the joint take precedence over entries for all joints."""
         return {**self.references.get("*", {}), **self.references.get(joint, {})}
 
     def placed(self, problem: Problem) -> Problem:
@@ -264,7 +264,7 @@ class Scenario:
 
     @property
     def trajectories(self) -> dict[str, Mapping[str, Signal]]:
-        """Key of the scenario -> trajectories to learn: joint -> desired link position."""
+        """Trajectories to learn, by key of the scenario; each maps joints to desired link positions."""
         if self.learning is None:
             return {}
         return {"ilc.trajectory": self.learning.trajectory}

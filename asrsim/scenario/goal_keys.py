@@ -147,7 +147,7 @@ class AnyData(Kind[Any]):
 
 @dataclass(frozen=True, kw_only=True)
 class Expectation:
-    """Claim about a run: the measure of a joint's quantity compares with a value."""
+    """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
     joint: str | None = declare(Optional(JOINT), default=None, doc="the joint (or give `body`)")
     body: str | None = declare(Optional(Text(noun="name of an object")), default=None, doc="an object of the world")

@@ -14,7 +14,7 @@ from asrsim.signals.parse import SIGNAL
 
 Vector = tuple[float, float, float]
 Keys = dict[str, Any]
-"""Value of a block that stays a plain mapping."""
+"""Value of a block from which no object is built: a plain mapping of its keys."""
 
 POSITION = ListOf(of=NUMBER, length=3, names=("x", "y", "z"))
 RPY = ListOf(of=NUMBER, length=3, names=("roll", "pitch", "yaw"))

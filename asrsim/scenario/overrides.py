@@ -84,7 +84,7 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[
         return value
     head, rest = path[0], path[1:]
     if node.value is None and head.isdecimal():
-        # The list, such as that of gravity.2, may be missing in the file: its default is used.
+        # The file may lack the list to which the path (such as gravity.2) refers: the default list is used.
         declared = key_at(SCENARIO, above)
         if declared is not None and isinstance(declared.default, tuple):
             node = node_from_data(list(declared.default))

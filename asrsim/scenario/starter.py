@@ -91,7 +91,7 @@ class StarterJoint:
 
     @property
     def presets(self) -> tuple[float, ...]:
-        """A soft and a stiff second reference, or only the typical one if the mode has no choice of stiffness."""
+        """A soft and a stiff second reference, or only the typical second reference if the mode has no choice of stiffness."""
         soft, mode = self.actuator.typical_preset, MODES[self.block.mode]
         if not soft or not mode.spring or mode.direct:
             return (soft,)
@@ -288,7 +288,7 @@ def write_starter(
     )
     found = sizing(starter.scenario(out.parent), starter.robot)
     for _ in range(ROUNDS if given else 0):
-        # Presets depend on the parameters, so both are repeated until they agree.
+        # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
         starter = _sized(starter, found.proposal)
         found = sizing(starter.scenario(out.parent), starter.robot, sag=ENOUGH)
     notes = [*loaded.warnings, *problems_of_weight(found, starter.robot)]

@@ -17,7 +17,7 @@ INERTIA = ("ixx", "iyy", "izz")
 
 
 def fit_text(plan: Plan, files: Files) -> str:
-    """YAML for `asrsim identify`."""
+    """YAML of a fit file for `asrsim identify`."""
     command = command_line("identify", f"{files.scenario.rpartition('.')[0]}.fit.yaml", files.plugins)
     heading = [
         "Fit for `asrsim identify`: the robot's parameters from the recording. docs/identify.md lists further parameters.",

@@ -31,7 +31,7 @@ WIDE = 1e4
 LATEST = 1.0
 """Latest start of a recording on its own clock, s; recordings that start later, or before 0, are played from 0."""
 STAIRS = 0.5
-"""Fraction of changes that follow directly on a change. A command with less is piecewise constant; others are smooth."""
+"""Fraction of changes that follow directly on a change. Commands below this fraction are piecewise constant, others smooth."""
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Mode -> recorded quantity that is its command if no column is called a command."""
 FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "motor_1_current", "motor_1_torque")
@@ -139,7 +139,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, strict: bool =
 
 
 def _span(columns: Mapping[tuple[str, str], Column]) -> tuple[float, float]:
-    """Recorded time that becomes 0, and recorded end, of the columns that are used."""
+    """Recorded times of the start (time 0 of the simulation) and of the end of the used columns."""
     start = min(float(column.time[0]) for column in columns.values())
     end = max(float(column.time[-1]) for column in columns.values())
     return (0.0 if 0.0 <= start <= LATEST and end > start else start), end
@@ -178,7 +178,7 @@ def _command(
 
 
 def _mode(block: ActuatorBlock, command: Column, second: Column | None) -> int:
-    """Mode of the block if it accepts the command, else the nearest mode that does."""
+    """Mode of the block if this mode accepts the command, else the nearest mode that accepts the command."""
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     single = actuator.motors == 1 and not actuator.adjuster
     if command.quantity == "motor_1_position" and mode.spring and (single or second is not None):

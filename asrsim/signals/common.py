@@ -16,7 +16,7 @@ VALUE = "value"
 
 INTERPOLATIONS = ("linear", "hold")
 SLACK = 1e-9
-"""Time by which a new sample may apply early in zero-order hold, s."""
+"""Largest time by which rounding may make a sample take effect early in zero-order hold, s."""
 
 
 def driven(doc: str, *, default: Any = REQUIRED, key: str = "") -> Any:
@@ -41,7 +41,7 @@ def require(condition: bool, message: str, *, key: str) -> None:
 
 
 def rounded(times: Array) -> Array:
-    """Times rounded as those of steps (`asrsim.samples.grid`): an edge at 0.1 + 0.02 s is at the step at 0.12 s."""
+    """Times rounded like the times of steps (`asrsim.samples.grid`), so that an edge at 0.1 + 0.02 s equals the step 0.12 s."""
     return np.round(times, 12)
 
 

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 
 JUMP = 8.0
-"""Ratio of a step of the series to its neighbouring steps from which the step is a jump."""
+"""Smallest ratio of a step of the series to its neighbouring steps for which the step counts as a jump."""
 TORN, BESIDE = 4.0, 6
 """Smallest ratio of a jump in a smooth motion to the third differences around it, and number of samples on each side that
 are compared."""
 LARGE, MANY = 0.05, 40
-"""Fraction of the series' range from which a jump is large, and largest number of large jumps; more jumps are stairs."""
+"""Size of the smallest large jump as a fraction of the series' range, and largest number of large jumps; a series with more
+large jumps is treated as stairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,6 +129,6 @@ def _value(cubics: Array, width: Array) -> Array:
 
 
 def _area(cubics: Array, width: Array) -> Array:
-    """Integrals of the cubics (..., 4) from 0 to the widths (...)."""
+    """Integrals of cubic polynomials with coefficients (..., 4) from 0 to the widths (...)."""
     a, b, c, d = np.moveaxis(cubics, -1, 0)
     return np.asarray(width * (a + width * (b / 2.0 + width * (c / 3.0 + width * d / 4.0))))
