@@ -38,7 +38,7 @@ class Actuator:
     source: ClassVar[str]
     """Paper or datasheet that publishes the law."""
     law: ClassVar[str] = ""
-    """The law as text, for `asrsim actuators`."""
+    """The elastic law as text, which the command `asrsim actuators` prints."""
     motors: ClassVar[int] = 2
     """Number of motors with dynamics. With three or more motors, laws also take `theta_3` and so on, and the class must define
     `elastic_energy`."""

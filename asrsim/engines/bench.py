@@ -46,7 +46,7 @@ def _sizes(table: Any) -> tuple[int, int, int, int]:
 
 
 def link_motion(scenario: Scenario, joint: str) -> Signal:
-    """Motion of a joint's link on a bench: locked unless the scenario prescribes it."""
+    """Motion of a joint's link on a bench: the link is locked unless the scenario prescribes a motion."""
     return for_joint(scenario.motion, joint, Constant(value=for_joint(scenario.initial_positions, joint, 0.0)))
 
 

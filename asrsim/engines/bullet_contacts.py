@@ -56,8 +56,8 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
 
 class _Saved:
-    """A saved state in Bullet's memory. It is removed with this object, unless the physics client has ended: then the client's
-    number may belong to another client."""
+    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
+    client's number may belong to another client."""
 
     def __init__(self, p: Any, client: int, close: finalize[..., Any]) -> None:
         self.number = p.saveState(physicsClientId=client)
@@ -230,10 +230,11 @@ class BulletContacts:
         return False
 
     def _reach_stops(self, ends: list[float]) -> list[int]:
-        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are beyond them already.
+        """Stop joints that would pass their stops in this step: Bullet's stops act only on joints that are already beyond a
+        stop.
 
-        ends: velocities of the joints at the end of the step if there were no contacts; they take a joint to its stop at most.
-        Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
+        ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
+        its stop at most. Returns the indices of the joints that reach their stops; Bullet's motors of these joints stop them.
         """
         arrived = []
         for j, lower, upper in self._stops:

@@ -1,8 +1,8 @@
 """Kinematics and dynamics of the robot without its world, by PyBullet's routines on a separate physics client.
 
-PyBullet's dynamics routines follow unusual conventions, which this module converts. They order the degrees of freedom by
-Bullet's links. They describe a floating base along the principal axes of its inertia, with angular before linear velocity, and
-ignore its orientation. Forces on the base they return with linear before angular components.
+PyBullet's dynamics routines follow unusual conventions, which this module converts. The routines order the degrees of freedom
+by Bullet's links. For a floating base, the routines use the principal axes of the base's inertia, with angular before linear
+velocity, and ignore the base's orientation. Forces on the base are returned with linear before angular components.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """First-order closed-loop inverse kinematics with damped least squares (Siciliano et al. 2010, section 3.7).
 
-The loop is closed on the model, not on the measured tip. With the measured tip it would integrate the deflection of the
+The loop is closed on the model, not on the measured tip. With the measured tip, the loop would integrate the deflection of the
 springs, and the references would drift without end.
 """
 

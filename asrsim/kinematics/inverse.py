@@ -1,6 +1,7 @@
 """Inverse dynamics of soft joints: the input for a desired motion, and the demands of the motion on the drives.
 
-tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external,   then the inverse model of each joint's drive
+The link torques are tau = RNEA(q, dq, ddq) + c dq + F tanh(dq / 0.02) - tau_external, with damping c and friction F. The
+inverse model of each joint's drive then gives the input.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # Remove the file while it is locked: a waiting process then finds it removed, and creates a new one.
+            # Remove the file while it is locked: a waiting process then finds the file removed, and creates a new file.
             with suppress(OSError):
                 path.unlink()
         os.close(file)

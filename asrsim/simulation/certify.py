@@ -19,7 +19,7 @@ COMPARED = ("link_position", "link_torque")
 BLOCK = 65_536
 """Number of samples that are compared in one operation."""
 ORDER_TOLERANCE = 0.35
-"""Largest difference between the order of the scheme and the measured order that is not reported."""
+"""Tolerance of the measured order of convergence: larger differences from the order of the scheme are reported."""
 RESOLVED = 1e-12
 """Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
 differences."""

@@ -112,8 +112,8 @@ def prepare(
 
 
 def resolution_of(prepared: Prepared) -> Resolution:
-    """Numbers of substeps for a run with these parameters; `Prepared.vary` does not compute them again. Raises the errors of
-    `prepare`.
+    """Numbers of substeps that a new preparation with these parameters would choose; `Prepared.vary` keeps the earlier numbers.
+    Raises the errors of `prepare`.
     """
     engine = make_engine(prepared.scenario, prepared.robot)[0]
     try:

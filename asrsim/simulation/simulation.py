@@ -59,7 +59,7 @@ class Simulation:
 
         Args:
             scenario: Scenario file, loaded scenario, or prepared scenario.
-            variant: As in `prepare`; also overrides and ranges. Ignored for a prepared scenario.
+            variant: As in `prepare`, which also explains overrides and ranges. Ignored for a prepared scenario.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
             record: Keep the logged samples, as `samples`.
             names: Quantities that are recorded; None: all.
@@ -238,10 +238,10 @@ class Simulation:
         """Reset to the start. The simulation gives the same bits as a new one, and follows the scenario's references again.
 
         Args:
-            initial: Joint -> start position (rad, m), instead of the scenario's.
-            velocities: Joint -> start velocity (rad/s, m/s).
-            motors: Joint -> start positions of its motors (rad); other motors start at their link's position.
-            parameters: Joint or link -> name -> value, as in `Prepared.vary`.
+            initial: Start positions (rad, m) by joint, instead of the scenario's.
+            velocities: Start velocities (rad/s, m/s) by joint.
+            motors: Start positions of the motors (rad) by joint; other motors start at their link's position.
+            parameters: Values by joint or link, and by name, as in `Prepared.vary`.
 
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.
@@ -258,7 +258,7 @@ class Simulation:
         self.recording.renew(positions, speeds)
 
     def close(self) -> None:
-        """Release the engine. Call `flush` before to pass recorded samples to the sinks."""
+        """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""
         self._closed = True
         self._world.close()
 

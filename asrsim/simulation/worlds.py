@@ -118,7 +118,7 @@ class Worlds:
         """Prepare the worlds.
 
         Args:
-            scenario: As in `asrsim.Simulation`; also variant, overrides, ranges and compiled.
+            scenario: As in `asrsim.Simulation`, which also explains variant, overrides, ranges and compiled.
             count: Number of worlds.
             names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
@@ -559,7 +559,7 @@ class Worlds:
     # -- the rest ---------------------------------------------------------------------------------------------------
 
     def _numbers(self, worlds: Any) -> NDArray[np.int64]:
-        """Numbers of the worlds of a mask (N,) or of a list."""
+        """Numbers of the worlds that a mask (N,) or a list selects."""
         if worlds is None:
             return self._everyone
         given = np.asarray(worlds)
