@@ -61,7 +61,8 @@ class Actuator:
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit it does not drop to 0."""
+        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit the stiffness does not drop to
+        0."""
         raise NotImplementedError
 
     @staticmethod

@@ -101,7 +101,7 @@ class BenchEngine:
 
     @property
     def native(self) -> Native | None:
-        """A step through a table of the whole motion; None if the table would be larger than `LONGEST`."""
+        """A step through a table of the whole motion; None if this table would be larger than `LONGEST`."""
         joints, steps = len(self.joints), self._duration / self._step + 4.0
         if not steps * joints < LONGEST or not compiling.available():
             return None

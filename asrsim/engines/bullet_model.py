@@ -211,7 +211,8 @@ class BulletModel(RigidModel):
         if index == -1:
             return position, rotation @ pose.rotation, np.zeros((6, len(self.indices)))
         # Bullet expects the point along the principal axes of the inertia, but relative to the link's origin, and returns the
-        # Jacobian in the frame of the base's inertia; its manual says otherwise. The tests check it by differences of poses.
+        # Jacobian in the frame of the base's inertia; Bullet's manual states other conventions. The tests check the Jacobian by
+        # differences of poses.
         turned = self.matrix(p.getDynamicsInfo(body, index, client)[4]).T @ at
         linear, angular = p.calculateJacobian(
             body, index, turned.tolist(), self._ordered(positions), self._zero, self._zero, physicsClientId=client

@@ -123,7 +123,7 @@ def aim(room: Any, state: Any) -> None:
 
 
 def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
-    """Change `room.velocity` in a piece of the kick; `room.change` becomes the change. length: length of the piece as a
+    """Change `room.velocity` in a piece of the kick; store this change in `room.change`. length: length of the piece as a
     fraction of a step."""
     step = room.scheme[STEP]
     time = length * step
@@ -177,8 +177,8 @@ def begin(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> No
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Compute kick and drift from mass matrix and bias in the room. forces: (p, v, 1) N m, generalised forces of the
-    wrenches."""
+    """Compute kick and drift from mass matrix and bias in the room. forces: generalised forces (p, v, 1) of the wrenches in N
+    m."""
     for piece in range(len(lengths)):
         for i in range(len(room.force)):
             room.force[i] = forces[piece, i, 0]
@@ -219,7 +219,7 @@ class Calculation:
     """A function that changes a room, a vector of numbers (such as a state) and an exchange. It also takes the forces (p, v, 1)
     and the lengths (p,) of the pieces of a kick.
 
-    It is compiled if this process has imported Numba; the bits are identical.
+    The function is compiled if this process has imported Numba; the results are bitwise identical.
     """
 
     def __init__(self, function: Callable[[Any, Any, Any, Any, Any], None], room: Room) -> None:

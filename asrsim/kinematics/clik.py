@@ -83,8 +83,8 @@ def bounded_step(
 ) -> Array:
     """Damped least-squares joint step (n,) towards `displacement` (rows,), within [lowest, highest] (n,) each.
 
-    A joint whose step would pass its bound is placed at the bound. Its motion is subtracted from the task, and the other
-    joints are solved again for the rest.
+    A joint whose step would pass its bound is placed at the bound. The motion of this joint is subtracted from the task, and
+    the steps of the other joints are computed again for the rest of the task.
     """
     step = np.zeros(jacobian.shape[1])
     active = free.copy()

@@ -73,7 +73,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     d = across @ offsets / (across @ across)
     with np.errstate(all="ignore"):
         least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
-    # A torque beyond the largest torque of the springs is clipped just below it.
+    # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
     given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:

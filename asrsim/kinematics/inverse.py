@@ -218,7 +218,7 @@ def demands_of(
         add("motor speed", rate, drive.max_velocity[motor], "rad/s", motor + 1)
     if drive.mode.spring:
         add("spring torque", torque, item.holdable, "N m")
-        # Of two springs, the one with the smaller deflection still yields when the other is at its limit.
+        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None])
         add("spring deflection", deflections.min(axis=1), drive.max_deflection, "rad")
     if joint is not None:

@@ -228,7 +228,7 @@ def motor_limits(values: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _in_reserve(block: ActuatorBlock) -> ActuatorBlock:
-    """The block with motor limits multiplied by `RESERVE`: the rest of the torque is reserved for motion."""
+    """Copy of the actuator block with motor limits multiplied by `RESERVE`; the rest of the torque is reserved for motion."""
     values = block.values()
     return _with_values(block, {name: RESERVE * values[name] for name in motor_limits(values)})
 

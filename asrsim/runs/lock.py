@@ -17,9 +17,9 @@ LOCK = ".asrsim.lock"
 
 @contextmanager
 def owned(folder: Path) -> Iterator[None]:
-    """Create the folder if it is missing, and lock it until the block ends.
+    """Create the folder if the folder is missing, and lock the folder until the block ends.
 
-    Raises OutputError if the folder cannot be created or written, or if this or another process has locked it.
+    Raises OutputError if the folder cannot be created or written, or if this process or another process has locked the folder.
     """
     make_folder(folder)
     path = folder / LOCK

@@ -184,7 +184,7 @@ class Simulation:
         return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Quantities at the last completed step by name, (n,) each in the order of the joints.
+        """Quantities at the last completed step by name; arrays (n,) in the order of the joints.
 
         At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
         InputError for a name that no joint records.
@@ -235,7 +235,8 @@ class Simulation:
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
-        """Reset to the start. The simulation gives the same bits as a new one, and follows the scenario's references again.
+        """Reset to the start. The simulation gives bitwise the same results as a new simulation, and follows the scenario's
+        references again.
 
         Args:
             initial: Start positions (rad, m) by joint, instead of the scenario's.
