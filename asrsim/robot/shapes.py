@@ -59,7 +59,7 @@ def read_shape(element: Any, colours: Mapping[str, Colour], line: int | None) ->
 
 
 def read_colours(root: Any) -> dict[str, Colour]:
-    """Name of a material -> its colour, for the materials of the robot and of the visuals."""
+    """Colours of the materials of the robot and of the visuals, by name of the material."""
     colours: dict[str, Colour] = {}
     for material in (*elements(root, "material"), *root.iterfind("link/visual/material")):
         colour = _colour(material)
